@@ -1,0 +1,51 @@
+"""What a user can do wrong, each with a message that names the culprit and the alternatives.
+
+Every error the package raises on purpose descends from `RobotRetargetError`; the command line prints its message
+without a traceback and exits with code 2.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class RobotRetargetError(Exception):
+    """Root of every error raised on purpose."""
+
+
+class MotionError(RobotRetargetError):
+    """A motion file or array that cannot be read. Names the file and, where there is one, the line."""
+
+    def __init__(self, message: str, path: str | Path | None = None, line: int | None = None):
+        where = "" if path is None else f"{path}: " if line is None else f"{path}:{line}: "
+        super().__init__(where + message)
+
+
+class RobotError(RobotRetargetError):
+    """A robot model that cannot be found, loaded or used."""
+
+
+class MatchError(RobotRetargetError):
+    """A motion that is not human, a robot that is no humanoid, or an override that names what is not there."""
+
+
+class TrajectoryError(RobotRetargetError):
+    """A trajectory file that is broken, or belongs to another robot."""
+
+
+class GraphError(RobotRetargetError):
+    """An edge, vertex or realization that contradicts the definition of the graph."""
+
+
+class OutputError(RobotRetargetError):
+    """A file or folder that cannot be written."""
+
+
+class UsageError(RobotRetargetError):
+    """A value outside what an option or argument accepts."""
+
+
+def known(names: Iterable[str], limit: int = 24) -> str:
+    """The alternatives, as the tail of a message: `known: a, b, c`."""
+    listed = list(names)
+    tail = f", … ({len(listed)} in all)" if len(listed) > limit else ""
+    return "known: " + (", ".join(listed[:limit]) + tail if listed else "none")

@@ -1,0 +1,92 @@
+"""The human side's data: a skeleton and its motion."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.errors import MotionError, UsageError
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A tree of joints, the pair (S, χ) of [Mucherino2019] with χ(v) the displacement from the parent.
+
+    Joints stand after their parents; joint 0 is a root (parent −1). End sites are joints too, named `PARENT_end`.
+    """
+
+    names: tuple[str, ...]
+    parents: Ints
+    """(J,) index of each joint's parent, −1 at a root."""
+    offsets: Floats
+    """(J, 3) displacement from the parent in the rest pose [m]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "parents", frozen(self.parents, np.int64))
+        object.__setattr__(self, "offsets", frozen(self.offsets))
+        count = len(self.names)
+        if count == 0 or self.parents.shape != (count,) or self.offsets.shape != (count, 3):
+            raise MotionError(
+                f"a skeleton of {count} names needs parents ({count},) and offsets ({count}, 3), "
+                f"got {self.parents.shape} and {self.offsets.shape}"
+            )
+        late = np.flatnonzero(self.parents >= np.arange(count))
+        if late.size:
+            raise MotionError(f"joint {self.names[late[0]]!r} stands before its parent")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A skeleton over time, in metres, z up, quaternions w x y z.
+
+    `source` says where it came from; `notes` what was found and mended on the way in, a sentence each.
+    """
+
+    skeleton: Skeleton
+    positions: Floats
+    """(T, J, 3) of every joint [m]."""
+    rotations: Floats | None
+    """(T, J, 4) of every joint in the world frame, unit w x y z, or None when the source has positions only."""
+    fps: float
+    """Frames per second [1/s]."""
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions", frozen(self.positions))
+        if self.positions.ndim != 3 or self.positions.shape[1:] != (len(self.skeleton), 3) or not len(self.positions):
+            raise MotionError(f"positions must be (T, {len(self.skeleton)}, 3), got {self.positions.shape}", self.source)
+        if self.rotations is not None:
+            object.__setattr__(self, "rotations", frozen(self.rotations))
+            if self.rotations.shape != (*self.positions.shape[:2], 4):
+                raise MotionError(f"rotations must be (T, J, 4), got {self.rotations.shape}", self.source)
+        for values in (self.positions, self.rotations):
+            if values is not None and not np.isfinite(values).all():
+                frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
+                raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last [s]."""
+        return (len(self) - 1) / self.fps
+
+    def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
+        """The frames start … stop − 1.
+
+        Raises:
+            UsageError: the range is empty or leaves the clip.
+        """
+        stop = len(self) if stop is None else stop
+        if not 0 <= start < stop <= len(self):
+            raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
+        rotations = None if self.rotations is None else self.rotations[start:stop]
+        return replace(self, positions=self.positions[start:stop], rotations=rotations)
