@@ -1,0 +1,194 @@
+"""A robot: the MuJoCo model, its joints in order, and what each may do."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.errors import RobotError
+
+FREE, BALL, SLIDE, HINGE = (
+    mujoco.mjtJoint.mjJNT_FREE,
+    mujoco.mjtJoint.mjJNT_BALL,
+    mujoco.mjtJoint.mjJNT_SLIDE,
+    mujoco.mjtJoint.mjJNT_HINGE,
+)
+
+DEFAULT_RANGE = np.pi
+"""A hinge without any stated range may turn this far either way [rad]."""
+DEFAULT_MAX_SPEED = 10.0
+"""Where neither the model nor a limits file says: a brisk servo, and more than any human joint holds [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A compiled MJCF model and the facts of its n hinges that every later stage reads.
+
+    The root (a free joint, single slides and hinges, or nothing) is not among the hinges.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    path: Path
+    """The MJCF file."""
+    joint_names: tuple[str, ...]
+    """n hinge names, in the model's order."""
+    joint_ids: Ints
+    """(n,) their ids in the model."""
+    lower: Floats
+    upper: Floats
+    """(n,) ranges [rad]."""
+    max_speed: Floats
+    """(n,) [rad/s]."""
+    max_torque: Floats
+    """(n,) [N m], infinite where the model has no bound."""
+    root_joints: Ints
+    """Ids of the joints that carry the whole robot: one free joint, up to six single ones, or none."""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        for name in ("lower", "upper", "max_speed", "max_torque"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        crossed = np.flatnonzero(self.lower > self.upper)
+        if crossed.size:
+            j = crossed[0]
+            raise RobotError(
+                f"{self.name}: joint {self.joint_names[j]!r} has the range {self.lower[j]:.4g} … {self.upper[j]:.4g} rad, "
+                "lower above upper"
+            )
+
+    @property
+    def qpos_index(self) -> Ints:
+        """(n,) where each hinge stands in qpos."""
+        return np.asarray(self.model.jnt_qposadr[self.joint_ids], dtype=np.int64)
+
+    @property
+    def dof_index(self) -> Ints:
+        """(n,) where each hinge stands in qvel."""
+        return np.asarray(self.model.jnt_dofadr[self.joint_ids], dtype=np.int64)
+
+    @property
+    def floating(self) -> bool:
+        """Whether the root is a free joint."""
+        return self.root_joints.size == 1 and self.model.jnt_type[self.root_joints[0]] == FREE
+
+    @property
+    def root_body(self) -> int:
+        """The body that carries the root joints, or the first body of a robot bolted to the world."""
+        if self.root_joints.size:
+            return int(self.model.jnt_bodyid[self.root_joints[-1]])
+        return int(self.model.body_rootid[self.model.jnt_bodyid[self.joint_ids[0]]])
+
+    def neutral(self) -> Floats:
+        """The reference configuration `qpos0`, hinges brought within their ranges. (nq,)"""
+        qpos = np.array(self.model.qpos0)
+        qpos[self.qpos_index] = np.clip(qpos[self.qpos_index], self.lower, self.upper)
+        return qpos
+
+
+def robot_from_model(
+    model: mujoco.MjModel, path: Path, name: str, limits: dict[str, dict[str, object]] | None = None
+) -> Robot:
+    """Read the joints of a compiled model.
+
+    `limits` fills what an MJCF lacks, as read from a limits file (`catalog.read_limits`): tables `range`
+    {joint: [lower, upper]} [rad], `speed` {joint: rad/s} and `torque` {joint: N m}; the key `*` stands for all joints.
+
+    Raises:
+        RobotError: no hinges, a ball joint, or a limit for a joint that is not there.
+    """
+    root = _root_joints(model)
+    hinges = [j for j in range(model.njnt) if model.jnt_type[j] == HINGE and j not in root]
+    ball = [model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == BALL]
+    if ball:
+        raise RobotError(f"{path}: ball joint {ball[0]!r}: only hinges can be retargeted; write it as three hinges")
+    if not hinges:
+        raise RobotError(f"{path}: the model has no hinge joint")
+    names = tuple(model.joint(j).name or f"joint_{j}" for j in hinges)
+    lower, upper, notes = _ranges(model, hinges, names)
+    table = _Limits(limits or {}, names, path)
+    bounds = table.column("range")
+    for k, pair in bounds.items():
+        lower[k], upper[k] = pair
+    unlimited = [names[k] for k in notes if k not in bounds]
+    said = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
+    speed, torque = np.full(len(names), DEFAULT_MAX_SPEED), _torques(model, hinges)
+    for values, key in ((speed, "speed"), (torque, "torque")):
+        for k, value in table.column(key).items():
+            values[k] = value
+    return Robot(name, model, path, names, np.array(hinges), lower, upper, speed, torque, np.array(root, int), said)
+
+
+def _root_joints(model: mujoco.MjModel) -> list[int]:
+    """The free joint, or the leading single joints of the first jointed body when a slide is among them."""
+    if model.njnt == 0:
+        return []
+    first = int(model.jnt_bodyid[0])
+    own = [j for j in range(model.njnt) if model.jnt_bodyid[j] == first]
+    if model.jnt_type[own[0]] == FREE:
+        return [own[0]]
+    chain = list(own)
+    body = first
+    while len(chain) < 6:  # six single joints may stand on a chain of massless bodies
+        children = np.flatnonzero(model.body_parentid == body)
+        if len(children) != 1 or model.body_jntnum[children[0]] == 0:
+            break
+        body = int(children[0])
+        chain += range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+    slides = [j for j in chain if model.jnt_type[j] == SLIDE]
+    return chain[:6] if len(slides) == 3 else own if any(model.jnt_type[j] == SLIDE for j in own) else []
+
+
+def _ranges(model: mujoco.MjModel, hinges: list[int], names: tuple[str, ...]) -> tuple[Floats, Floats, list[int]]:
+    """Joint ranges; without one the range of a position servo; without that ±π (those are returned third)."""
+    lower, upper = np.full(len(names), -DEFAULT_RANGE), np.full(len(names), DEFAULT_RANGE)
+    open_ended = []
+    servo = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu) if _is_position_servo(model, a)}
+    for k, j in enumerate(hinges):
+        if model.jnt_limited[j]:
+            lower[k], upper[k] = model.jnt_range[j]
+        elif j in servo and model.actuator_ctrllimited[servo[j]]:
+            lower[k], upper[k] = model.actuator_ctrlrange[servo[j]]
+        else:
+            open_ended.append(k)
+    return lower, upper, open_ended
+
+
+def _is_position_servo(model: mujoco.MjModel, actuator: int) -> bool:
+    joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+    return bool(joint and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE)
+
+
+def _torques(model: mujoco.MjModel, hinges: list[int]) -> Floats:
+    """The least bound that the joint itself or its actuators put on the torque [N m]."""
+    torque = np.full(len(hinges), np.inf)
+    place = {j: k for k, j in enumerate(hinges)}
+    for k, j in enumerate(hinges):
+        if model.jnt_actfrclimited[j]:
+            torque[k] = np.abs(model.jnt_actfrcrange[j]).max()
+    for a in range(model.nu):
+        k = place.get(int(model.actuator_trnid[a, 0]))
+        if k is not None and model.actuator_forcelimited[a]:
+            bound = np.abs(model.actuator_forcerange[a]).max() * abs(model.actuator_gear[a, 0])
+            torque[k] = min(torque[k], bound)
+    return torque
+
+
+class _Limits:
+    """The tables of a limits file, looked up by joint."""
+
+    def __init__(self, tables: dict[str, dict[str, object]], names: tuple[str, ...], path: Path):
+        self.tables, self.names = tables, names
+        for table in tables.values():
+            for joint in table:
+                if joint != "*" and joint not in names:
+                    raise RobotError(f"{path}: limits name the joint {joint!r}; known: {', '.join(names)}")
+
+    def column(self, key: str) -> dict[int, object]:
+        table = self.tables.get(key, {})
+        found = {k: table[n] for k, n in enumerate(self.names) if n in table}
+        return {k: table["*"] for k in range(len(self.names)) if k not in found and "*" in table} | found

@@ -1,0 +1,14 @@
+"""Where the files that ship are: inside the installed package, or beside it in a checkout."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _shipped(folder: str) -> Path:
+    inside = _PACKAGE / folder
+    return inside if inside.is_dir() else _PACKAGE.parent / folder
+
+
+MODELS = _shipped("models")
+SAMPLES = _shipped("samples")

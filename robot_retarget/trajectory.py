@@ -1,0 +1,100 @@
+"""The trajectory: what a retargeting yields and every later stage reads."""
+
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import TrajectoryError, known
+from robot_retarget.files import replacing
+
+FORMAT_VERSION = 1
+KEYS = ("qpos", "fps", "joint_names", "robot", "source", "format_version")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Configurations of one robot over time, in MuJoCo's order: root xyz [m], quaternion w x y z, hinges [rad]."""
+
+    qpos: Floats
+    """(T, nq)."""
+    fps: float
+    """Frames per second [1/s]."""
+    joint_names: tuple[str, ...]
+    """The hinges, in the model's order."""
+    robot: str
+    """The robot's name."""
+    source: str = ""
+    """The motion it came from."""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "qpos", frozen(self.qpos))
+        object.__setattr__(self, "fps", float(self.fps))
+        object.__setattr__(self, "joint_names", tuple(map(str, self.joint_names)))
+        if self.qpos.ndim != 2 or not self.qpos.size:
+            raise TrajectoryError(f"qpos must be (T, nq) with at least one frame, got {self.qpos.shape}")
+        if not np.isfinite(self.qpos).all():
+            frame, column = np.argwhere(~np.isfinite(self.qpos))[0]
+            raise TrajectoryError(f"qpos is not finite at frame {frame}, column {column}")
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise TrajectoryError(f"fps must be positive, got {self.fps}")
+
+    def __len__(self) -> int:
+        return len(self.qpos)
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last [s]."""
+        return (len(self) - 1) / self.fps
+
+    def save(self, path: str | Path) -> Path:
+        """Write the `.npz` file of the contract (no pickles), whole or not at all.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        target = Path(path)
+        with replacing(target) as scratch, scratch.open("wb") as stream:
+            np.savez_compressed(
+                stream,
+                qpos=self.qpos,
+                fps=self.fps,
+                joint_names=np.array(self.joint_names, dtype=np.str_),
+                robot=self.robot,
+                source=self.source,
+                format_version=FORMAT_VERSION,
+            )
+        return target
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Read a trajectory file.
+
+    Raises:
+        TrajectoryError: it is not there, is no trajectory file, lacks a key, or is of a later format.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            missing = [key for key in KEYS if key not in archive.files]
+            if missing:
+                raise TrajectoryError(f"{path}: no key {missing[0]!r}; {known(archive.files)}")
+            values = {key: archive[key] for key in KEYS}
+    except OSError as error:
+        raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
+        raise TrajectoryError(f"{path}: not a trajectory file (.npz without pickles)") from error
+    if int(values["format_version"]) > FORMAT_VERSION:
+        raise TrajectoryError(f"{path}: format {int(values['format_version'])}, this version reads up to {FORMAT_VERSION}")
+    try:
+        return Trajectory(
+            values["qpos"],
+            float(values["fps"]),
+            tuple(values["joint_names"].tolist()),
+            str(values["robot"]),
+            str(values["source"]),
+        )
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{path}: {error}") from None
