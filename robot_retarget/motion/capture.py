@@ -1,0 +1,21 @@
+"""What a motion file says, before anything is made of it."""
+
+from dataclasses import dataclass
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion.skeleton import Skeleton
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A skeleton over time in the unit and the axes of its file. `upright.upright` makes a `Motion` of it."""
+
+    skeleton: Skeleton
+    positions: Floats
+    """(T, J, 3) of every joint [file units]."""
+    rotations: Floats | None
+    """(T, J, 4) of every joint in the file's world frame, unit w x y z, or None."""
+    fps: float
+    """Frames per second [1/s]."""
+    source: str
+    notes: tuple[str, ...] = ()
