@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,6 +17,8 @@ FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_HINGE,
 )
 
+STANDING_KEYS = ("stand", "home", "standing", "default", "initial")
+"""Names of keyframes in which a robot stands on flat feet."""
 DEFAULT_RANGE = np.pi
 """A hinge without any stated range may turn this far either way [rad]."""
 DEFAULT_MAX_SPEED = 10.0
@@ -89,9 +92,15 @@ class Robot:
         qpos[self.qpos_index] = np.clip(qpos[self.qpos_index], self.lower, self.upper)
         return qpos
 
+    def standing(self) -> Floats:
+        """The keyframe in which the robot stands, where the model has one, else `qpos0`. (nq,)"""
+        keys = {self.model.key(k).name.lower(): k for k in range(self.model.nkey)}
+        found = next((keys[name] for name in STANDING_KEYS if name in keys), None)
+        return np.array(self.model.qpos0 if found is None else self.model.key_qpos[found])
+
 
 def robot_from_model(
-    model: mujoco.MjModel, path: Path, name: str, limits: dict[str, dict[str, object]] | None = None
+    model: mujoco.MjModel, path: Path, name: str, limits: dict[str, dict[str, Any]] | None = None
 ) -> Robot:
     """Read the joints of a compiled model.
 
@@ -181,14 +190,14 @@ def _torques(model: mujoco.MjModel, hinges: list[int]) -> Floats:
 class _Limits:
     """The tables of a limits file, looked up by joint."""
 
-    def __init__(self, tables: dict[str, dict[str, object]], names: tuple[str, ...], path: Path):
+    def __init__(self, tables: dict[str, dict[str, Any]], names: tuple[str, ...], path: Path):
         self.tables, self.names = tables, names
         for table in tables.values():
             for joint in table:
                 if joint != "*" and joint not in names:
                     raise RobotError(f"{path}: limits name the joint {joint!r}; known: {', '.join(names)}")
 
-    def column(self, key: str) -> dict[int, object]:
+    def column(self, key: str) -> dict[int, Any]:
         table = self.tables.get(key, {})
         found = {k: table[n] for k, n in enumerate(self.names) if n in table}
         return {k: table["*"] for k in range(len(self.names)) if k not in found and "*" in table} | found

@@ -1,0 +1,276 @@
+"""Arms and legs as mirrored pairs of chains, and the centres of their joints."""
+
+import itertools
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.links import Axis, Links, meeting_point
+
+ELBOW_WORDS = {"elbow", "el", "elb", "forearm", "lowerarm", "radius", "lradius", "rradius"}
+KNEE_WORDS = {"knee", "kne", "shin", "tibia", "shank", "kfe", "calf"}
+TWIST = 0.7
+"""An axis whose direction has at least this cosine with the limb turns the limb about itself."""
+MEETING = 0.25
+"""Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
+MIRROR = 0.1
+"""Mirrored hinge lines and ends may miss each other by this share of the limb."""
+HAND_SHARE = 0.8
+"""Without a wrist joint the wrist is put at this share of the way from the elbow to the end of the arm."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """One limb: the links from its first hinge to its end, and the hinges between."""
+
+    links: tuple[int, ...]
+    axes: tuple[Axis, ...]
+    end: Floats
+    """The middle of the last link's surface. (3,)"""
+
+    @property
+    def start(self) -> Floats:
+        return self.axes[0].anchor
+
+    @property
+    def reach(self) -> float:
+        return float(np.linalg.norm(self.end - self.start))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two limbs that mirror each other, and the link that carries both."""
+
+    carrier: int
+    chains: tuple[Chain, Chain]
+
+    @property
+    def lateral(self) -> Floats:
+        """Horizontal unit vector from the second chain to the first. (3,)"""
+        return _horizontal(self.chains[0].end - self.chains[1].end)
+
+    @property
+    def height(self) -> float:
+        """Where the limbs begin [m]."""
+        return float((self.chains[0].start[2] + self.chains[1].start[2]) / 2)
+
+    @property
+    def lowest(self) -> float:
+        return float(min(c.end[2] for c in self.chains))
+
+
+def mirrored_pairs(links: Links) -> list[Pair]:
+    """Every pair of leaves whose chains mirror each other in a vertical plane."""
+    pairs = []
+    for a, b in itertools.combinations(links.leaves, 2):
+        path_a, path_b = links.path(a), links.path(b)
+        shared = sum(x == y for x, y in zip(path_a, path_b, strict=False))
+        tails = path_a[shared:], path_b[shared:]
+        first, second = (_chain(links, tail) for tail in tails)
+        if first and second and _mirror_each_other((first, second)):
+            pairs.append(Pair(path_a[shared - 1], (first, second)))
+    return pairs
+
+
+def _chain(links: Links, tail: list[int]) -> Chain | None:
+    axes = links.axes_along(tail)
+    surface = links.surface(tail[-1])
+    return Chain(tuple(tail), tuple(axes), (surface.min(0) + surface.max(0)) / 2) if axes else None
+
+
+def _mirror_each_other(chains: tuple[Chain, Chain]) -> bool:
+    """As many hinges, whose lines fall on each other when mirrored in the vertical plane between the ends."""
+    if len(chains[0].axes) != len(chains[1].axes) or len(chains[0].axes) < 2:
+        return False
+    lateral, middle = _horizontal(chains[0].end - chains[1].end), (chains[0].end + chains[1].end) / 2
+    scale = max(chain.reach for chain in chains)
+    apart = chains[0].end - chains[1].end
+    if np.linalg.norm(apart - lateral * (apart @ lateral)) > MIRROR * scale:
+        return False
+    return all(
+        b.distance(a.anchor - 2 * lateral * (lateral @ (a.anchor - middle))) < MIRROR * scale
+        for a, b in zip(chains[0].axes, chains[1].axes, strict=True)
+    )
+
+
+def _horizontal(vector: Floats) -> Floats:
+    flat = np.array([vector[0], vector[1], 0.0])
+    return flat / max(float(np.linalg.norm(flat)), 1e-12)
+
+
+@dataclass(frozen=True)
+class Centre:
+    """A joint's centre, the link it is fixed to, and why it is believed to be there."""
+
+    point: Floats
+    link: int
+    why: str
+    sure: float
+
+
+def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre]:
+    """Hip, knee and ankle of a leg, from its flexion axes: the hinges that are parallel to the hip line."""
+    flexions = [a for a in chain.axes if abs(a.direction @ lateral) > 0.8]
+    if len(flexions) < 2:
+        return {}
+    hip_axis, knee_axis = flexions[:2]
+    named = [a for a in chain.axes if said(links, a, KNEE_WORDS)]
+    why, sure = "second flexion axis of the leg", 0.85
+    if named:
+        why, sure = (f"{why}, and by name", 0.99) if knee_axis in named else ("by name", 0.7)
+        knee_axis = knee_axis if knee_axis in named else named[0]
+    later = [a for a in flexions if a.anchor[2] < knee_axis.anchor[2] - 0.05 * chain.reach]
+    ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
+    knee = knee_axis.nearest(ankle.point)
+    hip = _hip(links, chain, hip_axis, knee)
+    return {"hip": hip, "knee": Centre(knee, knee_axis.link, why, sure), "ankle": ankle}
+
+
+def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre:
+    """Where the ankle's axes meet, or the point of its one axis above the middle of the foot."""
+    if pitch is None:
+        low = links.surface(knee.link)
+        end = low[low[:, 2] < low[:, 2].min() + 0.01].mean(0)
+        return Centre(end, knee.link, "end of the shin, no ankle joint", 0.5)
+    shin = float(np.linalg.norm(pitch.anchor - knee.anchor))
+    crossing = [a for a in chain.axes[chain.axes.index(pitch) + 1 :] if abs(a.direction @ pitch.direction) < TWIST]
+    after = [pitch, *(a for a in crossing if a.distance(pitch.anchor) < 0.35 * shin)]
+    before = [
+        a for a in _before(chain, pitch) if a.distance(pitch.anchor) < MEETING * shin and not _twists(a, knee, pitch)
+    ]
+    near = [a for a in [*before, *after] if a.link in links.path(after[-1].link)]
+    foot = near[-1].link
+    sole = links.surface(foot)
+    point = meeting_point([a for a in near if a is pitch or abs(a.direction @ pitch.direction) < TWIST], sole.mean(0))
+    return Centre(point, foot, f"axes of {' and '.join(joint_names(links, near))} meet here", 0.95)
+
+
+def _before(chain: Chain, pitch: Axis) -> list[Axis]:
+    index = chain.axes.index(pitch)
+    return list(chain.axes[max(0, index - 1) : index])
+
+
+def _twists(axis: Axis, start: Axis, end: Axis) -> bool:
+    limb = end.anchor - start.anchor
+    return bool(abs(axis.direction @ limb) > TWIST * np.linalg.norm(limb))
+
+
+def _hip(links: Links, chain: Chain, flexion: Axis, knee: Floats) -> Centre:
+    """On the flexion axis beside the knee, drawn to the other hip axes that pass close by."""
+    point = flexion.nearest(knee)
+    thigh = knee - point
+    length = float(np.linalg.norm(thigh))
+    upper = [
+        a for a in chain.axes if a.anchor[2] > knee[2] + 0.3 * length and abs(a.direction @ thigh) < TWIST * length
+    ]
+    meeting = [a for a in upper if a is flexion or a.distance(point) < MEETING * length]
+    centre = meeting_point(meeting, point)
+    return Centre(centre, meeting[0].link, f"axes of {' and '.join(joint_names(links, meeting))} meet here", 0.95)
+
+
+def toe_centre(standing: Links, foot: int, ankle: Floats, forward: Floats) -> Centre:
+    """The joint of the toes, or the front edge of the sole; the robot stands."""
+    hinged = [a for child in standing.children[foot] for a in standing.axes(child)]
+    if hinged:
+        return Centre(hinged[0].nearest(ankle), foot, "toe joint", 0.95)
+    sole = sole_cloud(standing, foot)
+    middle = (sole.min(0) + sole.max(0)) / 2
+    point = middle + forward * (sole @ forward - middle @ forward).max()
+    return Centre(point, foot, "front edge of the sole", 0.9)
+
+
+def sole_cloud(standing: Links, foot: int) -> Floats:
+    """The points of a foot's surface that stand on the floor. (P, 3)"""
+    surface = standing.surface(foot)
+    height = float(np.ptp(surface[:, 2]))
+    return surface[surface[:, 2] < surface[:, 2].min() + max(0.01, 0.05 * height)]
+
+
+def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
+    """Shoulder, elbow and hand of an arm."""
+    elbow_axis, why, sure = _elbow_axis(links, chain)
+    if elbow_axis is None:
+        return {}
+    index = chain.axes.index(elbow_axis)
+    shoulder = _shoulder(links, list(chain.axes[:index]), elbow_axis)
+    elbow = elbow_axis.nearest(shoulder.point)
+    hand = _hand(links, chain, list(chain.axes[index + 1 :]), elbow)
+    return {"shoulder": shoulder, "elbow": Centre(elbow, elbow_axis.link, why, sure), "hand": hand}
+
+
+def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
+    """The hinge that bends the arm: by name, else the crosswise one nearest to the middle of the arm."""
+    later = list(chain.axes[1:])
+    if not later:
+        return None, "", 0.0
+    limb = (chain.end - chain.start) / max(chain.reach, 1e-9)
+
+    def crosswise(axis: Axis) -> float:
+        onward = chain.end - axis.anchor
+        return 1 - abs(axis.direction @ onward) / max(float(np.linalg.norm(onward)), 1e-9)
+
+    def middling(axis: Axis) -> float:
+        share = float((axis.anchor - chain.start) @ limb) / max(chain.reach, 1e-9)
+        return min(share, 1 - share)
+
+    named = [a for a in later if said(links, a, ELBOW_WORDS)]
+    if named:
+        best = max(named, key=crosswise)
+        return best, "by name, and it bends the arm", 0.97
+    bending = [a for a in later if crosswise(a) > 1 - TWIST] or later
+    return max(bending, key=middling), "the bending axis nearest to the middle of the arm", 0.7
+
+
+def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
+    """Where the axes before the elbow meet, counted back from the elbow; a clavicle's stay out."""
+    upper = float(np.linalg.norm(elbow.anchor - axes[-1].anchor)) or 1.0
+    upper = max(upper, 0.5 * float(np.linalg.norm(elbow.anchor - axes[0].anchor)))
+    taken = [axes[-1]]
+    for axis in reversed(axes[:-1]):
+        centre = meeting_point([axis, *taken], axis.anchor)
+        if max(a.distance(centre) for a in [axis, *taken]) > MEETING * upper:
+            break
+        taken.insert(0, axis)
+    if len(taken) > 2 and _twists(taken[-1], taken[0], elbow):
+        taken = taken[:-1]
+    point = meeting_point(taken, taken[0].anchor)
+    link = taken[0].link if len(taken) > 1 else taken[-1].link
+    return Centre(point, link, f"axes of {' and '.join(joint_names(links, taken))} meet here", 0.95)
+
+
+def _hand(links: Links, chain: Chain, axes: list[Axis], elbow: Floats) -> Centre:
+    """The wrist where there is one, else four fifths of the way to the end of the arm."""
+    whole = float(np.linalg.norm(chain.end - elbow))
+    limb = (chain.end - elbow) / max(whole, 1e-9)
+    wrists = [a for a in axes if abs(a.direction @ limb) < TWIST and (a.anchor - elbow) @ limb > 0.4 * whole]
+    if wrists:
+        first = wrists[0].anchor
+        wrists = [a for a in wrists if np.linalg.norm(a.anchor - first) < 0.4 * whole][:2]
+        point = meeting_point(wrists, elbow + limb * ((first - elbow) @ limb))
+        return Centre(point, wrists[-1].link, f"wrist of {' and '.join(joint_names(links, wrists))}", 0.95)
+    last = chain.links[-1]
+    along = (links.surface(last) - elbow) @ limb
+    return Centre(elbow + limb * HAND_SHARE * along.max(), last, "end of the forearm, no wrist joint", 0.8)
+
+
+def joint_names(links: Links, axes: list[Axis]) -> list[str]:
+    return [links.model.joint(a.joint).name for a in axes]
+
+
+def said(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
+    """Whether the hinge, or the body it carries when the hinge itself says nothing, is called one of the words."""
+    return bool(words(links.model.joint(axis.joint).name) & vocabulary) or bool(
+        words(links.model.body(axis.link).name) & vocabulary and len(links.axes(axis.link)) == 1
+    )
+
+
+def words(name: str) -> set[str]:
+    """The words of a name: split at case changes, digits and signs; also with a leading side letter taken off."""
+    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)
+    low = {p.lower() for p in parts}
+    joined = {"".join(p.lower() for p in parts[i : i + 2]) for i in range(len(parts) - 1)}
+    bare = {w[1:] for w in low if len(w) > 3 and w[0] in "lr"}
+    trailing = {w[:-2] for w in low | bare if re.fullmatch(r"[a-z]+r[xyz]", w)}
+    return low | joined | bare | trailing | {t[1:] for t in trailing if t and t[0] in "lr"}

@@ -1,0 +1,164 @@
+"""The robot as rigid links in one pose: who hangs on whom, around which axes, and with what surface.
+
+A link is a body together with everything welded to it. All positions are in the world frame.
+"""
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.model import Robot
+
+_GEOM = mujoco.mjtGeom
+_CUBE = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+_DISC = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4), np.zeros(8)], 1)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The line a hinge turns about."""
+
+    joint: int
+    """Joint id in the model."""
+    link: int
+    """The link it carries."""
+    anchor: Floats
+    direction: Floats
+
+    def nearest(self, point: Floats) -> Floats:
+        """The point of the line nearest to `point`."""
+        return self.anchor + self.direction * (self.direction @ (point - self.anchor))
+
+    def distance(self, point: Floats) -> float:
+        """From `point` to the line [m]."""
+        return float(np.linalg.norm(point - self.nearest(point)))
+
+
+def meeting_point(axes: list[Axis], near: Floats) -> Floats:
+    """The point nearest to all lines in the least squares; where that leaves freedom, the one nearest to `near`."""
+    projectors = [np.eye(3) - np.outer(a.direction, a.direction) for a in axes]
+    normal = sum(projectors, np.zeros((3, 3)))
+    pull = sum((p @ (a.anchor - near) for p, a in zip(projectors, axes, strict=True)), np.zeros(3))
+    return near + np.linalg.pinv(normal, rcond=1e-6) @ pull
+
+
+class Links:
+    """The link tree of a robot, in its reference pose `qpos0` unless another is given."""
+
+    def __init__(self, robot: Robot, qpos: Floats | None = None):
+        self.robot, self.model = robot, robot.model
+        self.data = mujoco.MjData(self.model)
+        if qpos is not None:
+            self.data.qpos[:] = qpos
+        mujoco.mj_forward(self.model, self.data)
+        self.weld = np.asarray(self.model.body_weldid)
+        self.root = int(self.weld[robot.root_body])
+        self.ids = [b for b in range(1, self.model.nbody) if self.weld[b] == b and self.root in self._ancestry(b)]
+        if self.root not in self.ids:
+            self.ids.insert(0, self.root)
+
+    def _ancestry(self, body: int) -> list[int]:
+        line = [body]
+        while line[-1] > 0:
+            line.append(int(self.model.body_parentid[line[-1]]))
+        return line
+
+    def parent(self, link: int) -> int:
+        """The link that carries `link`."""
+        return int(self.weld[self.model.body_parentid[link]])
+
+    @cached_property
+    def children(self) -> dict[int, list[int]]:
+        """Links by the link that carries them."""
+        table: dict[int, list[int]] = {link: [] for link in self.ids}
+        for link in self.ids:
+            if link != self.root:
+                table[self.parent(link)].append(link)
+        return table
+
+    @cached_property
+    def leaves(self) -> list[int]:
+        """Links that carry no other."""
+        return [link for link in self.ids if not self.children[link] and link != self.root]
+
+    def path(self, link: int) -> list[int]:
+        """The links from the root to `link`, both included."""
+        line = [link]
+        while line[-1] != self.root:
+            line.append(self.parent(line[-1]))
+        return line[::-1]
+
+    def axes(self, link: int) -> list[Axis]:
+        """The hinges that carry a link, from the parent's side on."""
+        first, count = self.model.body_jntadr[link], self.model.body_jntnum[link]
+        hinges = [j for j in range(first, first + count) if j in self.robot.joint_ids]
+        return [Axis(j, link, self.data.xanchor[j].copy(), self.data.xaxis[j].copy()) for j in hinges]
+
+    def axes_along(self, links: list[int]) -> list[Axis]:
+        """The hinges of a chain of links, in order."""
+        return [axis for link in links for axis in self.axes(link)]
+
+    def bodies(self, link: int) -> list[int]:
+        """The bodies of a link."""
+        return [int(b) for b in np.flatnonzero(self.weld == link)]
+
+    def origin(self, link: int) -> Floats:
+        """The link's body origin. (3,)"""
+        return self.data.xpos[link].copy()
+
+    def surface(self, link: int) -> Floats:
+        """Points (P, 3) on the geoms of a link, solid ones where there are any; its origin when it has no geom."""
+        geoms = [int(g) for b in self.bodies(link) for g in np.flatnonzero(self.model.geom_bodyid == b)]
+        clouds = [self.geom_points(g) for g in self.solid(geoms)]
+        return np.concatenate(clouds) if clouds else self.origin(link)[None]
+
+    def solid(self, geoms: list[int]) -> list[int]:
+        """The geoms that take part in contacts, or all when none does."""
+        colliding = [g for g in geoms if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
+        return colliding or geoms
+
+    def geom_points(self, geom: int) -> Floats:
+        """Points (P, 3) that span a geom: mesh vertices, box corners, the extremes of round shapes."""
+        local = _local_points(self.model, geom)
+        return local @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
+
+    def local(self, body: int, point: Floats) -> Floats:
+        """A world point in a body's frame."""
+        return (point - self.data.xpos[body]) @ self.data.xmat[body].reshape(3, 3)
+
+    def words(self, link: int) -> str:
+        """The names of a link's bodies and joints, for a human eye or a search."""
+        model = self.model
+        joints = range(model.body_jntadr[link], model.body_jntadr[link] + model.body_jntnum[link])
+        return " ".join([model.body(b).name for b in self.bodies(link)] + [model.joint(j).name for j in joints])
+
+
+def _local_points(model: mujoco.MjModel, geom: int) -> Floats:
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == _GEOM.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        start = model.mesh_vertadr[mesh]
+        return np.array(model.mesh_vert[start : start + model.mesh_vertnum[mesh]], dtype=float)
+    if kind == _GEOM.mjGEOM_BOX:
+        return _CUBE * size
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        rim = _DISC * size[0]
+        return _both_ends(rim, size[1])
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return _both_ends(_ball(np.full(3, size[0])), size[1])
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
+        return _ball(size if kind == _GEOM.mjGEOM_ELLIPSOID else np.full(3, size[0]))
+    return np.zeros((1, 3))
+
+
+def _both_ends(cap: Floats, half: float) -> Floats:
+    along = np.array([0.0, 0.0, half])
+    return np.concatenate([cap + along, cap - along])
+
+
+def _ball(radii: Floats) -> Floats:
+    return np.concatenate([np.eye(3), -np.eye(3), _CUBE / np.sqrt(3)]) * radii

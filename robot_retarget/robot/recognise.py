@@ -1,0 +1,344 @@
+"""Find a humanoid in a model: which point of which body is which keypoint, without a file by hand.
+
+Evidence comes from the tree (mirrored pairs of chains), from geometry (flexion axes, meeting points of axes, what
+stands on the floor) and from names, in this order; each keypoint says how sure it is and why.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import MatchError, known
+from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.robot.kinematics import Points
+from robot_retarget.robot.limbs import (
+    Chain,
+    Pair,
+    arm_centres,
+    leg_centres,
+    mirrored_pairs,
+    sole_cloud,
+    toe_centre,
+    words,
+)
+from robot_retarget.robot.links import Links
+from robot_retarget.robot.model import Robot
+
+LEFT_WORDS = {"l", "left", "ll", "fl"}
+RIGHT_WORDS = {"r", "right", "lr", "fr"}
+HEAD_WORDS = {"head", "skull", "face"}
+SOLE_DIRECTIONS = 8
+"""A sole is kept as its extreme points in this many directions."""
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A keypoint of a robot: a point fixed to a body."""
+
+    body: int
+    offset: Floats
+    """(3,) in the body's frame [m]."""
+    sure: float
+    """0 … 1."""
+    why: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "offset", frozen(self.offset))
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """What was recognised in a robot."""
+
+    spots: Mapping[str, Spot]
+    """Keypoints by name; those the robot lacks are absent."""
+    frames: Mapping[str, tuple[int, Floats]]
+    """Segments (pelvis, chest, head, feet, hands): body, and (3, 3) its local forward, left and up as columns."""
+    soles: Mapping[str, Points]
+    """Per foot (`l`, `r`) the points that stand on the floor."""
+    forward: Floats
+    """(3,) where the robot looks in its reference pose."""
+    notes: tuple[str, ...]
+
+    @cached_property
+    def points(self) -> Points:
+        """All keypoints in the order of `names`."""
+        spots = [self.spots[name] for name in self.names]
+        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The keypoints the robot has, in the vocabulary's order."""
+        return tuple(k for k in KEYPOINTS if k in self.spots)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The keypoints the robot lacks."""
+        return tuple(k for k in KEYPOINTS if k not in self.spots)
+
+
+def recognise(robot: Robot) -> Anatomy:
+    """Find pelvis, trunk, head, arms and legs of a robot, and its soles.
+
+    Raises:
+        MatchError: the model is no humanoid; the message says why.
+    """
+    links = Links(robot)
+    pairs = mirrored_pairs(links)
+    legs, arms = _legs(links, pairs), None
+    arms = _arms(links, pairs, legs)
+    if legs is None and arms is None:
+        raise MatchError(
+            f"{robot.name} is no humanoid: no two chains of hinges mirror each other as arms or legs "
+            f"({len(robot.joint_names)} hinges, {len(links.leaves)} ends)"
+        )
+    _refuse_quadruped(robot, links, pairs, legs, arms)
+    return _assemble(robot, links, legs, arms)
+
+
+def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatomy:
+    """Replace keypoints by lines `keypoint = ["body", x, y, z]` of a correspondence file.
+
+    Raises:
+        MatchError: an unknown keypoint or body, or a line of another form.
+    """
+    bodies = {robot.model.body(b).name: b for b in range(1, robot.model.nbody)}
+    spots = dict(anatomy.spots)
+    for keypoint, line in table.items():
+        if keypoint not in KEYPOINTS:
+            raise MatchError(f"override names the keypoint {keypoint!r}; {known(KEYPOINTS)}")
+        if not (isinstance(line, list) and len(line) == 4 and isinstance(line[0], str)):
+            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], got {line!r}')
+        if line[0] not in bodies:
+            raise MatchError(f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies)}")
+        spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
+    return replace(anatomy, spots=spots)
+
+
+def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
+    """The pair with three hinges or more each whose ends are lowest, when they begin below the trunk's middle."""
+    trunk = links.surface(links.root)
+    candidates = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
+    if not candidates:
+        return None
+    lowest = min(p.lowest for p in candidates)
+    reach = max(c.reach for p in candidates for c in p.chains)
+    legs = max((p for p in candidates if p.lowest < lowest + 0.1 * reach), key=lambda p: p.chains[0].reach)
+    below_all = lowest < trunk[:, 2].min()
+    return legs if below_all or all(p.height > legs.height for p in candidates if p is not legs) else None
+
+
+def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
+    """The pair of the longest chains that begin above the legs."""
+    taken = {link for chain in legs.chains for link in chain.links} if legs else set()
+    free = [p for p in pairs if not taken & {link for c in p.chains for link in c.links}]
+    if legs:
+        leg = max(c.reach for c in legs.chains)
+        free = [p for p in free if p.height > legs.height + 0.2 * leg and p.chains[0].reach > 0.25 * leg]
+    return max(free, key=lambda p: (round(p.chains[0].reach, 3), len(p.chains[0].axes)), default=None)
+
+
+def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], legs: Pair | None, arms: Pair | None) -> None:
+    if legs is None:
+        return
+    reach = max(c.reach for c in legs.chains)
+    others = [p for p in pairs if p is not legs and not _share_links(p, legs)]
+    walking = [
+        p for p in others if abs(p.lowest - legs.lowest) < 0.1 * reach and abs(p.height - legs.height) < 0.2 * reach
+    ]
+    if walking and (arms is None or arms in walking):
+        names = [links.model.body(p.chains[0].links[-1]).name for p in (legs, walking[0])]
+        raise MatchError(
+            f"{robot.name} is no humanoid: four limbs of equal height reach the ground (ending at {' and '.join(names)})"
+        )
+
+
+def _share_links(a: Pair, b: Pair) -> bool:
+    return bool({x for c in a.chains for x in c.links} & {x for c in b.chains for x in c.links})
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Which chain is left, and where forward is."""
+
+    forward: Floats
+    left: Floats
+    notes: tuple[str, ...]
+
+    def of(self, pair: Pair) -> dict[str, Chain]:
+        first_is_left = (pair.chains[0].end - pair.chains[1].end) @ self.left > 0
+        return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
+
+
+def _sides(links: Links, standing: Links, legs: Pair | None, arms: Pair | None) -> _Sides:
+    """Forward is where feet point and knees go, left follows; names are heard as one more witness."""
+    pair = legs or arms
+    assert pair is not None
+    up = np.array([0.0, 0.0, 1.0])
+    lateral = pair.lateral
+    by_shape = _forward_votes(links, standing, legs, np.cross(lateral, up)) if legs else 0
+    by_name = int(np.sign(_handedness(links, pair.chains[0]) - _handedness(links, pair.chains[1])))
+    by_axis = 1 if lateral[1] >= 0 else -1
+    sign = int(np.sign(2 * by_shape + by_name)) or by_axis
+    notes = []
+    if by_name and by_name != sign:
+        notes.append("names call the left side right: feet and knees followed")
+    elif not by_name:
+        witness = "feet and knees" if by_shape else "the model's y axis"
+        notes.append(f"names do not tell left from right: {witness} followed")
+    return _Sides(np.cross(sign * lateral, up), sign * lateral, tuple(notes))
+
+
+def _forward_votes(links: Links, standing: Links, legs: Pair, across: Floats) -> int:
+    """+1 where `across` is forward by both witnesses, −1 where backward, 0 where they disagree or say nothing.
+
+    Feet reach further ahead of the ankle than behind it; knees fold the shin backward.
+    """
+    feet, knees = 0.0, 0.0
+    for chain in legs.chains:
+        foot = standing.surface(chain.links[-1])
+        foot = foot[foot[:, 2] <= foot[:, 2].mean() + 1e-9]
+        feet += ((foot.max(0) + foot.min(0)) / 2 - standing.data.xanchor[chain.axes[-1].joint]) @ across
+        knee = [a for a in chain.axes if abs(a.direction @ legs.lateral) > 0.8][1:2]
+        for axis in knee:
+            k = links.robot.joint_ids.tolist().index(axis.joint)
+            middle = float(links.robot.lower[k] + links.robot.upper[k]) / 2
+            knees -= middle * (np.cross(axis.direction, [0.0, 0.0, -1.0]) @ across)
+    reach = max(c.reach for c in legs.chains)
+    return int(np.sign(np.sign(feet) * (abs(feet) > 0.02 * reach) + np.sign(knees) * (abs(knees) > 0.1)))
+
+
+def _handedness(links: Links, chain: Chain) -> int:
+    """Links named left less links named right; a leading letter counts too (`lfemur`)."""
+    total = 0
+    for link in chain.links:
+        text = words(links.words(link))
+        initial = links.model.body(link).name[:1].lower()
+        vote = bool(text & LEFT_WORDS) - bool(text & RIGHT_WORDS)
+        total += vote or (initial == "l") - (initial == "r")
+    return total
+
+
+def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) -> Anatomy:
+    standing = Links(robot, robot.standing())
+    sides = _sides(links, standing, legs, arms)
+    spots = _limbs(links, sides, legs, arms)
+    spots |= _trunk(links, legs, arms, spots)
+    feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
+    for side, foot in feet.items():
+        toe = toe_centre(standing, foot, _world(standing, spots[f"{side}_ankle"]), sides.forward)
+        spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.sure, toe.why)
+    soles = {side: _sole(standing, foot) for side, foot in feet.items()}
+    notes = [*sides.notes, *robot.notes, *_partial(spots)]
+    return Anatomy(spots, _frames(links, standing, spots, sides), soles, frozen(sides.forward), tuple(notes))
+
+
+def _limbs(links: Links, sides: _Sides, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
+    found: dict[str, Spot] = {}
+    for side, chain in (sides.of(legs) if legs else {}).items():
+        centres = leg_centres(links, chain, sides.left)
+        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.sure, c.why) for k, c in centres.items()}
+    for side, chain in (sides.of(arms) if arms else {}).items():
+        centres = arm_centres(links, chain)
+        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.sure, c.why) for k, c in centres.items()}
+    return found
+
+
+def _partial(spots: dict[str, Spot]) -> list[str]:
+    heads = {"legs": "l_hip", "arms": "l_shoulder", "head": "head"}
+    absent = [part for part, keypoint in heads.items() if keypoint not in spots]
+    return [f"partial humanoid: no {' and no '.join(absent)}"] if absent else []
+
+
+def _world(links: Links, spot: Spot) -> Floats:
+    return links.data.xpos[spot.body] + links.data.xmat[spot.body].reshape(3, 3) @ spot.offset
+
+
+def _spot(links: Links, link: int, point: Floats, sure: float, why: str) -> Spot:
+    return Spot(link, links.local(link, point), sure, why)
+
+
+def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
+    """Pelvis between the hips, chest a little under the shoulders, neck and head above."""
+    lower = legs.carrier if legs else links.root
+    upper = arms.carrier if arms else links.root
+    trunk = links.surface(upper)
+    if "l_hip" in limbs and "r_hip" in limbs:
+        pelvis = (_world(links, limbs["l_hip"]) + _world(links, limbs["r_hip"])) / 2
+        spots = {"pelvis": _spot(links, lower, pelvis, 0.95, "middle of the hips")}
+    else:
+        pelvis = np.array([*((trunk.min(0) + trunk.max(0)) / 2)[:2], trunk[:, 2].min()])
+        spots = {"pelvis": _spot(links, lower, pelvis, 0.5, "bottom of the trunk, no legs")}
+    if "l_shoulder" in limbs and "r_shoulder" in limbs:
+        shoulders = (_world(links, limbs["l_shoulder"]) + _world(links, limbs["r_shoulder"])) / 2
+        chest = shoulders + 0.15 * (pelvis - shoulders)
+        spots["chest"] = _spot(links, upper, chest, 0.9, "a little under the middle of the shoulders")
+    else:
+        shoulders = np.array([*pelvis[:2], trunk[:, 2].max()])
+        spots["chest"] = _spot(links, upper, shoulders, 0.5, "top of the trunk, no arms")
+    used = {x for p in (legs, arms) if p for c in p.chains for x in c.links}
+    return spots | _head(links, upper, used, shoulders, pelvis, bool(arms))
+
+
+def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: Floats, arms: bool) -> dict[str, Spot]:
+    """The head by name, else the topmost link above the shoulders, else the top of the trunk itself."""
+    height = float(shoulders[2] - pelvis[2])
+    free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
+    named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
+    if named or free:
+        link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
+        cloud, why, sure = links.surface(link), "by name" if named else "topmost link", 0.95 if named else 0.7
+        axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
+        base = axes[0].anchor if axes else shoulders + 0.3 * ((cloud.min(0) + cloud.max(0)) / 2 - shoulders)
+    else:
+        link, base = trunk, None
+        geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
+        tops = [links.geom_points(g) for g in geoms]
+        above = [p for p in tops if (p.min(0) + p.max(0))[2] / 2 > shoulders[2] + 0.1 * height]
+        if not above or not arms:
+            return {}
+        cloud, why, sure = max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7
+    head = (cloud.min(0) + cloud.max(0)) / 2
+    head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
+    neck = base if base is not None else shoulders + 0.3 * (head - shoulders)
+    where = trunk if base is None else links.parent(link) if links.axes(link) else link
+    return {
+        "neck": _spot(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
+        "head": _spot(links, link, head, sure, why),
+    }
+
+
+def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
+    """1 when the shape stands aside of the trunk (an arm's cover taken for a head), else 0."""
+    return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
+
+
+def _sole(standing: Links, foot: int) -> Points:
+    """The extreme points of a sole in evenly spread horizontal directions, each once."""
+    cloud = sole_cloud(standing, foot)
+    angles = (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
+    reach = cloud[:, :2] @ np.stack([np.cos(angles), np.sin(angles)])
+    corners = cloud[np.unique(reach.argmax(0))]
+    return Points(np.full(len(corners), foot), np.array([standing.local(foot, c) for c in corners]))
+
+
+def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides) -> dict[str, tuple[int, Floats]]:
+    """Each segment's body with its forward, left and up; a head that cannot turn against the chest has none.
+
+    Feet are read where they stand flat, the rest in the reference pose.
+    """
+    world = np.stack([sides.forward, sides.left, [0.0, 0.0, 1.0]], axis=1)
+    segments = {"pelvis": "pelvis", "chest": "chest", "head": "head"}
+    segments |= {f"{s}_foot": f"{s}_ankle" for s in "lr"} | {f"{s}_hand": f"{s}_hand" for s in "lr"}
+    frames = {}
+    for segment, keypoint in segments.items():
+        if keypoint in spots:
+            body, pose = spots[keypoint].body, standing if segment.endswith("foot") else links
+            frames[segment] = body, frozen(pose.data.xmat[body].reshape(3, 3).T @ world)
+    if "head" in frames and frames["head"][0] == frames["chest"][0]:
+        del frames["head"]
+    return frames
