@@ -1,0 +1,97 @@
+"""A posture for another body: normalised distances of [Mucherino2017, §II].
+
+    τ_uv = Σ δ over the bones of the path P_uv,    D̄_uv = ‖x_u − x_v‖ / τ_uv^(1),    δ_uv = τ_uv^(2) D̄_uv,
+    π_uv = (|P_max| − |P_uv| + 2) / |P_max|,       |P| counts the vertices of the path.
+
+D̄ is 1 on a bone and 1 elsewhere only for a stretched limb; contact is 0. A uniformly scaled body gets an exact
+Euclidean distance matrix, any other one an approximate one.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot_retarget.arrays import Floats
+from robot_retarget.dgp.build import empty, every_frame
+from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.skeletal import SkeletalStructure, transfer_directions
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Near pairs follow their normalised distance, free limbs the bone directions of the source.
+
+    near = exp(−(D̄/reach)²), δ = near · τ^(2) D̄ + (1 − near) · δ_directions, π → π (base + gain · near).
+    """
+
+    reach: float = 0.35
+    base: float = 0.2
+    gain: float = 20.0
+
+
+def paths(parents: ArrayLike) -> NDArray[np.bool_]:
+    """(V, V, V): whether the bone above joint b lies on the path from u to v."""
+    up = np.asarray(parents, dtype=np.int64)
+    above = np.zeros((len(up), len(up)), dtype=bool)
+    for joint in range(len(up)):
+        if up[joint] >= 0:
+            above[joint] = above[up[joint]]
+            above[joint, joint] = True
+    return above[:, None] ^ above[None]
+
+
+def path_weights(parents: ArrayLike, lengths: ArrayLike) -> Floats:
+    """τ (V, V), the length of the path between every two joints [m]."""
+    return paths(parents) @ np.asarray(lengths, dtype=np.float64)
+
+
+def normalised_distances(positions: ArrayLike, parents: ArrayLike, lengths: ArrayLike) -> Floats:
+    """D̄ (…, V, V) of postures (…, V, K), with 0 on the diagonal."""
+    x = np.asarray(positions, dtype=np.float64)
+    tau = path_weights(parents, lengths)
+    distance = np.linalg.norm(x[..., :, None, :] - x[..., None, :, :], axis=-1)
+    return np.divide(distance, tau, out=np.zeros_like(distance), where=tau > 0)
+
+
+def path_priorities(parents: ArrayLike) -> Floats:
+    """π (V, V): 1 on a bone, 2/|P_max| on the longest path; 0 on the diagonal."""
+    vertices = paths(parents).sum(axis=2) + 1
+    longest = vertices.max()
+    priority = (longest - vertices + 2) / longest
+    np.fill_diagonal(priority, 0.0)
+    return priority
+
+
+def adapt(
+    positions: ArrayLike, source: SkeletalStructure, target: SkeletalStructure, blend: Blend | None = None
+) -> Graph:
+    """The instance whose solution is the posture of `source` on the body of `target`.
+
+    Bones are edges of kind `BONE` (make them hard with `solve_hard`), other pairs `POSTURE`; every edge is exact.
+
+    Args:
+        positions: (T, V, K) or (V, K) postures of the source [m].
+        source: its body; the displacements' lengths are read.
+        target: a body with the same tree.
+        blend: keep free limbs in their directions; None is the paper.
+
+    Raises:
+        GraphError: the postures do not fit the body.
+    """
+    graph, x = empty(source.names, positions)
+    u, v = np.triu_indices(len(source.names), 1)
+    near_matrix = normalised_distances(x, source.parents, source.lengths)[:, u, v]
+    delta = path_weights(target.parents, target.lengths)[u, v] * near_matrix
+    priority = np.broadcast_to(path_priorities(source.parents)[u, v], delta.shape)
+    bone = (source.parents[u] == v) | (source.parents[v] == u)
+    if blend is not None:
+        directed = transfer_directions(x, target.parents, target.lengths)
+        apart = np.linalg.norm(directed[:, u] - directed[:, v], axis=-1)
+        near = np.where(bone, 1.0, np.exp(-((near_matrix / blend.reach) ** 2)))
+        delta = near * delta + (1.0 - near) * apart
+        priority = np.where(bone, priority, priority * (blend.base + blend.gain * near))
+    i, j = every_frame(u, v, graph)
+    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE), graph.frames)
+    flat = delta.ravel()
+    return replace(graph, i=i, j=j, lower=flat, upper=flat, priority=priority.ravel(), kind=kind)

@@ -1,0 +1,225 @@
+"""IPOPT through CasADi: bones and thresholds as constraints, to rounding; and the relative objective with its kinks.
+
+Soft interval edges carry a variable y within [lower, upper]; a hard edge is a constraint on d = √(‖r‖² + ε²), or
+r = 0 where δ = 0. ε = 1e-9 m only keeps the derivative finite where two points coincide.
+"""
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.dgp.columns import box_of
+from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.solution import Solution, Status
+from robot_retarget.dgp.stress import FLOOR, Objective, rows
+from robot_retarget.errors import GraphError
+
+_EPSILON = 1e-9
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """Parameters of the method."""
+
+    tolerance: float = 1e-10
+    """IPOPT's own optimality tolerance."""
+    max_iterations: int = 1000
+    rounds: int = 10
+    """How often the steps ahead of interaction edges are renewed at most; they are constants of each round."""
+    warm: bool = False
+    """Keep the barrier small because the start is nearly a solution."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A nonlinear program that was built, ready to be solved from a start."""
+
+    solver: Any
+    graph: Graph
+    objective: Objective
+    lower: Floats
+    """Bounds of the constraints."""
+    upper: Floats
+    slack: NDArray[np.int64]
+    """Soft edges with a variable of their own: intervals (y), or every one under the relative objective (|e|)."""
+
+
+def solve_hard(
+    graph: Graph,
+    start: ArrayLike,
+    hard: Collection[Kind] = (Kind.BONE, Kind.SEPARATION),
+    options: Ipopt | None = None,
+    objective: Objective = Objective.SQUARED,
+) -> Solution:
+    """Find x with the least stress over the soft edges among those that meet every hard edge.
+
+    Args:
+        graph: the instance.
+        start: (T, V, K), or (V, K) for one frame [m].
+        hard: the kinds of edges that become constraints.
+        options: parameters.
+        objective: any of the four; the stress of a solution counts the hard edges too, with what error they have.
+
+    Raises:
+        GraphError: the start does not fit the graph, or `RELATIVE` meets a soft interval edge.
+    """
+    x, options = graph.checked(start), options or Ipopt()
+    began, history, iterations = time.perf_counter(), [], 0
+    status, steps = Status.FAILED, _steps(graph, x)
+    for _ in range(options.rounds):
+        program = build_program(graph, steps, hard, options, objective)
+        x, status, trace = run_program(program, x, steps)
+        history += trace
+        iterations += len(trace) - 1
+        before, steps = steps, _steps(graph, x)
+        if before is None or steps is None or np.array_equal(before, steps):
+            break
+    return Solution(
+        graph=graph,
+        positions=frozen(x),
+        objective=objective,
+        statuses=(status,),
+        iterations=(iterations,),
+        history=tuple(history),
+        seconds=time.perf_counter() - began,
+        method="ipopt",
+    )
+
+
+def build_program(
+    graph: Graph, steps: Floats | None, hard: Collection[Kind], options: Ipopt, objective: Objective
+) -> Program:
+    """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes."""
+    import casadi as ca
+
+    fixed = np.isin(graph.kind, [int(kind) for kind in hard])
+    soft = np.flatnonzero(~fixed)
+    slack = soft if objective is Objective.RELATIVE else soft[~graph.exact[soft]]
+    _refuse_relative_intervals(graph, soft, objective)
+    count = graph.frames * len(graph.vertices)
+    points, free = ca.MX.sym("x", graph.dimension, count), ca.MX.sym("y", len(slack))
+    r = _differences(graph, points, steps, ca)
+    d = ca.sqrt(ca.sum1(r * r).T + _EPSILON**2)
+    value, extra = _soft(graph, d, free, soft, slack, objective, ca)
+    touching = np.flatnonzero(fixed & (graph.upper == 0))
+    apart = np.flatnonzero(fixed & (graph.upper > 0))
+    constraints = ca.vertcat(d[apart.tolist()], ca.vec(r[:, touching.tolist()]), extra)
+    zeros = np.zeros(len(touching) * graph.dimension)
+    below = np.concatenate([graph.lower[apart], zeros, np.zeros(extra.numel())])
+    above = np.concatenate([graph.upper[apart], zeros, np.full(extra.numel(), np.inf)])
+    problem = {"x": ca.vertcat(ca.vec(points), free), "f": value, "g": constraints}
+    return Program(ca.nlpsol("dgp", "ipopt", problem, _settings(options)), graph, objective, below, above, slack)
+
+
+def run_program(program: Program, x: Floats, steps: Floats | None) -> tuple[Floats, Status, list[float]]:
+    """Solve a program from a start (T, V, K); the coordinates, the status and the objective's history."""
+    graph, slack = program.graph, program.slack
+    lower, upper = box_of(graph, x)
+    d = _measure(graph, x, steps)[slack]
+    if program.objective is Objective.RELATIVE:
+        y, low, high = np.abs(d - graph.lower[slack]), np.zeros(len(slack)), np.full(len(slack), np.inf)
+    else:
+        low, high = graph.lower[slack], graph.upper[slack]
+        y = np.clip(d, low, high)
+    answer = program.solver(
+        x0=np.concatenate([np.clip(x, lower, upper).ravel(), y]),
+        lbx=np.concatenate([lower.ravel(), low]),
+        ubx=np.concatenate([upper.ravel(), high]),
+        lbg=program.lower,
+        ubg=program.upper,
+    )
+    stats = program.solver.stats()
+    found = np.array(answer["x"]).ravel()[: x.size].reshape(x.shape)
+    trace = [float(value) for value in stats.get("iterations", {}).get("obj", [float(answer["f"])])]
+    return found, _status(stats["return_status"]), trace
+
+
+def _refuse_relative_intervals(graph: Graph, soft: NDArray[np.int64], objective: Objective) -> None:
+    wide = soft[~graph.exact[soft]]
+    if objective is Objective.RELATIVE and wide.size:
+        raise GraphError(
+            f"edge {wide[0]} ({graph.edge_name(wide[0])}) is a soft interval; under RELATIVE make its kind "
+            f"{Kind(int(graph.kind[wide[0]])).name} hard, or use RELATIVE_SQUARED"
+        )
+
+
+def _differences(graph: Graph, points: Any, steps: Floats | None, ca: Any) -> Any:
+    """r (K, E) with the steps ahead held."""
+    ids, coefficients = incidence(graph).members(graph, steps)
+    edges, members = ids.shape
+    matrix = ca.DM.triplet(
+        ids.ravel().tolist(),
+        np.repeat(np.arange(edges), members).tolist(),
+        ca.DM(coefficients.ravel()),
+        graph.frames * len(graph.vertices),
+        edges,
+    )
+    return points @ matrix
+
+
+def _soft(graph: Graph, d: Any, free: Any, soft: Any, slack: Any, objective: Objective, ca: Any) -> tuple[Any, Any]:
+    """The objective, and rows that must be ≥ 0 (|e| as a variable, for the kinks of the relative objective)."""
+    priority = ca.DM(graph.priority)
+    if objective is Objective.RELATIVE:
+        scale = ca.DM(np.maximum(graph.lower, FLOOR))
+        chosen = slack.tolist()
+        error = d[chosen] - ca.DM(graph.lower[slack])
+        return ca.dot(priority[chosen] / scale[chosen], free), ca.vertcat(free - error, free + error)
+    target = ca.MX(ca.DM(np.where(np.isinf(graph.upper), graph.lower, graph.upper)))
+    if len(slack):
+        target[slack.tolist()] = free
+    chosen = soft.tolist()
+    error, weight = (d - target)[chosen], priority[chosen]
+    if objective is Objective.HALF_SQUARED:
+        weight = weight / 2
+    if objective is Objective.RELATIVE_SQUARED:
+        weight = weight / ca.fmax(target[chosen], FLOOR) ** 2
+    return ca.dot(weight, error * error), ca.MX(0, 1)
+
+
+def _measure(graph: Graph, x: Floats, steps: Floats | None) -> Floats:
+    inc = incidence(graph)
+    ids, coefficients = inc.members(graph, steps)
+    r = (coefficients[:, :, None] * rows(x)[ids, :, 0]).sum(axis=1)
+    return np.linalg.norm(r, axis=1)
+
+
+def _steps(graph: Graph, x: Floats) -> Floats | None:
+    k = incidence(graph).differences(rows(x))[1]
+    return k if k is None else k[:, :1]
+
+
+def _settings(options: Ipopt) -> dict[str, Any]:
+    settings = {
+        "print_time": False,
+        "expand": True,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": options.tolerance,
+        "ipopt.constr_viol_tol": options.tolerance,
+        "ipopt.max_iter": options.max_iterations,
+        "ipopt.bound_relax_factor": 0.0,
+    }
+    if options.warm:
+        settings |= {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+    return settings
+
+
+_STATUSES = {
+    "Solve_Succeeded": Status.STATIONARY,
+    "Solved_To_Acceptable_Level": Status.STATIONARY,
+    "Maximum_Iterations_Exceeded": Status.LIMIT,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Restoration_Failed": Status.INFEASIBLE,
+    "Search_Direction_Becomes_Too_Small": Status.STUCK,
+}
+
+
+def _status(name: str) -> Status:
+    return _STATUSES.get(name, Status.FAILED)

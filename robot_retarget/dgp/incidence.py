@@ -1,0 +1,87 @@
+"""From coordinates to the difference vector of every edge, and back: the linear part of every stress."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.interaction import Interaction, steps_ahead
+
+_DENSE = 20_000
+"""Up to this many entries a dense product beats the overhead of a sparse one."""
+
+
+@dataclass(frozen=True)
+class Incidence:
+    """r = A x + k ∘ (S x): A takes one end of each edge from the other, S the last step of an interaction edge.
+
+    k is 0 on Euclidean edges and the steps ahead of `interaction.steps_ahead` on the others, where it follows x.
+    """
+
+    ends: Any
+    """A, (E, N) dense or sparse."""
+    ends_t: Any
+    steps: Any
+    """S, (E, N) sparse, or None where every edge is Euclidean."""
+    steps_t: Any
+    interaction: Interaction
+
+    def differences(self, x: Floats) -> tuple[Floats, Floats | None]:
+        """r (E, K, B) of x (N, K, B) [m], and k (E, B)."""
+        flat = x.reshape(len(x), -1)
+        r = (self.ends @ flat).reshape(-1, *x.shape[1:])
+        if self.steps is None:
+            return r, None
+        w = (self.steps @ flat).reshape(r.shape)
+        k = steps_ahead((r * w).sum(1), (w * w).sum(1), self.interaction)
+        return r + k[:, None] * w, k
+
+    def gather(self, forces: Floats, k: Floats | None) -> Floats:
+        """Aᵀ f + Sᵀ (k ∘ f), (N, K, B): what the edges' pulls f (E, K, B) add up to at each vertex."""
+        flat = forces.reshape(len(forces), -1)
+        total = self.ends_t @ flat
+        if k is not None:
+            total = total + self.steps_t @ (k[:, None] * forces).reshape(flat.shape)
+        return total.reshape(-1, *forces.shape[1:])
+
+    def members(self, graph: Graph, k: Floats | None) -> tuple[Any, Floats]:
+        """The vertices (E, m) each difference is made of and their coefficients (E, m), m = 2 or 4."""
+        ids, ones = np.stack([graph.j, graph.i], axis=1), np.tile([1.0, -1.0], (len(graph), 1))
+        if k is None:
+            return ids, ones
+        earlier = np.where((graph.kind == Kind.INTERACTION)[:, None], ids - len(graph.vertices), ids)
+        return np.concatenate([ids, earlier], axis=1), np.concatenate([ones * (1.0 + k), -ones * k], axis=1)
+
+
+def incidence(graph: Graph) -> Incidence:
+    """The operator of a graph's edges."""
+    edges, count = np.arange(len(graph)), graph.frames * len(graph.vertices)
+    ends = _signed(edges, graph.j, graph.i, (len(graph), count))
+    moving = np.flatnonzero(graph.kind == Kind.INTERACTION)
+    steps = None
+    if moving.size:
+        shape, back = (len(graph), count), len(graph.vertices)
+        now = _signed(moving, graph.j[moving], graph.i[moving], shape)
+        steps = now - _signed(moving, graph.j[moving] - back, graph.i[moving] - back, shape)
+    if ends.shape[0] * ends.shape[1] <= _DENSE:
+        ends = ends.toarray()
+    return Incidence(
+        ends=ends,
+        ends_t=_turned(ends),
+        steps=steps,
+        steps_t=None if steps is None else steps.T.tocsr(),
+        interaction=graph.interaction,
+    )
+
+
+def _signed(rows: Any, plus: Any, minus: Any, shape: tuple[int, int]) -> Any:
+    from scipy import sparse  # imported here so that importing the package stays fast
+
+    values = np.concatenate([np.ones(len(rows)), -np.ones(len(rows))])
+    return sparse.csr_array((values, (np.concatenate([rows, rows]), np.concatenate([plus, minus]))), shape=shape)
+
+
+def _turned(matrix: Any) -> Any:
+    return np.ascontiguousarray(matrix.T) if isinstance(matrix, np.ndarray) else matrix.T.tocsr()

@@ -1,0 +1,141 @@
+"""One interface over the solvers: a graph and a start go in, a `Solution` comes out."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.dgp.columns import Explicit, Reduced, blocks, box_of, by_frame
+from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.incidence import Incidence, incidence
+from robot_retarget.dgp.newton import Newton, descend
+from robot_retarget.dgp.solution import Solution
+from robot_retarget.dgp.spectral import Minimum, Spectral, minimise
+from robot_retarget.dgp.stress import Bounds, Objective, bounds_of, lengths
+from robot_retarget.errors import GraphError, UsageError
+
+_BATCH = 128
+"""Frames solved side by side: their edges stay in the processor's cache."""
+
+
+def solve(
+    graph: Graph,
+    start: ArrayLike,
+    options: Spectral | Newton | None = None,
+    objective: Objective = Objective.SQUARED,
+) -> Solution:
+    """Find x: V × T → ℝ^K with a (locally) least stress, all frames at once.
+
+    Args:
+        graph: the instance; every edge is soft, the boxes and fixed vertices are hard.
+        start: (T, V, K), or (V, K) for one frame [m]. A solution of a neighbouring problem is a warm start.
+        options: `Spectral` (the papers' method, the default) or `Newton` (second order, exact to rounding); hard
+            edges are the matter of `solve_hard`.
+        objective: one of the smooth ones.
+
+    Raises:
+        GraphError: the start does not fit the graph.
+        UsageError: the objective is not smooth.
+    """
+    x, options = _ready(graph, start, objective), options or Spectral()
+    began = time.perf_counter()
+    if isinstance(options, Newton):
+        return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
+    box = tuple(side.reshape(-1, 1) for side in box_of(graph, x))
+    found = _spectral(incidence(graph), bounds_of(graph), objective, x.reshape(-1, 1), box, graph.dimension, options)
+    return _solution(graph, [found], objective, began, "spectral")
+
+
+def solve_frames(
+    graph: Graph, start: ArrayLike, options: Spectral | None = None, objective: Objective = Objective.SQUARED
+) -> Solution:
+    """The same for a graph whose edges stay within a frame: T independent problems, solved side by side.
+
+    Raises:
+        GraphError: an edge joins two frames, or is measured across two.
+    """
+    x, options = _ready(graph, start, objective), options or Spectral()
+    if (graph.kind == Kind.INTERACTION).any():
+        raise GraphError("interaction edges look at two frames; they cannot be solved frame by frame")
+    began = time.perf_counter()
+    pattern, bounds = by_frame(graph)
+    inc = incidence(pattern)
+    lower, upper = (side.reshape(graph.frames, -1).T for side in box_of(graph, x))
+    z, found = x.reshape(graph.frames, -1).T, []
+    for block in blocks(graph.frames, _BATCH):
+        part = Bounds(bounds.lower[:, block], bounds.upper[:, block], bounds.priority[:, block])
+        box = lower[:, block], upper[:, block]
+        found.append(_spectral(inc, part, objective, z[:, block], box, graph.dimension, options))
+    return _solution(graph, found, objective, began, "spectral")
+
+
+def multistart(
+    graph: Graph,
+    starts: Sequence[ArrayLike],
+    options: Spectral | None = None,
+    objective: Objective = Objective.SQUARED,
+) -> Solution:
+    """The solution of least stress over several starts, searched side by side.
+
+    Raises:
+        UsageError: there is no start.
+    """
+    if not len(starts):
+        raise UsageError("multistart needs at least one start")
+    xs, options = [_ready(graph, start, objective) for start in starts], options or Spectral()
+    began = time.perf_counter()
+    boxes = [box_of(graph, x) for x in xs]
+    box = tuple(np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2))
+    z = np.stack([x.ravel() for x in xs], axis=1)
+    found = _spectral(incidence(graph), bounds_of(graph), objective, z, box, graph.dimension, options)
+    best = int(np.argmin(found.values))
+    chosen = Minimum(
+        found.z[:, [best]], found.values[[best]], (found.statuses[best],), (found.iterations[best],), found.history
+    )
+    return _solution(graph, [chosen], objective, began, "spectral")
+
+
+def _ready(graph: Graph, start: ArrayLike, objective: Objective) -> Floats:
+    if objective is Objective.RELATIVE:
+        raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED here, or solve_hard, which takes it")
+    return graph.checked(start)
+
+
+def _spectral(
+    inc: Incidence,
+    bounds: Bounds,
+    objective: Objective,
+    z: Floats,
+    box: tuple[Floats, ...],
+    dimension: int,
+    options: Spectral,
+) -> Minimum:
+    """Minimise over X, or over (X, y) with y started at the point of its interval nearest to d."""
+    lower, upper = box
+    if not options.explicit:
+        return minimise(Reduced(inc, bounds, objective, dimension), z, lower, upper, options)
+    d = lengths(inc.differences(z.reshape(-1, dimension, z.shape[1]))[0])
+    tall, shape = np.concatenate([z, bounds.nearest(d)]), d.shape
+    floor = np.concatenate([lower, np.broadcast_to(bounds.lower, shape)])
+    ceiling = np.concatenate([upper, np.broadcast_to(bounds.upper, shape)])
+    return minimise(Explicit(inc, bounds, objective, dimension), tall, floor, ceiling, options)
+
+
+def _solution(graph: Graph, found: list[Minimum], objective: Objective, began: float, method: str) -> Solution:
+    shape = (graph.frames, len(graph.vertices), graph.dimension)
+    coordinates = shape[0] * shape[1] * shape[2] // sum(part.z.shape[1] for part in found)
+    positions = np.concatenate([part.z[:coordinates].T for part in found]).reshape(shape)
+    longest = max(len(part.history) for part in found)
+    padded = np.array([part.history + part.history[-1:] * (longest - len(part.history)) for part in found])
+    return Solution(
+        graph=graph,
+        positions=frozen(positions),
+        objective=objective,
+        statuses=tuple(status for part in found for status in part.statuses),
+        iterations=tuple(count for part in found for count in part.iterations),
+        history=tuple(float(value) for value in padded.sum(axis=0)),
+        seconds=time.perf_counter() - began,
+        method=method,
+    )
