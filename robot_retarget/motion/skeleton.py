@@ -59,7 +59,9 @@ class Motion:
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))
         if self.positions.ndim != 3 or self.positions.shape[1:] != (len(self.skeleton), 3) or not len(self.positions):
-            raise MotionError(f"positions must be (T, {len(self.skeleton)}, 3), got {self.positions.shape}", self.source)
+            raise MotionError(
+                f"positions must be (T, {len(self.skeleton)}, 3), got {self.positions.shape}", self.source
+            )
         if self.rotations is not None:
             object.__setattr__(self, "rotations", frozen(self.rotations))
             if self.rotations.shape != (*self.positions.shape[:2], 4):
@@ -90,3 +92,13 @@ class Motion:
             raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
         rotations = None if self.rotations is None else self.rotations[start:stop]
         return replace(self, positions=self.positions[start:stop], rotations=rotations)
+
+    def resample(self, fps: float) -> "Motion":
+        """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.
+
+        Raises:
+            UsageError: `fps` is out of range.
+        """
+        from robot_retarget.motion.resample import resample
+
+        return resample(self, fps)

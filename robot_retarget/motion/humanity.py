@@ -1,0 +1,45 @@
+"""Whether a body with two legs and two arms is a human one."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError
+from robot_retarget.motion.limbs import Body, Pair
+
+ARM_TO_LEG = (0.35, 1.3)
+TRUNK_TO_LEG = (0.25, 1.4)
+FOUR_LEGGED_ARM = 0.85
+"""Arms of at least this share of the legs can be forelegs; a human on hands and knees has 0.5 … 0.75."""
+
+
+def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
+    """Check proportions and posture.
+
+    Raises:
+        MatchError: with the reason.
+    """
+    hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
+    trunk = float(np.median(np.linalg.norm(shoulders - hips, axis=1)))
+    for what, value, (low, high) in (
+        ("arms", arms.length / legs.length, ARM_TO_LEG),
+        ("the trunk", trunk / legs.length, TRUNK_TO_LEG),
+    ):
+        if not low <= value <= high:
+            raise MatchError(f"not a human body: {what} measure {value:.2f} of the legs, a human's {low} to {high}")
+    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any("tail" in sense.parts for sense in body.senses)
+    if forelegs and four_legged(body, legs, arms) > 0.8:
+        raise MatchError(
+            "not a human body: hands bear weight like feet, hips and shoulders at the same height (a quadruped)"
+        )
+
+
+def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
+    """Share of the frames in which arms and legs are parallel and the trunk lies across them."""
+    hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
+    leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
+    return float(np.mean((_cosine(leg, arm) > 0.6) & (np.abs(_cosine(leg, shoulders - hips)) < 0.5)))
+
+
+def _cosine(u: Floats, v: Floats) -> Floats:
+    size = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
+    return np.einsum("fi,fi->f", u, v) / np.maximum(size, 1e-12)

@@ -1,0 +1,223 @@
+"""Limbs of an unknown skeleton: pairs of chains whose joints can be hip–knee–ankle or shoulder–elbow–wrist.
+
+Two long rigid bones one after the other, about as long as each other, the same on both sides: that is an arm or a leg
+in any unit, any axes and any language. Every choice of three joints on a chain gets a score (a log-likelihood up to a
+constant); names add to it.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion.lexicon import Sense, sense
+from robot_retarget.motion.skeleton import Skeleton
+
+FRAMES = 120
+"""Frames looked at, spread over the clip."""
+
+LIMBS = {"arm": ("shoulder", "elbow", "hand"), "leg": ("hip", "knee", "ankle")}
+_RATIO = {"arm": 1.08, "leg": 1.0}
+"""Upper over lower bone of an adult, from Winter's segment lengths (0.186/0.146 to the wrist is rounded down for rigs)."""
+_ARM_TO_LEG = 0.62
+"""Shoulder to wrist over hip to ankle."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A skeleton in its poses, with what recognition asks again and again."""
+
+    skeleton: Skeleton
+    positions: Floats
+    """(F, J, 3) of some frames, in any unit and axes."""
+    children: tuple[tuple[int, ...], ...]
+    bones: Floats
+    """(J,) median distance from the parent, 0 at a root."""
+    reach: Floats
+    """(J,) longest path of bones below a joint."""
+    senses: tuple[Sense, ...]
+
+    @classmethod
+    def of(cls, skeleton: Skeleton, positions: Floats) -> "Body":
+        picked = np.unique(np.linspace(0, len(positions) - 1, FRAMES).round().astype(int))
+        poses = np.asarray(positions, dtype=float)[picked]
+        parents = skeleton.parents
+        bones = np.median(np.linalg.norm(poses - poses[:, np.maximum(parents, 0)], axis=2), axis=0)
+        bones[parents < 0] = 0
+        children: list[list[int]] = [[] for _ in parents]
+        reach = np.zeros(len(parents))
+        for joint in range(len(parents) - 1, -1, -1):
+            if (parent := parents[joint]) >= 0:
+                children[parent].insert(0, joint)
+                reach[parent] = max(reach[parent], bones[joint] + reach[joint])
+        return cls(skeleton, poses, tuple(map(tuple, children)), bones, reach, tuple(map(sense, skeleton.names)))
+
+    def branch(self, joint: int) -> float:
+        """Longest path of bones from a joint's parent down through it."""
+        return float(self.bones[joint] + self.reach[joint])
+
+    def chain(self, joint: int) -> tuple[int, ...]:
+        """From a joint down to its farthest descendant."""
+        chain = [joint]
+        while below := self.children[chain[-1]]:
+            chain.append(max(below, key=self.branch))
+        return tuple(chain)
+
+    def above(self, joint: int) -> tuple[int, ...]:
+        """A joint and its ancestors, up to the root."""
+        path = [joint]
+        while (parent := int(self.skeleton.parents[path[-1]])) >= 0:
+            path.append(parent)
+        return tuple(path)
+
+    def toe(self, limb: "Limb") -> int | None:
+        """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end."""
+        below = [
+            joint
+            for joint in limb.chain[limb.chain.index(limb.joints[2]) + 1 :]
+            if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
+        ]
+        named = [joint for joint in below if "helper" not in self.senses[joint].parts]
+        return (named or below or [None])[0]
+
+    def at(self, pair: "Pair", which: int) -> Floats:
+        """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs."""
+        return self.positions[:, [limb.joints[which] for limb in pair.sides]]
+
+    def distance(self, a: int, b: int) -> float:
+        """Median distance of two joints."""
+        return float(np.median(np.linalg.norm(self.positions[:, a] - self.positions[:, b], axis=1)))
+
+
+@dataclass(frozen=True)
+class Limb:
+    """Three joints of a chain, what comes below them, and how well they fit."""
+
+    joints: tuple[int, int, int]
+    chain: tuple[int, ...]
+    upper: float
+    lower: float
+    score: float
+
+    @property
+    def length(self) -> float:
+        return self.upper + self.lower
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two limbs that hang from one joint."""
+
+    hub: int
+    sides: tuple[Limb, Limb]
+    score: float
+
+    @property
+    def length(self) -> float:
+        return (self.sides[0].length + self.sides[1].length) / 2
+
+    @property
+    def chains(self) -> set[int]:
+        return set(self.sides[0].chain) | set(self.sides[1].chain)
+
+    def below(self, body: Body) -> set[int]:
+        """Every joint of the two branches, fingers and props too."""
+        starts = {limb.chain[0] for limb in self.sides}
+        return {joint for joint in range(len(body.children)) if starts & set(body.above(joint))}
+
+
+def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
+    """The best legs and arms; None for what is not there."""
+    legs, arms = _pairs(body, "leg"), _pairs(body, "arm")
+    options: list[tuple[float, Pair | None, Pair | None]] = [(leg.score, leg, None) for leg in legs]
+    for leg in legs:
+        for arm in arms:
+            if not leg.chains & arm.chains and arm.hub not in leg.chains and leg.hub not in arm.chains:
+                options.append((leg.score + arm.score + 4 + _relation(body, leg, arm), leg, arm))
+    _, leg, arm = max(options, key=lambda option: option[0], default=(0.0, None, None))
+    return leg, arm
+
+
+def _relation(body: Body, leg: Pair, arm: Pair) -> float:
+    """Legs are longer than arms, and the head is at the arms' end of the trunk."""
+    size = -0.5 * (np.log(arm.length / leg.length / _ARM_TO_LEG) / 0.25) ** 2
+    return max(size, -12.0) + 2.0 * (_stump(body, arm, leg) - _stump(body, leg, arm))
+
+
+def _stump(body: Body, pair: Pair, other: Pair) -> bool:
+    """A third branch at the pair's hub, shorter than its limbs and not on the way to the other pair: a head."""
+    way = set(body.above(other.hub))
+    return any(
+        child not in pair.chains and child not in way and 0.1 * pair.length < body.branch(child)
+        for child in body.children[pair.hub]
+    )
+
+
+def _pairs(body: Body, kind: str) -> list[Pair]:
+    """Candidates for the legs or the arms, the best ones first."""
+    pairs = []
+    long = 0.35 * _second_longest(body)
+    for hub, children in enumerate(body.children):
+        branches = [child for child in children if body.branch(child) > long]
+        for left, right in combinations(branches, 2):
+            chains = body.chain(left), body.chain(right)
+            one, two = _fit(body, chains[0], chains[1], kind), _fit(body, chains[1], chains[0], kind)
+            if one is not None and two is not None:
+                uneven = abs(np.log(one.upper / two.upper)) + abs(np.log(one.lower / two.lower))
+                score = one.score + two.score - 6 * uneven + 0.5 * _opposite(body, one, two)
+                pairs.append(Pair(hub, (one, two), float(score)))
+    return sorted(pairs, key=lambda pair: -pair.score)[:6]
+
+
+def _second_longest(body: Body) -> float:
+    """The longest branch that has a longer one beside it: an arm or a leg, whatever wraps the skeleton's root."""
+    beside = [sorted(map(body.branch, children))[-2] for children in body.children if len(children) > 1]
+    return max(beside, default=0.0)
+
+
+def _opposite(body: Body, one: Limb, two: Limb) -> int:
+    """How many of the three joints are named after opposite sides, less those named after the same one."""
+    sides = [(body.senses[a].side, body.senses[b].side) for a, b in zip(one.joints, two.joints, strict=True)]
+    return sum((a != b) - (a == b) for a, b in sides if a and b)
+
+
+def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) -> Limb | None:
+    """The three joints of a chain that make the best limb."""
+    points = body.positions[:, list(chain)]
+    apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
+    mean, spread = apart.mean(axis=0), apart.std(axis=0)
+    below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
+    between = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3).mean(axis=0).min(axis=1)
+    best: Limb | None = None
+    for a, b, c in combinations(range(len(chain)), 3):
+        upper, lower = mean[a, b], mean[b, c]
+        if min(upper, lower) < 0.15 * below[0]:
+            continue
+        score = (
+            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0)
+            + 1.5 * np.log((upper + lower) / below[0])
+            - 4 * (_bulge(mean, a, b) + _bulge(mean, b, c))
+            - min(4.0, 20 * (spread[a, b] / upper + spread[b, c] / lower))
+            - min(3.0, 2 * max(0.0, below[c] / lower - 0.95))
+            - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
+            - 4 * (between[a] < 0.05 * upper)
+            - 0.01 * (a + b + c)
+            + sum(
+                body.senses[chain[k]].agreement(part) - body.senses[chain[k]].tip
+                for k, part in zip((a, b, c), LIMBS[kind], strict=True)
+            )
+        )
+        if best is None or score > best.score:
+            best = Limb((chain[a], chain[b], chain[c]), chain, float(upper), float(lower), float(score))
+    return best
+
+
+def _bulge(mean: Floats, a: int, b: int) -> float:
+    """How far the joints between two others stand off their line, over its length (Heron's formula)."""
+    base, worst = mean[a, b], 0.0
+    for k in range(a + 1, b):
+        s = (base + mean[a, k] + mean[k, b]) / 2
+        area = np.sqrt(max(0.0, s * (s - base) * (s - mean[a, k]) * (s - mean[k, b])))
+        worst = max(worst, 2 * area / base**2)
+    return worst

@@ -1,0 +1,149 @@
+"""Which joint of a human skeleton is which keypoint: from names, tree and geometry together.
+
+Legs and arms are found first (`limbs`), then the trunk between them (`trunk`), then which side is left (`sides`). It
+works in any unit and any axes, on the names of any exporter, and with less certainty on names that mean nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError, known
+from robot_retarget.keypoints import KEYPOINTS, SIDES
+from robot_retarget.motion.humanity import refuse_other_than_human
+from robot_retarget.motion.limbs import LIMBS, Body, Limb, Pair, find_limbs
+from robot_retarget.motion.sides import SURE, leftness, named_leftness, same_side_first
+from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.motion.trunk import find_trunk
+
+_WORD = {"chest": "spine"}
+"""What the lexicon calls a keypoint, where not by its own name."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The joints whose mean is a keypoint, how sure that is (0 … 1), and why."""
+
+    joints: tuple[int, ...]
+    confidence: float
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """Where the keypoints of a body are in its skeleton."""
+
+    marks: Mapping[str, Mark]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def keypoints(self) -> tuple[str, ...]:
+        """The keypoints that were found, in the order of `keypoints.KEYPOINTS`."""
+        return tuple(keypoint for keypoint in KEYPOINTS if keypoint in self.marks)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The keypoints this body does not have."""
+        return tuple(keypoint for keypoint in KEYPOINTS if keypoint not in self.marks)
+
+    @property
+    def confidence(self) -> float:
+        """That of the least certain keypoint."""
+        return min(mark.confidence for mark in self.marks.values())
+
+    def place(self, positions: Floats) -> Floats:
+        """The keypoints (T, K, 3) of joint positions (T, J, 3), in the order of `keypoints`."""
+        return np.stack([positions[:, list(self.marks[k].joints)].mean(axis=1) for k in self.keypoints], axis=1)
+
+
+def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
+    """Find the keypoints of a human skeleton.
+
+    Args:
+        skeleton: names and tree; its offsets are not looked at.
+        positions: (T, J, 3) of the joints over the motion, in any unit and any axes.
+
+    Raises:
+        MatchError: the body is not human, or two legs and two arms cannot be found; says why.
+    """
+    body = Body.of(skeleton, positions)
+    legs, arms = find_limbs(body)
+    if legs is None or arms is None:
+        what = "legs" if legs is None else "arms"
+        raise MatchError(f"not a human body: no two {what} found among its {len(skeleton)} joints")
+    refuse_other_than_human(body, legs, arms)
+    legs, arms, certainty, notes = _sided(body, legs, arms)
+    marks = {"pelvis": _pelvis(body, legs)}
+    for keypoint, (joint, why) in find_trunk(body, legs, arms).items():
+        marks[keypoint] = _mark(body, keypoint, joint, why, 1.0)
+    for side, leg, arm in zip(SIDES, legs.sides, arms.sides, strict=True):
+        marks |= _limb_marks(body, side, leg, "leg", certainty) | _limb_marks(body, side, arm, "arm", certainty)
+        marks |= _toe_mark(body, side, leg, certainty)
+    return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, notes)
+
+
+def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, str | list[str]]) -> Recognition:
+    """Replace keypoints by the joints a user names: `l_hand = "LeftHand"`, or several whose mean is taken.
+
+    Raises:
+        MatchError: a keypoint or a joint that is not known.
+    """
+    marks = dict(recognition.marks)
+    for keypoint, names in table.items():
+        if keypoint not in KEYPOINTS:
+            raise MatchError(f"unknown keypoint {keypoint!r}; {known(KEYPOINTS)}")
+        wanted = [names] if isinstance(names, str) else list(names)
+        strange = next((name for name in wanted if name not in skeleton.names), None if wanted else "")
+        if strange is not None:
+            raise MatchError(f"{keypoint}: unknown joint {strange!r}; {known(skeleton.names)}")
+        marks[keypoint] = Mark(tuple(map(skeleton.names.index, wanted)), 1.0, "set by hand")
+    return replace(recognition, marks={k: marks[k] for k in KEYPOINTS if k in marks})
+
+
+def _sided(body: Body, legs: Pair, arms: Pair) -> tuple[Pair, Pair, float, tuple[str, ...]]:
+    """Legs and arms with the left one first, how sure that is, and what the names got wrong."""
+    seen, said = leftness(body, legs, arms), named_leftness(body, legs)
+    decided = seen if abs(seen) > SURE or not said else said
+    certainty = 1.0 if seen * said > 0 else max(abs(seen), 0.6)
+    notes = ()
+    if said * decided < 0:
+        notes = ("Names of left and right are swapped: feet and knees point the other way. Geometry was followed.",)
+    arms = arms if same_side_first(body, legs, arms) else _turned(arms)
+    return (legs, arms, certainty, notes) if decided >= 0 else (_turned(legs), _turned(arms), certainty, notes)
+
+
+def _turned(pair: Pair) -> Pair:
+    return replace(pair, sides=(pair.sides[1], pair.sides[0]))
+
+
+def _pelvis(body: Body, legs: Pair) -> Mark:
+    hips = tuple(limb.joints[0] for limb in legs.sides)
+    marks = [_mark(body, "hip", joint, "", 1.0) for joint in hips]
+    return Mark(hips, min(mark.confidence for mark in marks), "the middle of the hips")
+
+
+def _limb_marks(body: Body, side: str, limb: Limb, kind: str, certainty: float) -> dict[str, Mark]:
+    part, ratio = LIMBS[kind], limb.upper / limb.lower
+    why = f"one of two {kind}s of {len(limb.chain)} joints, upper bone {ratio:.2f} of the lower"
+    return {f"{side}_{p}": _mark(body, p, j, why, certainty) for p, j in zip(part, limb.joints, strict=True)}
+
+
+def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, Mark]:
+    joint = body.toe(leg)
+    if joint is None:
+        return {}
+    end = not body.children[joint]
+    mark = _mark(
+        body, "toe", joint, "the foot's end, no toe joint" if end else "the first joint below the ankle", certainty
+    )
+    return {f"{side}_toe": replace(mark, confidence=mark.confidence * (0.7 if end else 1.0))}
+
+
+def _mark(body: Body, part: str, joint: int, why: str, certainty: float) -> Mark:
+    """A joint found by tree and geometry, and what its name adds."""
+    agreement = body.senses[joint].agreement(_WORD.get(part, part))
+    says = "the name agrees" if agreement > 0 else "the name says otherwise" if agreement < 0 else "the name is silent"
+    confidence = certainty * (0.65 + 0.35 * agreement if agreement > 0 else 0.65 + 0.3 * agreement)
+    return Mark((joint,), round(confidence, 3), f"{body.skeleton.names[joint]!r}: {why}; {says}")

@@ -1,0 +1,54 @@
+"""A motion at another frame rate."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import UsageError
+from robot_retarget.motion.kinematics import backward, forward
+from robot_retarget.motion.skeleton import Motion
+
+RATES = (1.0, 1000.0)
+"""Frames per second that make sense [1/s]."""
+
+
+def resample(motion: Motion, fps: float) -> Motion:
+    """The motion at `fps`, its duration kept to half a frame.
+
+    With rotations, each joint's pose in its parent is interpolated (slerp, lerp) and put together again, so that bones
+    keep their lengths; without, positions are interpolated linearly.
+
+    Raises:
+        UsageError: `fps` is not a number from 1 to 1000.
+    """
+    if not RATES[0] <= fps <= RATES[1]:
+        raise UsageError(f"frames per second must be from {RATES[0]:g} to {RATES[1]:g}, got {fps}")
+    if fps == motion.fps or len(motion) == 1:
+        return replace(motion, fps=fps)
+    count = max(1, round(motion.duration * fps)) + 1
+    at = np.clip(np.arange(count) * motion.fps / fps, 0, len(motion) - 1)
+    before = np.minimum(at.astype(int), len(motion) - 2)
+    share = (at - before)[:, None]
+    if motion.rotations is None:
+        return replace(motion, positions=_lerp(motion.positions, before, share), fps=fps)
+    parents = motion.skeleton.parents
+    translations, turns = backward(parents, motion.positions, motion.rotations)
+    positions, rotations = forward(parents, _lerp(translations, before, share), _slerp(turns, before, share))
+    return replace(motion, positions=positions, rotations=rotations, fps=fps)
+
+
+def _lerp(values: Floats, before: np.ndarray, share: Floats) -> Floats:
+    return values[before] + share[..., None] * (values[before + 1] - values[before])
+
+
+def _slerp(values: Floats, before: np.ndarray, share: Floats) -> Floats:
+    """q (q⁻¹ r)^u of (T, J, 4) unit quaternions, every joint by its own shortest way."""
+    shape = (len(before), *values.shape[1:])
+    start, end = (
+        Rotation.from_quat(values[frames].reshape(-1, 4), scalar_first=True) for frames in (before, before + 1)
+    )
+    part = np.broadcast_to(share, shape[:2]).reshape(-1, 1)
+    turned = start * Rotation.from_rotvec(part * (start.inv() * end).as_rotvec())
+    return turned.as_quat(scalar_first=True).reshape(shape)

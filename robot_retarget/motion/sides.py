@@ -1,0 +1,57 @@
+"""Which side is left: from how a body is built and moves, before what its joints are called.
+
+Left = up × forward. Up runs from the hips to the shoulders; forward is where the feet point and the knees bend to, and
+away from where the elbows bend to.
+"""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion.limbs import Body, Limb, Pair
+
+SURE = 0.3
+"""Certainty from which geometry overrules names."""
+
+
+def leftness(body: Body, legs: Pair, arms: Pair) -> float:
+    """Whether the first of two legs is the left one: 1 surely, −1 surely not, 0 unknown."""
+    hips, shoulders = body.at(legs, 0), body.at(arms, 0)
+    up = _unit(shoulders.mean(axis=1) - hips.mean(axis=1))
+    line = _unit(hips[:, 0] - hips[:, 1])
+    feet = [
+        body.positions[:, toe] - body.positions[:, limb.joints[2]] for limb in legs.sides if (toe := body.toe(limb))
+    ]
+    votes = (
+        _vote(line, up, feet, legs.length),
+        _vote(line, up, [_bend(body, limb) for limb in legs.sides], legs.length),
+        -0.25 * _vote(line, up, [_bend(body, limb) for limb in arms.sides], arms.length),
+    )
+    return float(np.tanh(8 * sum(votes)))
+
+
+def named_leftness(body: Body, pair: Pair) -> int:
+    """What the names say of the first limb of a pair: 1 left, −1 right, 0 nothing."""
+    value = {"l": 1, "r": -1, "": 0}
+    first, second = (sum(value[body.senses[joint].side] for joint in limb.joints) for limb in pair.sides)
+    return int(np.sign(first - second))
+
+
+def same_side_first(body: Body, legs: Pair, arms: Pair) -> bool:
+    """Whether the first arm is on the side of the first leg."""
+    lines = [joints[:, 0] - joints[:, 1] for joints in (body.at(legs, 0), body.at(arms, 0))]
+    return float(np.einsum("fi,fi->f", *lines).mean()) >= 0
+
+
+def _bend(body: Body, limb: Limb) -> Floats:
+    """(F, 3) from the middle of a limb's ends to its middle joint."""
+    first, middle, last = (body.positions[:, joint] for joint in limb.joints)
+    return middle - (first + last) / 2
+
+
+def _vote(line: Floats, up: Floats, forward: list[Floats], scale: float) -> float:
+    """Mean of line · (up × forward), forward in units of the limb."""
+    return sum(float(np.einsum("fi,fi->f", line, np.cross(up, vector)).mean()) for vector in forward) / scale
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

@@ -1,0 +1,37 @@
+"""How tall a recognised body is, in whatever unit its positions have."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.keypoints import SIDES
+from robot_retarget.motion.recognise import Recognition
+
+LEG = 0.83
+"""Hip to ankle of an adult of 1.70 m [m]."""
+_HIP_TO_ANKLE = 0.491
+_ANKLE_TO_HEAD = 0.86
+"""Shares of the stature: thigh and shank [Winter2009], and ankle to head joint with the back's bones laid end to end."""
+
+
+def leg_length(recognition: Recognition, positions: Floats) -> float:
+    """Hip to knee to ankle, the mean of both legs."""
+    bones = [
+        _length(recognition, positions, *(f"{side}_{part}" for part in ("hip", "knee", "ankle"))) for side in SIDES
+    ]
+    return sum(bones) / len(bones)
+
+
+def stature(recognition: Recognition, positions: Floats) -> float:
+    """Legs and spine end to end over their share of the stature; from the legs alone where there is no head."""
+    leg = leg_length(recognition, positions)
+    if "head" not in recognition.marks:
+        return leg / _HIP_TO_ANKLE
+    spine = [keypoint for keypoint in ("pelvis", "chest", "neck", "head") if keypoint in recognition.marks]
+    return (leg + _length(recognition, positions, *spine)) / _ANKLE_TO_HEAD
+
+
+def _length(recognition: Recognition, positions: Floats, *path: str) -> float:
+    """Median length of a path over keypoints."""
+    points = [positions[:, list(recognition.marks[keypoint].joints)].mean(axis=1) for keypoint in path]
+    steps = [np.linalg.norm(b - a, axis=1) for a, b in zip(points, points[1:], strict=False)]
+    return float(sum(np.median(step) for step in steps))
