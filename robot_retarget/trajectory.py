@@ -87,7 +87,9 @@ def load_trajectory(path: str | Path) -> Trajectory:
     except (ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
         raise TrajectoryError(f"{path}: not a trajectory file (.npz without pickles)") from error
     if int(values["format_version"]) > FORMAT_VERSION:
-        raise TrajectoryError(f"{path}: format {int(values['format_version'])}, this version reads up to {FORMAT_VERSION}")
+        raise TrajectoryError(
+            f"{path}: format {int(values['format_version'])}, this version reads up to {FORMAT_VERSION}"
+        )
     try:
         return Trajectory(
             values["qpos"],

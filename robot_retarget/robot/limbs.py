@@ -106,8 +106,8 @@ class Centre:
 
     point: Floats
     link: int
-    why: str
-    sure: float
+    evidence: str
+    confidence: float
 
 
 def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre]:
@@ -117,15 +117,15 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
         return {}
     hip_axis, knee_axis = flexions[:2]
     named = [a for a in chain.axes if said(links, a, KNEE_WORDS)]
-    why, sure = "second flexion axis of the leg", 0.85
+    evidence, confidence = "second flexion axis of the leg", 0.85
     if named:
-        why, sure = (f"{why}, and by name", 0.99) if knee_axis in named else ("by name", 0.7)
+        evidence, confidence = (f"{evidence}, and by name", 0.99) if knee_axis in named else ("by name", 0.7)
         knee_axis = knee_axis if knee_axis in named else named[0]
     later = [a for a in flexions if a.anchor[2] < knee_axis.anchor[2] - 0.05 * chain.reach]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = knee_axis.nearest(ankle.point)
     hip = _hip(links, chain, hip_axis, knee)
-    return {"hip": hip, "knee": Centre(knee, knee_axis.link, why, sure), "ankle": ankle}
+    return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
 
 
 def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre:
@@ -182,22 +182,22 @@ def toe_centre(standing: Links, foot: int, ankle: Floats, forward: Floats) -> Ce
 
 
 def sole_cloud(standing: Links, foot: int) -> Floats:
-    """The points of a foot's surface that stand on the floor. (P, 3)"""
-    surface = standing.surface(foot)
+    """The points of a foot's surface, seen or felt, that stand on the floor. (P, 3)"""
+    surface = standing.surface(foot, seen=True)
     height = float(np.ptp(surface[:, 2]))
     return surface[surface[:, 2] < surface[:, 2].min() + max(0.01, 0.05 * height)]
 
 
 def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
     """Shoulder, elbow and hand of an arm."""
-    elbow_axis, why, sure = _elbow_axis(links, chain)
+    elbow_axis, evidence, confidence = _elbow_axis(links, chain)
     if elbow_axis is None:
         return {}
     index = chain.axes.index(elbow_axis)
     shoulder = _shoulder(links, list(chain.axes[:index]), elbow_axis)
     elbow = elbow_axis.nearest(shoulder.point)
     hand = _hand(links, chain, list(chain.axes[index + 1 :]), elbow)
-    return {"shoulder": shoulder, "elbow": Centre(elbow, elbow_axis.link, why, sure), "hand": hand}
+    return {"shoulder": shoulder, "elbow": Centre(elbow, elbow_axis.link, evidence, confidence), "hand": hand}
 
 
 def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:

@@ -110,10 +110,10 @@ class Links:
         """The link's body origin. (3,)"""
         return self.data.xpos[link].copy()
 
-    def surface(self, link: int) -> Floats:
-        """Points (P, 3) on the geoms of a link, solid ones where there are any; its origin when it has no geom."""
+    def surface(self, link: int, seen: bool = False) -> Floats:
+        """Points (P, 3) on the solid geoms of a link, or on all that are `seen`; its origin when it has no geom."""
         geoms = [int(g) for b in self.bodies(link) for g in np.flatnonzero(self.model.geom_bodyid == b)]
-        clouds = [self.geom_points(g) for g in self.solid(geoms)]
+        clouds = [self.geom_points(g) for g in (geoms if seen else self.solid(geoms))]
         return np.concatenate(clouds) if clouds else self.origin(link)[None]
 
     def solid(self, geoms: list[int]) -> list[int]:

@@ -32,7 +32,8 @@ LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 HEAD_WORDS = {"head", "skull", "face"}
 SOLE_DIRECTIONS = 8
-"""A sole is kept as its extreme points in this many directions."""
+SOLE_TILTS = (0.5, 1.1)
+"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,9 @@ class Spot:
     body: int
     offset: Floats
     """(3,) in the body's frame [m]."""
-    sure: float
+    confidence: float
     """0 … 1."""
-    why: str
+    evidence: str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "offset", frozen(self.offset))
@@ -231,7 +232,7 @@ def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) 
     feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
     for side, foot in feet.items():
         toe = toe_centre(standing, foot, _world(standing, spots[f"{side}_ankle"]), sides.forward)
-        spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.sure, toe.why)
+        spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)
     soles = {side: _sole(standing, foot) for side, foot in feet.items()}
     notes = [*sides.notes, *robot.notes, *_partial(spots)]
     return Anatomy(spots, _frames(links, standing, spots, sides), soles, frozen(sides.forward), tuple(notes))
@@ -241,10 +242,10 @@ def _limbs(links: Links, sides: _Sides, legs: Pair | None, arms: Pair | None) ->
     found: dict[str, Spot] = {}
     for side, chain in (sides.of(legs) if legs else {}).items():
         centres = leg_centres(links, chain, sides.left)
-        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.sure, c.why) for k, c in centres.items()}
+        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
     for side, chain in (sides.of(arms) if arms else {}).items():
         centres = arm_centres(links, chain)
-        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.sure, c.why) for k, c in centres.items()}
+        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
     return found
 
 
@@ -258,8 +259,8 @@ def _world(links: Links, spot: Spot) -> Floats:
     return links.data.xpos[spot.body] + links.data.xmat[spot.body].reshape(3, 3) @ spot.offset
 
 
-def _spot(links: Links, link: int, point: Floats, sure: float, why: str) -> Spot:
-    return Spot(link, links.local(link, point), sure, why)
+def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: str) -> Spot:
+    return Spot(link, links.local(link, point), confidence, evidence)
 
 
 def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
@@ -291,7 +292,11 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
     if named or free:
         link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
-        cloud, why, sure = links.surface(link), "by name" if named else "topmost link", 0.95 if named else 0.7
+        cloud, evidence, confidence = (
+            links.surface(link),
+            "by name" if named else "topmost link",
+            0.95 if named else 0.7,
+        )
         axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
         base = axes[0].anchor if axes else shoulders + 0.3 * ((cloud.min(0) + cloud.max(0)) / 2 - shoulders)
     else:
@@ -301,14 +306,18 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
         above = [p for p in tops if (p.min(0) + p.max(0))[2] / 2 > shoulders[2] + 0.1 * height]
         if not above or not arms:
             return {}
-        cloud, why, sure = max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7
+        cloud, evidence, confidence = (
+            max(above, key=lambda p: p[:, 2].max()),
+            "topmost geom of the trunk, no neck joint",
+            0.7,
+        )
     head = (cloud.min(0) + cloud.max(0)) / 2
     head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
     neck = base if base is not None else shoulders + 0.3 * (head - shoulders)
     where = trunk if base is None else links.parent(link) if links.axes(link) else link
     return {
         "neck": _spot(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
-        "head": _spot(links, link, head, sure, why),
+        "head": _spot(links, link, head, confidence, evidence),
     }
 
 
@@ -318,11 +327,17 @@ def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
 
 
 def _sole(standing: Links, foot: int) -> Points:
-    """The extreme points of a sole in evenly spread horizontal directions, each once."""
-    cloud = sole_cloud(standing, foot)
-    angles = (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
-    reach = cloud[:, :2] @ np.stack([np.cos(angles), np.sin(angles)])
-    corners = cloud[np.unique(reach.argmax(0))]
+    """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
+    cloud = standing.surface(foot, seen=True)
+    cloud = cloud[cloud[:, 2] < cloud[:, 2].min() + max(0.02, 0.3 * float(np.ptp(cloud[:, 2])))]
+    azimuth = (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
+    ways = [[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for t in SOLE_TILTS for a in azimuth]
+    flat = sole_cloud(standing, foot)
+    rim = [[np.cos(a), np.sin(a), -0.05] for a in azimuth]
+    corners = np.vstack(
+        [cloud[np.unique((cloud @ np.transpose(ways)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]
+    )
+    corners = np.unique(corners.round(5), axis=0)
     return Points(np.full(len(corners), foot), np.array([standing.local(foot, c) for c in corners]))
 
 

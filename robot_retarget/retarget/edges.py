@@ -1,0 +1,160 @@
+"""The human motion as edges: what every pair, bone, segment and the path of the pelvis should be on the robot.
+
+All wishes are distances, or their limit: a compass edge joins a keypoint to a beacon at distance R along a fixed
+direction; as R grows, the difference of two such distances becomes the coordinate of their difference vector.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
+from robot_retarget.motion import Motion
+from robot_retarget.retarget.frames import facing, human_frames
+from robot_retarget.retarget.match import Match
+
+NEAR_REACH = 0.35
+"""A pair whose normalised distance is of this size begins to count as near [-]."""
+NEAR_GAIN = 4.0
+"""How much a touching pair outweighs a far one."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
+
+    posture: float = 1.0
+    """Pairwise distances over their path length."""
+    compass: float = 3.0
+    """Bone directions."""
+    girdle: float = 1.0
+    """Directions of the hip line and the shoulder line."""
+    marker: float = 0.3
+    """Directions of the segments' forward and up."""
+    path: float = 4.0
+    """The pelvis on its path, over the leg length."""
+    smoothness: float = 0.02
+    """Change of joint speed between frames [1/rad²]."""
+
+
+# Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame
+# is a segment of its own.
+_WEAK_BONES = {"neck": 0.3, "head": 0.3, "l_toe": 0.3, "r_toe": 0.3}
+_NO_BONES = {"l_shoulder", "r_shoulder", "l_hip", "r_hip"}
+_GIRDLES = (("l_hip", "r_hip"), ("l_shoulder", "r_shoulder"))
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The edge table of a clip, frame by frame: who is joined never changes, what is wished does."""
+
+    keypoints: tuple[str, ...]
+    pairs: Ints
+    """(E, 2) posture edges between keypoints."""
+    distance: Floats
+    """(T, E) δ, the wished distance [m]."""
+    priority: Floats
+    """(T, E) π, weight included, per squared error over the path length."""
+    path_length: Floats
+    """(E,) τ on the robot [m]."""
+    lines: Ints
+    """(C, 2) compass edges: from the second keypoint to the first."""
+    direction: Floats
+    """(T, C, 3) wished unit vectors."""
+    line_length: Floats
+    """(C,) of the line on the robot [m]."""
+    line_weight: Floats
+    """(C,)."""
+    segments: tuple[str, ...]
+    """Segments with markers."""
+    frames: Floats
+    """(T, S, 3, 3) wished forward, left, up as columns."""
+    root: Floats
+    """(T, 3) wished pelvis position [m]."""
+    facing: Floats
+    """(T, 3, 3) how the whole body is turned; starts are made from it."""
+
+    def __len__(self) -> int:
+        return len(self.root)
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Names of the posture edges, `a – b`."""
+        return [f"{self.keypoints[i]} – {self.keypoints[j]}" for i, j in self.pairs]
+
+
+def build_edges(motion: Motion, match: Match, weights: Weights | None = None) -> Edges:
+    """Describe a motion by edges for the matched robot.
+
+    Posture: δ = τ_B ‖x_u − x_v‖ / τ_A and π of [Mucherino2017], raised where the pair is near. Compass: the human's
+    bone directions. Path: the pelvis, scaled by leg length, ankles on the robot's ankle height.
+    """
+    w = weights or Weights()
+    x = match.human_positions(motion)
+    pairs, distance, priority, tau = _posture(x, match, w)
+    lines, line_weight = _lines(match, w)
+    toward = x[:, lines[:, 0]] - x[:, lines[:, 1]]
+    direction = toward / np.maximum(np.linalg.norm(toward, axis=2, keepdims=True), 1e-9)
+    frames = human_frames(motion, match)
+    body = np.broadcast_to(facing(frames), (len(x), 3, 3))
+    segments = tuple(frames)
+    stacked = np.stack([frames[s] for s in segments], 1) if segments else np.zeros((len(x), 0, 3, 3))
+    return Edges(
+        match.keypoints,
+        pairs,
+        distance,
+        priority,
+        tau,
+        lines,
+        direction,
+        _line_lengths(match, lines),
+        line_weight,
+        segments,
+        stacked,
+        root_path(x, match),
+        body,
+    )
+
+
+def _posture(x: Floats, match: Match, w: Weights) -> tuple[Ints, Floats, Floats, Floats]:
+    i, j = np.triu_indices(len(match.keypoints), 1)
+    near_or_far = normalised_distances(x, match.parents, match.human_bones)[:, i, j]
+    tau = path_weights(match.parents, match.robot_bones)[i, j]
+    bone = (match.parents[j] == i) | (match.parents[i] == j)
+    keep = (tau > 1e-6) & ~bone  # bones keep their length by construction
+    near = np.exp(-((near_or_far / NEAR_REACH) ** 2))
+    pi = path_priorities(match.parents)[i, j] * (1 + NEAR_GAIN * near)
+    mean = w.posture / max(int(keep.sum()), 1) * len(match.keypoints)
+    return np.stack([i, j], 1)[keep], (tau * near_or_far)[:, keep], (pi * mean)[:, keep], tau[keep]
+
+
+def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
+    rows, weight = [], []
+    for k, keypoint in enumerate(match.keypoints):
+        if match.parents[k] >= 0 and keypoint not in _NO_BONES and match.robot_bones[k] > 1e-6:
+            rows.append((k, int(match.parents[k])))
+            weight.append(w.compass * _WEAK_BONES.get(keypoint, 1.0))
+    for left, right in _GIRDLES:
+        if left in match.keypoints and right in match.keypoints:
+            rows.append((match.index(left), match.index(right)))
+            weight.append(w.girdle)
+    return np.array(rows, dtype=np.int64).reshape(-1, 2), np.array(weight)
+
+
+def _line_lengths(match: Match, lines: Ints) -> Floats:
+    """Bone lengths, and for a girdle the path over its two bones: what makes their errors of one size."""
+    tau = path_weights(match.parents, match.robot_bones)
+    return tau[lines[:, 0], lines[:, 1]]
+
+
+def root_path(x: Floats, match: Match) -> Floats:
+    """(T, 3) the human pelvis, scaled by leg length, starting above the origin, its ankles at the robot's height [m]."""
+    pelvis = x[:, match.index("pelvis")] if "pelvis" in match.keypoints else x.mean(axis=1)
+    path = (pelvis - [*pelvis[0, :2], 0.0]) * match.leg_ratio
+    ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
+    if ankles:
+        lowest = np.quantile(x[:, ankles, 2].min(axis=1), 0.05)
+        path[:, 2] += match.ankle_height - lowest * match.leg_ratio
+    return path

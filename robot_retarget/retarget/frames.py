@@ -1,0 +1,100 @@
+"""How the human's pelvis, chest, head and feet are turned: what joint centres alone cannot tell.
+
+A segment's frame has its forward, left and up as columns. From positions it is built of two directions; where the
+source has rotations, the joint's own rotation is used, turned by the constant that fits the position-built frames best
+over the clip. The file's rest pose is never consulted: many exporters' rest poses are nonsense.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion import Motion
+from robot_retarget.retarget.match import Match
+
+UP = np.array([0.0, 0.0, 1.0])
+STANDING_SHARE = 0.2
+"""A foot is taken to be flat in this share of the frames, the ones in which it is lowest."""
+
+
+def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
+    """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
+    x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
+    frames: dict[str, Floats] = {}
+    if {"pelvis", "chest", "l_hip", "r_hip"} <= x.keys():
+        frames["pelvis"] = _upright(x["l_hip"] - x["r_hip"], x["chest"] - x["pelvis"])
+    if {"pelvis", "chest", "l_shoulder", "r_shoulder"} <= x.keys():
+        middle = (x["l_shoulder"] + x["r_shoulder"]) / 2
+        frames["chest"] = _upright(x["l_shoulder"] - x["r_shoulder"], middle - x["pelvis"])
+    if "chest" in frames and {"neck", "head"} <= x.keys():
+        frames["head"] = _upright(frames["chest"][:, :, 1], x["head"] - x["neck"])
+    frames = {segment: _by_rotation(motion, match, segment, frame) for segment, frame in frames.items()}
+    for side in "lr":
+        if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
+            frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
+    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+
+
+def facing(frames: dict[str, Floats]) -> Floats:
+    """(T, 3, 3) by which the whole body is turned: the pelvis, else the chest, else nothing."""
+    for segment in ("pelvis", "chest"):
+        if segment in frames:
+            return frames[segment]
+    return np.eye(3)[None]
+
+
+def _upright(left: Floats, up: Floats) -> Floats:
+    """Frames whose left is `left` and whose up is `up` less its part along it."""
+    y = _unit(left)
+    z = _unit(up - (up * y).sum(1, keepdims=True) * y)
+    return np.stack([np.cross(y, z), y, z], axis=2)
+
+
+def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats) -> Floats:
+    """A foot's frame; it is flat, and its toes lie straight ahead, where it stands lowest."""
+    along, shin = toe - ankle, knee - ankle
+    y = _unit(np.cross(shin, along))
+    raw = np.stack([_unit(along), y, np.cross(_unit(along), y)], axis=2)
+    height = ankle[:, 2] + toe[:, 2]
+    flat = height <= np.quantile(height, STANDING_SHARE)
+    ahead = _unit(along[flat] * [1, 1, 0])
+    level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
+    joint = match.recognition.marks[f"{side}_ankle"].joints
+    if motion.rotations is None or len(joint) != 1:
+        return raw @ _constant(raw[flat], level)
+    own = Rotation.from_quat(motion.rotations[:, joint[0]], scalar_first=True).as_matrix()
+    return own @ _constant(own[flat], level)
+
+
+def _by_rotation(motion: Motion, match: Match, segment: str, built: Floats) -> Floats:
+    """The joint's rotation times the constant that brings it nearest to the frames built from positions."""
+    joint = match.recognition.marks[segment].joints
+    if segment == "pelvis":
+        joint = _hip_carrier(motion, match)
+    if motion.rotations is None or len(joint) != 1:
+        return built
+    own = Rotation.from_quat(motion.rotations[:, joint[0]], scalar_first=True).as_matrix()
+    return own @ _constant(own, built)
+
+
+def _hip_carrier(motion: Motion, match: Match) -> tuple[int, ...]:
+    """The joint whose rotation carries both hips: their nearest common ancestor."""
+    parents = motion.skeleton.parents
+    lines = []
+    for keypoint in ("l_hip", "r_hip"):
+        line = [match.recognition.marks[keypoint].joints[0]]
+        while parents[line[-1]] >= 0:
+            line.append(int(parents[line[-1]]))
+        lines.append(line)
+    common = [j for j in lines[0] if j in lines[1]]
+    return (common[0],) if common else ()
+
+
+def _constant(own: Floats, wanted: Floats) -> Floats:
+    """The rotation C that minimises Σ ‖own C − wanted‖² over the frames (orthogonal Procrustes). (3, 3)"""
+    u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", own, wanted))
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)

@@ -1,0 +1,129 @@
+"""Human and robot in the same words: the keypoints both have, the tree over them, and both bodies' bone lengths."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import MatchError, known
+from robot_retarget.keypoints import KEYPOINTS, parents_within
+from robot_retarget.motion import Motion, Recognition, apply_override, recognise
+from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
+from robot_retarget.robot import recognise as recognise_robot
+
+TABLES = ("human", "robot")
+
+
+@dataclass(frozen=True)
+class Match:
+    """Which joint answers to which point, and how long the bones between are on either body."""
+
+    recognition: Recognition
+    anatomy: Anatomy
+    keypoints: tuple[str, ...]
+    """The keypoints that both bodies have, parents first."""
+    parents: np.ndarray
+    """(K,) index of each keypoint's parent among them, −1 at the root."""
+    human_bones: Floats
+    robot_bones: Floats
+    """(K,) length of the bone to the parent, 0 at the root [m]."""
+    ankle_height: float
+    """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
+
+    @property
+    def points(self) -> Points:
+        """The robot's points, in the order of `keypoints`."""
+        spots = [self.anatomy.spots[k] for k in self.keypoints]
+        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+
+    def index(self, keypoint: str) -> int:
+        """Where a keypoint stands in the arrays."""
+        return self.keypoints.index(keypoint)
+
+    def human_positions(self, motion: Motion) -> Floats:
+        """(T, K, 3) of the human's keypoints [m]."""
+        return human_positions(motion, self.recognition, self.keypoints)
+
+    @property
+    def leg_ratio(self) -> float:
+        """Robot leg over human leg; over the whole body's bones where one of them has no legs."""
+        legs = [self.index(k) for k in ("l_knee", "l_ankle", "r_knee", "r_ankle") if k in self.keypoints]
+        picked = legs or list(range(len(self.keypoints)))
+        return float(self.robot_bones[picked].sum() / self.human_bones[picked].sum())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was doubtful on either side."""
+        return (*self.recognition.notes, *self.anatomy.notes)
+
+
+def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> Match:
+    """Find the keypoints of both bodies.
+
+    Args:
+        overrides: a TOML file with tables `[human]` (keypoint = "Joint") and `[robot]`
+            (keypoint = ["body", x, y, z]) that replace any line of the map.
+
+    Raises:
+        MatchError: the motion is not human, the robot is no humanoid, an override names what is not there, or the two
+            share too little.
+    """
+    tables = _read_overrides(Path(overrides)) if overrides is not None else {}
+    recognition = recognise(motion.skeleton, motion.positions)
+    recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
+    anatomy = override(recognise_robot(robot), robot, tables.get("robot", {}))
+    return match_bodies(motion, robot, recognition, anatomy)
+
+
+def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy: Anatomy) -> Match:
+    """Join two recognised bodies.
+
+    Raises:
+        MatchError: they share fewer than two bones.
+    """
+    shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.spots)
+    tree = parents_within(shared)
+    if len(tree) < 2:
+        raise MatchError(
+            f"{motion.source or 'the motion'} and {robot.name} share only {', '.join(shared) or 'nothing'}: "
+            "nothing to retarget"
+        )
+    parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
+    human = human_positions(motion, recognition, shared)
+    spots = [anatomy.spots[k] for k in shared]
+    points = Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+    rest = world_points(robot, points, robot.neutral()[None])
+    lengths = _bones(human, parents), _bones(rest, parents)
+    height = _ankle_height(robot, anatomy)
+    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, height)
+
+
+def human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
+    """(T, K, 3) of recognised joints: each keypoint is the middle of the joints that stand for it."""
+    return np.stack([motion.positions[:, list(recognition.marks[k].joints)].mean(axis=1) for k in keypoints], axis=1)
+
+
+def _bones(positions: Floats, parents: np.ndarray) -> Floats:
+    lengths = np.median(np.linalg.norm(positions - positions[:, parents], axis=2), axis=0)
+    return frozen(np.where(parents >= 0, lengths, 0.0))
+
+
+def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
+    heights = []
+    for side, sole in anatomy.soles.items():
+        ankle = anatomy.spots[f"{side}_ankle"]
+        points = Points(np.append(sole.bodies, ankle.body), np.vstack([sole.offsets, ankle.offset]))
+        z = world_points(robot, points, robot.standing()[None])[0, :, 2]
+        heights.append(z[-1] - z[:-1].min())
+    return float(np.mean(heights)) if heights else 0.0
+
+
+def _read_overrides(path: Path) -> Mapping[str, Mapping[str, Any]]:
+    tables = read_toml(path)
+    for key in tables:
+        if key not in TABLES:
+            raise MatchError(f"{path}: unknown table [{key}]; {known(TABLES)}")
+    return tables

@@ -1,0 +1,61 @@
+"""The main job in one call: match, describe by edges, solve."""
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robot_retarget.motion import Motion
+from robot_retarget.retarget.edges import Weights, build_edges
+from robot_retarget.retarget.match import Match, match
+from robot_retarget.retarget.problem import build_problem
+from robot_retarget.retarget.solve import Options, Progress, Solution, solve
+from robot_retarget.robot import Robot
+from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a retargeting yields."""
+
+    solution: Solution
+    match: Match
+    motion: Motion
+    """The motion as it was solved: cut and resampled."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The robot's configurations over time."""
+        return self.solution.trajectory
+
+
+def retarget(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    options: Options | None = None,
+    progress: Progress | None = None,
+) -> Result:
+    """Carry a human motion over to a robot.
+
+    Args:
+        fps: frames per second of the trajectory; the motion's own when None.
+        overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
+        weights: how much each kind of edge counts.
+        options: how long the solver searches.
+        progress: called with (frames done, frames in all).
+
+    Raises:
+        MatchError: the motion is not human, or the robot no humanoid.
+        UsageError: fps out of range.
+    """
+    began = time.perf_counter()
+    motion = motion if fps is None else motion.resample(fps)
+    matched = match(motion, robot, overrides)
+    edges = build_edges(motion, matched, weights)
+    problem = build_problem(robot, matched, edges, weights)
+    prepared = time.perf_counter() - began
+    solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, progress)
+    return Result(replace(solution, timings={"prepare": prepared, **solution.timings}), matched, motion)

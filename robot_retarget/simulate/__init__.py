@@ -1,0 +1,1 @@
+"""MuJoCo judges a trajectory: replay, tracking servos, contacts, a verdict."""
