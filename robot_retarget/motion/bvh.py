@@ -1,6 +1,7 @@
 """BVH files: a HIERARCHY of joints and a MOTION of channel values → positions and rotations in file units."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,7 @@ def _relative(hierarchy: Hierarchy, translations: Floats, placed: np.ndarray) ->
 
 def _euler(order: str, degrees: Floats) -> Rotation:
     """R = R_1 R_2 R_3 about the joint's own axes in the order of its channels; any count of them."""
-    if len(order) <= 3 and all(a != b for a, b in zip(order, order[1:], strict=False)):
+    if len(order) <= 3 and all(a != b for a, b in pairwise(order)):
         return Rotation.from_euler(order, degrees if len(order) > 1 else degrees[:, 0], degrees=True)
     total = Rotation.identity(len(degrees))
     for axis, angle in zip(order, degrees.T, strict=True):

@@ -93,10 +93,10 @@ class _Tree:
 
 
 def _degrees(local: Floats) -> Floats:
-    """Z X Y angles (T, J, 3) of rotations (T, J, 4) in their parents, y up: M R Mᵀ."""
-    change = Rotation.from_matrix(_TO_FILE)
-    turned = change * Rotation.from_quat(local.reshape(-1, 4), scalar_first=True) * change.inv()
+    """Z X Y angles (T, J, 3) of rotations (T, J, 4) in their parents, y up: M R Mᵀ, of a quaternion (w, M v)."""
+    shape = (*local.shape[:2], 3)
+    turned = np.concatenate([local[..., :1], local[..., 1:] @ _TO_FILE.T], axis=2)
     with warnings.catch_warnings():
         # In gimbal lock one of many right answers is chosen, which is all that is asked.
         warnings.filterwarnings("ignore", message="Gimbal lock")
-        return turned.as_euler("ZXY", degrees=True).reshape(*local.shape[:2], 3)
+        return Rotation.from_quat(turned.reshape(-1, 4), scalar_first=True).as_euler("ZXY", degrees=True).reshape(shape)

@@ -22,6 +22,8 @@ _RATIO = {"arm": 1.08, "leg": 1.0}
 """Upper over lower bone of an adult, from Winter's segment lengths (0.186/0.146 to the wrist is rounded down for rigs)."""
 _ARM_TO_LEG = 0.62
 """Shoulder to wrist over hip to ankle."""
+_BOTH = 4.0
+"""Score of a body for having arms beside its legs."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +133,12 @@ def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
     """The best legs and arms; None for what is not there."""
     legs, arms = _pairs(body, "leg"), _pairs(body, "arm")
     options: list[tuple[float, Pair | None, Pair | None]] = [(leg.score, leg, None) for leg in legs]
-    for leg in legs:
-        for arm in arms:
-            if not leg.chains & arm.chains and arm.hub not in leg.chains and leg.hub not in arm.chains:
-                options.append((leg.score + arm.score + 4 + _relation(body, leg, arm), leg, arm))
+    options += [
+        (leg.score + arm.score + _BOTH + _relation(body, leg, arm), leg, arm)
+        for leg in legs
+        for arm in arms
+        if not leg.chains & arm.chains and arm.hub not in leg.chains and leg.hub not in arm.chains
+    ]
     _, leg, arm = max(options, key=lambda option: option[0], default=(0.0, None, None))
     return leg, arm
 

@@ -134,7 +134,8 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
     joint = body.toe(leg)
     if joint is None:
         return {}
-    end = not body.children[joint]
+    sense = body.senses[joint]
+    end = sense.tip or (not body.children[joint] and sense.agreement("toe") <= 0)
     mark = _mark(
         body, "toe", joint, "the foot's end, no toe joint" if end else "the first joint below the ankle", certainty
     )

@@ -30,7 +30,7 @@ def resample(motion: Motion, fps: float) -> Motion:
     count = max(1, round(motion.duration * fps)) + 1
     at = np.clip(np.arange(count) * motion.fps / fps, 0, len(motion) - 1)
     before = np.minimum(at.astype(int), len(motion) - 2)
-    share = (at - before)[:, None]
+    share = np.asarray(at - before, dtype=np.float64)[:, None]
     if motion.rotations is None:
         return replace(motion, positions=_lerp(motion.positions, before, share), fps=fps)
     parents = motion.skeleton.parents

@@ -1,5 +1,7 @@
 """How tall a recognised body is, in whatever unit its positions have."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from robot_retarget.arrays import Floats
@@ -33,5 +35,5 @@ def stature(recognition: Recognition, positions: Floats) -> float:
 def _length(recognition: Recognition, positions: Floats, *path: str) -> float:
     """Median length of a path over keypoints."""
     points = [positions[:, list(recognition.marks[keypoint].joints)].mean(axis=1) for keypoint in path]
-    steps = [np.linalg.norm(b - a, axis=1) for a, b in zip(points, points[1:], strict=False)]
+    steps = [np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)]
     return float(sum(np.median(step) for step in steps))

@@ -49,7 +49,7 @@ def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | N
     limbs = legs.below(body) | arms.below(body)
     trunk = set(body.above(arms.hub))
     shoulders = [limb.joints[0] for limb in arms.sides]
-    best, best_score = None, -3.0
+    best, best_score = None, -5.0
     for joint in range(len(height)):
         if joint in limbs or joint in trunk or chest not in (None, *body.above(joint)):
             continue
@@ -60,6 +60,8 @@ def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | N
             + 3 * body.senses[joint].agreement("head")
             - 3 * body.senses[joint].tip
             - 0.5 * (not body.children[joint])
+            + 0.5 * (len(body.children[joint]) > 1)
+            - 0.06 * len(body.above(joint))
         )
         if score > best_score:
             best, best_score = joint, score

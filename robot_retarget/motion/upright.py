@@ -1,14 +1,15 @@
 """From a file's unit and axes to metres with z up, decided by the body in its poses and by nothing the file says."""
 
+from dataclasses import replace
+
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError
 from robot_retarget.motion.calibration import calibration_frames
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition, recognise
-from robot_retarget.motion.skeleton import Motion, Skeleton
+from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
 
 UNITS = {
@@ -35,7 +36,8 @@ def upright(capture: Capture) -> Motion:
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:
         unit = _likely_unit(capture.positions)
-        note = f"{str(error).capitalize()}; y is taken as up and the {unit} as unit."
+        reason = str(error)
+        note = f"{reason[:1].upper()}{reason[1:]}; y is taken as up and the {unit} as unit."
         return _motion(capture, 0, UNITS[unit], "+y", (note,))
     first, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     positions = capture.positions[first:]
@@ -54,7 +56,10 @@ def unit_of(recognition: Recognition, positions: Floats) -> tuple[float, str]:
         if STATURES[0] <= tall * metres <= STATURES[1]:
             return metres, f"The unit is the {name}: a stature of {tall * metres:.2f} m."
     metres = LEG / leg_length(recognition, positions)
-    return metres, f"No known unit fits the body: scaled to legs of {LEG} m, {metres:.4g} m to the unit."
+    return (
+        metres,
+        f"No known unit fits: scaled to legs of {LEG} m ({metres:.4g} m a unit), a stature of {tall * metres:.2f} m.",
+    )
 
 
 def up_axis(recognition: Recognition, positions: Floats) -> str:
@@ -83,14 +88,13 @@ def turn_to_z(axis: str) -> Floats:
 
 
 def _motion(capture: Capture, first: int, metres: float, axis: str, notes: tuple[str, ...]) -> Motion:
-    """x' = s M x and R' = M R Mᵀ: joints keep their rest pose, which turns along."""
+    """x' = s M x and R' = M R Mᵀ, of a quaternion (w, M v): joints keep their rest pose, which turns along."""
     turn = turn_to_z(axis)
     rotations = None
     if capture.rotations is not None:
-        change = Rotation.from_matrix(turn)
-        flat = Rotation.from_quat(capture.rotations[first:].reshape(-1, 4), scalar_first=True)
-        rotations = (change * flat * change.inv()).as_quat(scalar_first=True).reshape(-1, len(capture.skeleton), 4)
-    skeleton = Skeleton(capture.skeleton.names, capture.skeleton.parents, metres * capture.skeleton.offsets @ turn.T)
+        rotations = capture.rotations[first:].copy()
+        rotations[..., 1:] = rotations[..., 1:] @ turn.T
+    skeleton = replace(capture.skeleton, offsets=metres * capture.skeleton.offsets @ turn.T)
     positions = metres * capture.positions[first:] @ turn.T
     return Motion(skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes))
 
