@@ -205,6 +205,7 @@ def _settings(options: Ipopt) -> dict[str, Any]:
         "ipopt.constr_viol_tol": options.tolerance,
         "ipopt.max_iter": options.max_iterations,
         "ipopt.bound_relax_factor": 0.0,
+        "ipopt.acceptable_iter": 0,
     }
     if options.warm:
         settings |= {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
