@@ -14,13 +14,9 @@ The public names below are loaded when they are first used: importing the packag
 import importlib
 from typing import TYPE_CHECKING, Any
 
-import robot_retarget.retarget
-import robot_retarget.simulate
-
 if TYPE_CHECKING:
     from robot_retarget.dgp import interaction_distance as interaction_distance
     from robot_retarget.errors import RobotRetargetError as RobotRetargetError
-    from robot_retarget.export import export as export
     from robot_retarget.motion import Motion as Motion
     from robot_retarget.motion import Skeleton as Skeleton
     from robot_retarget.motion import read_motion as read_motion
@@ -42,7 +38,6 @@ __version__ = "0.1.0"
 _HOME = {
     "interaction_distance": "dgp",
     "RobotRetargetError": "errors",
-    "export": "export",
     "Motion": "motion",
     "Skeleton": "motion",
     "read_motion": "motion",
@@ -60,9 +55,11 @@ _HOME = {
     "load_trajectory": "trajectory",
 }
 
-# Two functions are called like the folders they live in. Loading a folder binds its name here; it is done once, above,
+# Two functions are called like the folders they live in. Loading a folder binds its name here; it is done once, now,
 # and undone, so that the name is free for the function.
-del globals()["retarget"], globals()["simulate"]
+for _folder in ("retarget", "simulate"):
+    importlib.import_module(f"{__name__}.{_folder}")
+    del globals()[_folder]
 
 
 def __getattr__(name: str) -> Any:

@@ -32,15 +32,33 @@ def replacing(path: str | Path) -> Iterator[Path]:
             scratch.unlink(missing_ok=True)
 
 
-def folder(path: str | Path) -> Path:
-    """Make a folder, with its parents.
+def require_writable(path: str | Path) -> None:
+    """Try out whether a file could be written, before long work is done for it.
 
     Raises:
-        OutputError: it cannot be made, or a file stands in its place.
+        OutputError: its folder is not there or cannot be written, or a folder stands in its place.
+    """
+    target = Path(path)
+    try:
+        if target.is_dir():
+            raise OutputError(f"cannot write {target}: it is a folder")
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
+
+
+def folder(path: str | Path) -> Path:
+    """Make a folder that can be written, with its parents.
+
+    Raises:
+        OutputError: it cannot be made or written, or a file stands in its place.
     """
     target = Path(path)
     try:
         target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=target):
+            pass
     except OSError as error:
         raise OutputError(f"cannot make the folder {target}: {error.strerror or error}") from error
     return target

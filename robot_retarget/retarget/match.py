@@ -45,7 +45,7 @@ class Match:
 
     def human_positions(self, motion: Motion) -> Floats:
         """(T, K, 3) of the human's keypoints [m]."""
-        return human_positions(motion, self.recognition, self.keypoints)
+        return _human_positions(motion, self.recognition, self.keypoints)
 
     @property
     def leg_ratio(self) -> float:
@@ -92,7 +92,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
             "nothing to retarget"
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
-    human = human_positions(motion, recognition, shared)
+    human = _human_positions(motion, recognition, shared)
     spots = [anatomy.spots[k] for k in shared]
     points = Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
     rest = world_points(robot, points, robot.neutral()[None])
@@ -101,9 +101,9 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, height)
 
 
-def human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
-    """(T, K, 3) of recognised joints: each keypoint is the middle of the joints that stand for it."""
-    return np.stack([motion.positions[:, list(recognition.marks[k].joints)].mean(axis=1) for k in keypoints], axis=1)
+def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
+    columns = [recognition.keypoints.index(k) for k in keypoints]
+    return recognition.place(motion.positions)[:, columns]
 
 
 def _bones(positions: Floats, parents: np.ndarray) -> Floats:

@@ -73,6 +73,11 @@ class Solution:
         """Frames that did not converge."""
         return [t for t, s in enumerate(self.status) if s is not Status.CONVERGED]
 
+    def largest_step(self) -> float:
+        """The largest change of one hinge between two frames [rad]; a jump is seen here."""
+        hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
+        return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
+
     def worst_edges(self, count: int = 8) -> list[tuple[str, float, int]]:
         """The posture edges with the largest mean error: name, mean error, the frame where it is largest."""
         mean = self.errors.mean(axis=0)

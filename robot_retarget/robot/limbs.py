@@ -213,7 +213,7 @@ def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
 
     def middling(axis: Axis) -> float:
         share = float((axis.anchor - chain.start) @ limb) / max(chain.reach, 1e-9)
-        return min(share, 1 - share)
+        return float(min(share, 1 - share))
 
     named = [a for a in later if said(links, a, ELBOW_WORDS)]
     if named:

@@ -1,0 +1,5 @@
+"""`python -m robot_retarget`."""
+
+from robot_retarget.cli import main
+
+main()

@@ -1,0 +1,233 @@
+"""The command line. Every command reads files, calls one stage of the package and says what came of it.
+
+Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stderr, nothing written).
+"""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robot_retarget import console
+from robot_retarget.errors import RobotRetargetError, UsageError
+
+if TYPE_CHECKING:
+    from robot_retarget.motion import Motion
+    from robot_retarget.retarget.transfer import Result
+    from robot_retarget.robot import Robot
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
+)
+
+MotionFile = Annotated[Path, typer.Argument(help="BVH file, or joint positions as .npy or .npz.")]
+TrajectoryFile = Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")]
+RobotName = Annotated[
+    str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Frames = Annotated[str | None, typer.Option(help="Part of the clip, START:STOP in frames of the file.")]
+Fps = Annotated[float | None, typer.Option(help="Frames per second of the trajectory; the motion's own by default.")]
+Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
+Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
+
+
+@app.command(epilog="Example: robot-retarget info dance.bvh")
+def info(
+    file: Annotated[str | None, typer.Argument(help="A motion, an MJCF file or a robot's name.")] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", "-r", help="A robot, where its name is also a file's.")
+    ] = None,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Say what a motion or a robot is, and what was recognised in it."""
+    from robot_retarget.describe import describe_motion, describe_robot
+
+    if (file is None) == (robot is None):
+        raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
+    if robot is not None or _is_robot(str(file)):
+        facts = describe_robot(_load_robot(str(robot or file), limits))
+    else:
+        facts = describe_motion(_read(Path(str(file)), None))
+    if json:
+        console.dump(facts)
+    elif facts["kind"] == "robot":
+        console.show_robot(facts)
+    else:
+        console.show_motion(facts)
+
+
+@app.command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
+def solve(
+    motion: MotionFile,
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    frames: Frames = None,
+    fps: Fps = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+    explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
+    json: Json = False,
+) -> None:
+    """Retarget a motion: the trajectory only."""
+    from robot_retarget.describe import describe_solution
+    from robot_retarget.files import require_writable
+
+    require_writable(output)
+    result = _retarget(_read(motion, frames), _load_robot(robot, limits), fps, map_file, quiet=json)
+    result.trajectory.save(output)
+    facts = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
+    if json:
+        console.dump(facts)
+    else:
+        console.show_solution(facts, explain)
+        console.say(f"wrote {output}")
+
+
+@app.command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
+def run(
+    motion: MotionFile,
+    robot: RobotName,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    frames: Frames = None,
+    fps: Fps = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Retarget, simulate and report: trajectory.npz, report.json, strip.png and video.mp4 in a folder."""
+    verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, fps, map_file, json)
+    raise typer.Exit(0 if verdict == "pass" else 1)
+
+
+@app.command(epilog="Example: robot-retarget demo --out demo")
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("demo"),
+    clip: Annotated[str, typer.Option(help="A shipped clip.")] = "wave",
+    robot: RobotName = "op3",
+    json: Json = False,
+) -> None:
+    """Carry a shipped clip over to the OP3-class robot, simulate it and show it."""
+    _run(_read(_sample(clip), None), _load_robot(robot, None), out, None, None, json)
+
+
+@app.command(epilog="Example: robot-retarget simulate dance.npz --robot op3")
+def simulate(
+    trajectory: TrajectoryFile,
+    robot: RobotName,
+    mode: Annotated[str, typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")] = "pinned",
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Play a trajectory on simulated servos and pass a verdict."""
+    from robot_retarget.simulate.rollout import simulate as roll_out
+    from robot_retarget.trajectory import load_trajectory
+
+    report = roll_out(load_trajectory(trajectory), _load_robot(robot, limits), mode=mode)
+    if json:
+        console.dump(report.contract())
+    else:
+        console.show_report(report.contract())
+    raise typer.Exit(0 if report.verdict == "pass" else 1)
+
+
+@app.command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
+def export(
+    trajectory: TrajectoryFile,
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    format: Annotated[str, typer.Option("--format", "-f", help="csv or unitree.")] = "csv",
+    limits: Limits = None,
+) -> None:
+    """Write a trajectory in a format that others read."""
+    from robot_retarget.export import export as write
+    from robot_retarget.trajectory import load_trajectory
+
+    write(load_trajectory(trajectory), _load_robot(robot, limits), format, output)
+    console.say(f"wrote {output}")
+
+
+def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_file: Path | None, json: bool) -> str:
+    """Solve, simulate, show: fill a folder and say how it went. Returns the verdict."""
+    from robot_retarget.describe import describe_solution
+    from robot_retarget.files import folder
+    from robot_retarget.simulate.rollout import simulate as roll_out
+
+    target = folder(out)
+    result = _retarget(motion, robot, fps, map_file, quiet=json)
+    trajectory = result.trajectory.save(target / "trajectory.npz")
+    report = roll_out(result.trajectory, robot)
+    report.save(target / "report.json")
+    pictures = _show(result, robot, target)
+    solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
+    if json:
+        console.dump({"solution": solved, "report": report.contract(), "files": [str(trajectory), *pictures]})
+    else:
+        console.show_solution(solved, explain=False)
+        console.show_report(report.contract())
+        console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
+    return report.verdict
+
+
+def _retarget(motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, quiet: bool) -> "Result":
+    from robot_retarget.retarget.transfer import retarget
+
+    with console.progress(f"retarget to {robot.name}", quiet) as advance:
+        return retarget(motion, robot, fps=fps, overrides=map_file, progress=advance)
+
+
+def _read(path: Path, frames: str | None) -> "Motion":
+    from robot_retarget.motion import read_motion
+
+    motion = read_motion(path)
+    if frames is None:
+        return motion
+    start, colon, stop = frames.partition(":")
+    try:
+        return motion.frames(int(start or 0), int(stop) if stop else len(motion) if colon else int(start) + 1)
+    except ValueError:
+        raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
+
+
+def _load_robot(name: str, limits: Path | None) -> "Robot":
+    from robot_retarget.robot import load_robot
+
+    return load_robot(name, limits)
+
+
+def _is_robot(name: str) -> bool:
+    from robot_retarget.robot import shipped_robots
+
+    path = Path(name)
+    return (
+        path.suffix.lower() in (".xml", ".mjcf") or name in shipped_robots() or (not path.suffix and not path.exists())
+    )
+
+
+def _sample(name: str) -> Path:
+    from robot_retarget.errors import known
+    from robot_retarget.shipped import SAMPLES
+
+    clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
+    if name not in clips:
+        raise UsageError(f"no shipped clip {name!r}; {known(clips)}")
+    return clips[name]
+
+
+def main() -> None:
+    """Run the command line; a user's mistake ends in a sentence and exit code 2."""
+    try:
+        app()
+    except RobotRetargetError as error:
+        console.err.print(f"error: {error}", markup=False, style="red")
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""What a person sees: tables, progress, and errors without tracebacks."""
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+# Piped output is wide, so that a row of a table stays one line.
+_WIDTH = None if sys.stdout.isatty() else 200
+out = Console(highlight=False, width=_WIDTH)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Print rows under headings; numbers stand to the right."""
+    grid = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for k, column in enumerate(columns):
+        numbers = bool(rows) and all(isinstance(row[k], int | float) for row in rows)
+        grid.add_column(column, justify="right" if numbers else "left", overflow="fold")
+    for row in rows:
+        grid.add_row(*[_cell(value) for value in row])
+    out.print(grid)
+    out.print()
+
+
+def say(text: str) -> None:
+    """Print a sentence."""
+    out.print(text, markup=False)
+
+
+def note(text: str) -> None:
+    """Print a remark on the side, where it does not disturb what is piped on."""
+    err.print(f"note: {text}", markup=False, style="dim")
+
+
+def show_motion(facts: dict[str, Any]) -> None:
+    """Print what `describe_motion` found."""
+    turned = "positions and rotations" if facts["rotations"] else "positions only"
+    say(f"{facts['source']}: {facts['frames']} frames at {facts['fps']:g} fps ({facts['duration_s']:g} s), {turned}")
+    if not facts["human"]:
+        say(f"not a human motion: {facts['reason']}")
+    else:
+        say(f"a human of {facts['stature_m']:.2f} m, legs {facts['leg_m']:.2f} m, {facts['joints']} joints\n")
+        rows = [(k, v["joint"], v["confidence"], v["why"]) for k, v in facts["keypoints"].items()]
+        table("Keypoints", ("keypoint", "joint", "sure", "because"), rows)
+        _missing(facts)
+    for sentence in facts["notes"]:
+        say(f"note: {sentence}")
+
+
+def show_robot(facts: dict[str, Any]) -> None:
+    """Print what `describe_robot` found."""
+    say(f"{facts['name']}: {len(facts['joints'])} hinges, {facts['root']}, {facts['mass_kg']:g} kg ({facts['path']})\n")
+    rows = [
+        (k, v["lower"], v["upper"], v["max_speed"], "-" if v["max_torque"] is None else v["max_torque"])
+        for k, v in facts["joints"].items()
+    ]
+    table("Joints", ("joint", "lower [rad]", "upper [rad]", "speed [rad/s]", "torque [N m]"), rows)
+    if not facts["humanoid"]:
+        say(f"no humanoid: {facts['reason']}")
+        return
+    rows = [(k, v["body"], v["offset_m"], v["confidence"], v["why"]) for k, v in facts["keypoints"].items()]
+    table("Keypoints", ("keypoint", "body", "offset [m]", "sure", "because"), rows)
+    _missing(facts)
+
+
+def show_solution(facts: dict[str, Any], explain: bool) -> None:
+    """Print what `describe_solution` found; the worst edges when asked to explain."""
+    ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
+    say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
+    say(
+        f"stress {facts['stress_mean']:.4f} mean, {facts['stress_max']:.4f} at frame {facts['stress_max_frame']}; "
+        f"largest step {facts['largest_step_rad']:g} rad"
+    )
+    if explain:
+        rows = [(e["edge"], e["mean_error"], e["worst_frame"]) for e in facts["worst_edges"]]
+        table("\nEdges that lost most", ("edge", "mean error", "worst frame"), rows)
+    for sentence in facts["notes"]:
+        note(sentence)
+
+
+def show_report(contract: dict[str, Any]) -> None:
+    """Print a report's verdict, its reasons and its plain figures."""
+    colour = "green" if contract["verdict"] == "pass" else "red"
+    out.print(f"\nverdict: [bold {colour}]{contract['verdict']}[/]")
+    for reason in contract["reasons"]:
+        say(f"  {reason}")
+    rows = [(k, v) for k, v in contract["figures"].items() if isinstance(v, int | float | str)]
+    table("", ("figure", "value"), [(k, _cell(v)) for k, v in rows])
+
+
+def dump(value: Any) -> None:
+    """Print a value as JSON."""
+    print(json.dumps(value, indent=1, ensure_ascii=False))
+
+
+@contextmanager
+def progress(label: str, quiet: bool = False) -> Iterator[Any]:
+    """A progress bar on stderr; yields what is called with (done, in all)."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
+        task = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _missing(facts: dict[str, Any]) -> None:
+    if facts["missing"]:
+        say(f"missing: {', '.join(facts['missing'])}")
+    for sentence in facts["remarks"]:
+        say(f"note: {sentence}")
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

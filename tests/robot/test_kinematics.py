@@ -1,0 +1,67 @@
+"""The one forward kinematics against MuJoCo's own, and its Jacobian against MuJoCo and finite differences."""
+
+import mujoco
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.robot import Points, Robot, load_robot, world_points
+from robot_retarget.robot.kinematics import difference, integrate, point_function
+
+MODELS = sorted(SHARED.glob("robots/*/*.xml"))
+
+
+def random_case(robot: Robot, seed: int, count: int = 12) -> tuple[Points, np.ndarray]:
+    draw = np.random.default_rng(seed)
+    points = Points(draw.integers(1, robot.model.nbody, count), draw.normal(scale=0.1, size=(count, 3)))
+    return points, integrate(robot, np.array(robot.model.qpos0), draw.normal(size=robot.model.nv))
+
+
+def mujoco_jacobian(robot: Robot, points: Points, qpos: np.ndarray) -> np.ndarray:
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    rows = []
+    for body, place in zip(points.bodies, world_points(robot, points, qpos[None])[0], strict=True):
+        jacobian = np.zeros((3, robot.model.nv))
+        mujoco.mj_jac(robot.model, data, jacobian, None, place, int(body))
+        rows.append(jacobian)
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_and_jacobian_agree_with_mujoco(seed: int) -> None:
+    robot = load_robot("op3")
+    points, qpos = random_case(robot, seed)
+    x, jacobian = point_function(robot, points)(qpos)
+    assert np.allclose(np.asarray(x).reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
+    assert np.allclose(jacobian, mujoco_jacobian(robot, points, qpos), atol=1e-12)
+
+
+@needs_shared
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_every_robot_moves_as_mujoco_moves_it(path) -> None:
+    robot = load_robot(path)
+    points, qpos = random_case(robot, 1)
+    x, jacobian = point_function(robot, points)(qpos)
+    assert np.allclose(np.asarray(x).reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
+    assert np.allclose(jacobian, mujoco_jacobian(robot, points, qpos), atol=1e-12)
+
+
+def test_jacobian_agrees_with_central_differences() -> None:
+    robot = load_robot("op3")
+    points, qpos = random_case(robot, 7)
+    function, step = point_function(robot, points), 1e-6
+    jacobian = np.asarray(function(qpos)[1])
+    for column, direction in enumerate(np.eye(robot.model.nv)):
+        ahead, behind = (function(integrate(robot, qpos, s * step * direction))[0] for s in (1, -1))
+        slope = (np.asarray(ahead) - np.asarray(behind)).ravel() / (2 * step)
+        assert np.allclose(jacobian[:, column], slope, atol=1e-8)
+
+
+def test_difference_undoes_integrate() -> None:
+    robot = load_robot("op3")
+    velocity = np.random.default_rng(3).normal(scale=0.5, size=robot.model.nv)
+    start = random_case(robot, 3)[1]
+    assert np.allclose(difference(robot, start, integrate(robot, start, velocity)), velocity, atol=1e-12)
