@@ -100,7 +100,7 @@ def _table(
 ) -> tuple[Floats, tuple[int, ...]]:
     """The numbers as (T, width). A row may be wrapped over lines, all of them alike; else each line is a row."""
     if not rows:
-        raise MotionError("no frame follows Frame Time", path)
+        raise MotionError("no frame follows Frame Time; expected a row of numbers", path)
     counts = np.array([len(words) for _, words in rows])
     lines = np.array([line for line, _ in rows])
     wrapped = np.all(counts < width) and len(values) % width == 0 and len(values) > 0

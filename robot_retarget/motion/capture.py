@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from robot_retarget.arrays import Floats
+from robot_retarget.errors import MotionError
 from robot_retarget.motion.skeleton import Skeleton
 
 
@@ -19,3 +22,9 @@ class Capture:
     """Frames per second [1/s]."""
     source: str
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for values in (self.positions, self.rotations):
+            if values is not None and not np.isfinite(values).all():
+                frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
+                raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)

@@ -61,6 +61,9 @@ def _first(arrays: Mapping[str, Any], keys: Sequence[str]) -> Any | None:
 def _positions(arrays: Mapping[str, Any], path: Path) -> Floats:
     values = _first(arrays, POSITION_KEYS)
     if values is None:
+        shaped = [array for array in arrays.values() if array.ndim == 3 and array.shape[2] == 3]
+        values = shaped[0] if len(shaped) == 1 else None
+    if values is None:
         raise MotionError(f"no array of positions among {', '.join(arrays) or 'nothing'}; {known(POSITION_KEYS)}", path)
     if values.ndim != 3 or values.shape[2] != 3 or 0 in values.shape or values.dtype.kind not in "fiu":
         raise MotionError(f"positions must be numbers (T, J, 3), got {values.dtype} {values.shape}", path)
@@ -72,7 +75,7 @@ def _joint_set(
 ) -> JointSet:
     count = positions.shape[1]
     stored = _first(arrays, NAME_KEYS)
-    called = tuple(map(str, names if names is not None else [] if stored is None else stored))
+    called = tuple(names) if names is not None else () if stored is None else tuple(stored.astype(str).ravel().tolist())
     parents = arrays.get("parents")
     if not called:
         for joints in JOINT_SETS:
@@ -107,24 +110,24 @@ def _rotations(arrays: Mapping[str, Any], positions: Floats, path: Path) -> Floa
     values = _first(arrays, ROTATION_KEYS)
     if values is None:
         return None
-    if values.shape == (*positions.shape[:2], 3, 3):
-        flat = Rotation.from_matrix(values.reshape(-1, 3, 3).astype(float))
-    elif values.shape == (*positions.shape[:2], 4):
-        flat = Rotation.from_quat(values.reshape(-1, 4).astype(float), scalar_first=True)
-    else:
-        raise MotionError(
-            f"rotations must be (T, J, 4) or (T, J, 3, 3) for {positions.shape}, got {values.shape}", path
-        )
-    return flat.as_quat(scalar_first=True).reshape(*positions.shape[:2], 4)
+    if values.shape not in ((*positions.shape[:2], 4), (*positions.shape[:2], 3, 3)):
+        raise MotionError(f"rotations must be (T, J, 4) or (T, J, 3, 3) for {positions.shape}, got {values.shape}", path)
+    try:
+        if values.ndim == 4:
+            turns = Rotation.from_matrix(values.reshape(-1, 3, 3).astype(float))
+        else:
+            turns = Rotation.from_quat(values.reshape(-1, 4).astype(float), scalar_first=True)
+    except ValueError as error:
+        raise MotionError(f"rotations: {error}", path) from error
+    return turns.as_quat(scalar_first=True).reshape(*positions.shape[:2], 4)
 
 
 def _fps(arrays: Mapping[str, Any], joints: JointSet, path: Path, notes: list[str]) -> float:
     stored = _first(arrays, FPS_KEYS)
     if stored is not None:
-        value = float(np.asarray(stored).reshape(-1)[0])
-        if not (np.isfinite(value) and value > 0):
-            raise MotionError(f"frames per second must be positive, got {value}", path)
-        return value
+        if stored.size != 1 or stored.dtype.kind not in "fiu" or not 0 < stored.item() < np.inf:
+            raise MotionError(f"frames per second must be one positive number, got {stored}", path)
+        return float(stored.item())
     value = joints.fps or DEFAULT_FPS
     notes.append(f"The file says no frame rate; {value:g} frames per second were taken.")
     return value

@@ -61,7 +61,7 @@ def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | N
             - 3 * body.senses[joint].tip
             - 0.5 * (not body.children[joint])
             + 0.5 * (len(body.children[joint]) > 1)
-            - 0.06 * len(body.above(joint))
+            - 0.08 * len(body.above(joint))
         )
         if score > best_score:
             best, best_score = joint, score
