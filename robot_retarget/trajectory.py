@@ -1,5 +1,7 @@
 """The trajectory: what a retargeting yields and every later stage reads."""
 
+import hashlib
+import io
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,17 +59,40 @@ class Trajectory:
             OutputError: the file cannot be written.
         """
         target = Path(path)
-        with replacing(target) as scratch, scratch.open("wb") as stream:
-            np.savez_compressed(
-                stream,
-                qpos=self.qpos,
-                fps=self.fps,
-                joint_names=np.array(self.joint_names, dtype=np.str_),
-                robot=self.robot,
-                source=self.source,
-                format_version=FORMAT_VERSION,
-            )
+        with replacing(target) as scratch:
+            scratch.write_bytes(self.serialised())
         return target
+
+    def serialised(self) -> bytes:
+        """What `save` writes, byte for byte: the same trajectory always gives the same bytes."""
+        stream = io.BytesIO()
+        np.savez_compressed(
+            stream,
+            qpos=self.qpos,
+            fps=self.fps,
+            joint_names=np.array(self.joint_names, dtype=np.str_),
+            robot=self.robot,
+            source=self.source,
+            format_version=FORMAT_VERSION,
+        )
+        return stream.getvalue()
+
+
+def fingerprint(trajectory: Trajectory | str | Path) -> str:
+    """The sha256 by which a report refers to its trajectory file.
+
+    Of a path, the hash of the file as it lies there; of a trajectory, that of the file `save` writes: both agree for
+    a file just saved.
+
+    Raises:
+        TrajectoryError: the file cannot be read.
+    """
+    if isinstance(trajectory, Trajectory):
+        return hashlib.sha256(trajectory.serialised()).hexdigest()
+    try:
+        return hashlib.sha256(Path(trajectory).read_bytes()).hexdigest()
+    except OSError as error:
+        raise TrajectoryError(f"cannot read {trajectory}: {error.strerror or error}") from error
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
