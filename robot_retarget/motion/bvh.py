@@ -97,10 +97,10 @@ def _relative(hierarchy: Hierarchy, translations: Floats, placed: np.ndarray) ->
 def _euler(order: str, degrees: Floats) -> Rotation:
     """R = R_1 R_2 R_3 about the joint's own axes in the order of its channels; any count of them."""
     if len(order) <= 3 and all(a != b for a, b in pairwise(order)):
-        return Rotation.from_euler(order, degrees if len(order) > 1 else degrees[:, 0], degrees=True)
+        return Rotation.from_euler(order, degrees, degrees=True)
     total = Rotation.identity(len(degrees))
     for axis, angle in zip(order, degrees.T, strict=True):
-        total = total * Rotation.from_euler(axis, angle, degrees=True)
+        total = total * Rotation.from_euler(axis, angle[:, None], degrees=True)
     return total
 
 

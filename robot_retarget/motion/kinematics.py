@@ -25,7 +25,7 @@ def forward(parents: Ints, translations: Floats, rotations: Floats) -> tuple[Flo
     for joint, parent in enumerate(parents):
         turn = Rotation.from_quat(rotations[:, joint], scalar_first=True)
         if parent >= 0:
-            positions[:, joint] = positions[:, parent] + turns[parent].apply(translations[:, joint])
+            positions[:, joint] = positions[:, parent] + turns[parent].apply(positions[:, joint])
             turn = turns[parent] * turn
         turns.append(turn)
     world = np.stack([turn.as_quat(scalar_first=True) for turn in turns], axis=1)

@@ -5,10 +5,15 @@ for several parts, and tree and geometry decide between them.
 """
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 
-_LEFT = {"left", "l", "lft", "lt", "links", "linke", "gauche", "izquierda", "izq", "sinistra", "左"}
-_RIGHT = {"right", "r", "rgt", "rt", "rechts", "rechte", "droite", "derecha", "der", "destra", "右"}
+_SIDES = {
+    "l": {"left", "l", "lft", "lt", "links", "linke", "linker", "linkes", "gauche", "izquierda", "sinistra", "左"},
+    "r": {"right", "r", "rgt", "rt", "rechts", "rechte", "rechter", "rechtes", "droite", "derecha", "destra", "右"},
+}
+_SIDE_OF = {word: side for side, words in _SIDES.items() for word in words}
+_GLUED_SIDE = re.compile(r"(left|right|[lr])(.{3,})", re.IGNORECASE)
 
 # The first line whose pattern is found in the name speaks.
 _PARTS: tuple[tuple[str, dict[str, float]], ...] = tuple(
@@ -60,22 +65,21 @@ class Sense:
 
 def sense(name: str) -> Sense:
     """What a joint's name says, whatever its prefix, case or separators."""
-    bare = re.split(r"[:|]", name)[-1]
-    pieces = [piece for run in _PIECE.findall(_split_ideographs(bare)) for piece in _without_side_prefix(run)]
-    lower = [piece.lower() for piece in pieces if not piece.isdigit()]
-    side = next(("l" if piece in _LEFT else "r" for piece in lower if piece in _LEFT | _RIGHT), "")
-    rest = "".join(piece for piece in lower if piece not in _LEFT | _RIGHT)
+    bare = re.sub(r"([左右])", r" \1 ", re.split(r"[:|]", unicodedata.normalize("NFKC", name))[-1])
+    words = [word.lower() for run in _PIECE.findall(bare) for word in _unglued(run) if not word.isdigit()]
+    side = next((_SIDE_OF[word] for word in words if word in _SIDE_OF), "")
+    rest = "".join(word for word in words if word not in _SIDE_OF)
     parts = next((parts for pattern, parts in _PARTS if re.search(pattern, rest)), {})
     return Sense(side, parts, bool(_TIP.search(rest)))
 
 
-def _split_ideographs(name: str) -> str:
-    return re.sub(r"([左右])", r" \1 ", name)
+def _unglued(piece: str) -> tuple[str, ...]:
+    """`lhand` → `l`, `hand`: a side glued to a word that the table knows from its first letter on."""
+    glued = _GLUED_SIDE.fullmatch(piece)
+    if glued is None or _starts_a_part(piece) or not _starts_a_part(glued.group(2)):
+        return (piece,)
+    return glued.groups()
 
 
-def _without_side_prefix(piece: str) -> list[str]:
-    """`lhand` → `l`, `hand`: a side letter glued to a word the table knows from its first letter on."""
-    rest = piece[1:].lower()
-    known = len(rest) > 2 and any(re.match(pattern, rest) for pattern, _ in _PARTS)
-    whole = any(re.match(pattern, piece.lower()) for pattern, _ in _PARTS)
-    return [piece[0], piece[1:]] if piece[0] in "lrLR" and known and not whole else [piece]
+def _starts_a_part(word: str) -> bool:
+    return any(re.match(pattern, word.lower()) for pattern, _ in _PARTS)

@@ -193,14 +193,16 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
     mean, spread = apart.mean(axis=0), apart.std(axis=0)
     below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
     between = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3).mean(axis=0).min(axis=1)
+    # A sword in one hand makes that chain longer, not its arm.
+    total = min(below[0], body.branch(other[0]))
     best: Limb | None = None
     for a, b, c in combinations(range(len(chain)), 3):
         upper, lower = mean[a, b], mean[b, c]
-        if min(upper, lower) < 0.15 * below[0]:
+        if min(upper, lower) < 0.15 * total:
             continue
         score = (
             max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0)
-            + 1.5 * np.log((upper + lower) / below[0])
+            + 1.5 * min(0.0, np.log((upper + lower) / total))
             - 4 * (_bulge(mean, a, b) + _bulge(mean, b, c))
             - min(4.0, 20 * (spread[a, b] / upper + spread[b, c] / lower))
             - min(3.0, 2 * max(0.0, below[c] / lower - 0.95))

@@ -111,7 +111,9 @@ def _rotations(arrays: Mapping[str, Any], positions: Floats, path: Path) -> Floa
     if values is None:
         return None
     if values.shape not in ((*positions.shape[:2], 4), (*positions.shape[:2], 3, 3)):
-        raise MotionError(f"rotations must be (T, J, 4) or (T, J, 3, 3) for {positions.shape}, got {values.shape}", path)
+        raise MotionError(
+            f"rotations must be (T, J, 4) or (T, J, 3, 3) for {positions.shape}, got {values.shape}", path
+        )
     try:
         if values.ndim == 4:
             turns = Rotation.from_matrix(values.reshape(-1, 3, 3).astype(float))

@@ -95,9 +95,10 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
         if keypoint not in KEYPOINTS:
             raise MatchError(f"unknown keypoint {keypoint!r}; {known(KEYPOINTS)}")
         wanted = [names] if isinstance(names, str) else list(names)
-        strange = next((name for name in wanted if name not in skeleton.names), None if wanted else "")
-        if strange is not None:
-            raise MatchError(f"{keypoint}: unknown joint {strange!r}; {known(skeleton.names)}")
+        strange = [name for name in wanted if name not in skeleton.names]
+        if strange or not wanted:
+            what = f"unknown joint {strange[0]!r}" if strange else "no joint given"
+            raise MatchError(f"{keypoint}: {what}; {known(skeleton.names)}")
         marks[keypoint] = Mark(tuple(map(skeleton.names.index, wanted)), 1.0, "set by hand")
     return replace(recognition, marks={k: marks[k] for k in KEYPOINTS if k in marks})
 

@@ -64,7 +64,9 @@ def test_a_broken_file_is_refused_with_its_line(tmp_path, content, line, message
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.integers(0, len(GOOD)), st.integers(0, 12), st.sampled_from(["", "{", "}", "x", " 1e", "-", "\n", "nan", "\0"]))
+@given(
+    st.integers(0, len(GOOD)), st.integers(0, 12), st.sampled_from(["", "{", "}", "x", " 1e", "-", "\n", "nan", "\0"])
+)
 def test_damage_anywhere_ends_in_a_motion_or_in_one_message(tmp_path_factory, at, length, junk):
     path = tmp_path_factory.mktemp("damage") / "damaged.bvh"
     path.write_text(GOOD[:at] + junk + GOOD[at + length :])
