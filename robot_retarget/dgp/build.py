@@ -110,6 +110,20 @@ def pair_edges(
     return replace(graph, i=i, j=j, kind=int(kind), **columns)
 
 
+def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> Graph:
+    """Second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
+
+    Raises:
+        UsageError: there are fewer than three frames.
+    """
+    graph, x = empty(vertices, animation)
+    if len(x) < 3:
+        raise UsageError(f"second differences need three frames, got {len(x)}")
+    i = np.arange((len(x) - 2) * x.shape[1])
+    exact = measured(graph, x, i, i + 2 * x.shape[1], Kind.SMOOTHNESS, priority)
+    return replace(exact, lower=0.0)
+
+
 def every_frame(u: Ints, v: Ints, graph: Graph, first: int = 0) -> tuple[Ints, Ints]:
     """Ids of pairs of objects (places in V) repeated in the frames from `first` on, frame after frame."""
     offsets = np.arange(first, graph.frames)[:, None] * len(graph.vertices)

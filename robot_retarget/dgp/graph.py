@@ -13,7 +13,7 @@ from robot_retarget.errors import GraphError, known
 
 
 class Kind(IntEnum):
-    """What an edge wishes for. Only `INTERACTION` changes how the edge is measured; the others are labels."""
+    """What an edge wishes for. `INTERACTION` and `SMOOTHNESS` change how it is measured; the others are labels."""
 
     BONE = 0
     """Two joints of one rigid part, [MucherinoOmer2019, Definition 3]."""
@@ -25,11 +25,16 @@ class Kind(IntEnum):
     """Two objects kept apart, δ = [Δ, ∞], [MucherinoOmer2019, eq. 2]."""
     INTERACTION = 4
     """Measured by the interaction distance of [Mucherino2019, Definition 12]."""
-    TOUCH = 5
-    COMPASS = 6
-    PATH = 7
-    FOOTHOLD = 8
-    GROUND = 9
+    SMOOTHNESS = 5
+    """Joins v at t − 1 and t + 1 and measures ‖x^(t−1) − 2 x^t + x^(t+1)‖, twice the way from v_t to their middle.
+
+    An extension of the papers: distances between frames hold the speed, not the direction.
+    """
+    TOUCH = 6
+    COMPASS = 7
+    PATH = 8
+    FOOTHOLD = 9
+    GROUND = 10
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,8 @@ class Graph:
         self._refuse(moving & ~same, "is an interaction across two frames; both ends belong to one")
         first = np.minimum(self.i, self.j) < len(self.vertices)
         self._refuse(moving & first, "is an interaction in the first frame, which has no previous one")
+        apart = np.abs(self.i - self.j) != 2 * len(self.vertices)
+        self._refuse((self.kind == Kind.SMOOTHNESS) & apart, "is smoothness but does not join v_(t−1) and v_(t+1)")
 
     def _check_bounds(self) -> None:
         for name in ("lower", "upper", "priority"):
@@ -187,7 +194,10 @@ class Graph:
         return replace(self, **{name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in columns})
 
     def induced(self, vertices: ArrayLike, first: int, last: int) -> "Graph":
-        """G[vertices × {first … last}], the edges with both ends inside, [MucherinoOmer2019, §2]."""
+        """G[vertices × {first … last}], the edges with both ends inside, [MucherinoOmer2019, §2].
+
+        An interaction edge also needs its previous frame inside.
+        """
         places = np.atleast_1d(np.asarray(vertices, dtype=np.int64))
         if not 0 <= first <= last < self.frames:
             raise GraphError(f"frames {first} … {last} are not within 0 … {self.frames - 1}")
@@ -195,6 +205,7 @@ class Graph:
         new[first : last + 1, places] = np.arange((last - first + 1) * len(places)).reshape(-1, len(places))
         ids = new.ravel()
         kept = (ids[self.i] >= 0) & (ids[self.j] >= 0)
+        kept &= (self.kind != Kind.INTERACTION) | (self.i >= (first + 1) * len(self.vertices))
         columns = ("lower", "upper", "priority", "kind")
         window = {name: getattr(self, name)[first : last + 1, places] for name in ("fixed", "box_lower", "box_upper")}
         return replace(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.interaction import Interaction, steps_ahead
 
@@ -15,7 +15,7 @@ _DENSE = 20_000
 
 @dataclass(frozen=True)
 class Incidence:
-    """r = A x + k ∘ (S x): A takes one end of each edge from the other, S the last step of an interaction edge.
+    """r = A x + k ∘ (S x): A takes one end of each edge from the other, S the relative step of an interaction edge.
 
     k is 0 on Euclidean edges and the steps ahead of `interaction.steps_ahead` on the others, where it follows x.
     """
@@ -46,26 +46,24 @@ class Incidence:
             total = total + self.steps_t @ (k[:, None] * forces).reshape(flat.shape)
         return total.reshape(-1, *forces.shape[1:])
 
-    def members(self, graph: Graph, k: Floats | None) -> tuple[Any, Floats]:
-        """The vertices (E, m) each difference is made of and their coefficients (E, m), m = 2 or 4."""
-        ids, ones = np.stack([graph.j, graph.i], axis=1), np.tile([1.0, -1.0], (len(graph), 1))
+    def members(self, graph: Graph, k: Floats | None) -> tuple[Ints, Floats]:
+        """The vertices (E, m) each difference is made of and their coefficients (E, m), with k held."""
+        ids, coefficients = _members(graph)
         if k is None:
-            return ids, ones
+            return ids, coefficients
         earlier = np.where((graph.kind == Kind.INTERACTION)[:, None], ids - len(graph.vertices), ids)
-        return np.concatenate([ids, earlier], axis=1), np.concatenate([ones * (1.0 + k), -ones * k], axis=1)
+        return np.concatenate([ids, earlier], axis=1), np.concatenate([coefficients * (1 + k), -coefficients * k], 1)
 
 
 def incidence(graph: Graph) -> Incidence:
     """The operator of a graph's edges."""
-    edges, count = np.arange(len(graph)), graph.frames * len(graph.vertices)
-    ends = _signed(edges, graph.j, graph.i, (len(graph), count))
-    moving = np.flatnonzero(graph.kind == Kind.INTERACTION)
-    steps = None
-    if moving.size:
-        shape, back = (len(graph), count), len(graph.vertices)
-        now = _signed(moving, graph.j[moving], graph.i[moving], shape)
-        steps = now - _signed(moving, graph.j[moving] - back, graph.i[moving] - back, shape)
-    if ends.shape[0] * ends.shape[1] <= _DENSE:
+    shape = len(graph), graph.frames * len(graph.vertices)
+    ids, coefficients = _members(graph)
+    ends = _matrix(ids, coefficients, shape)
+    moving = (graph.kind == Kind.INTERACTION)[:, None] * coefficients
+    back = np.where(moving != 0, ids - len(graph.vertices), ids)
+    steps = _matrix(ids, moving, shape) - _matrix(back, moving, shape) if moving.any() else None
+    if shape[0] * shape[1] <= _DENSE:
         ends = ends.toarray()
     return Incidence(
         ends=ends,
@@ -76,11 +74,20 @@ def incidence(graph: Graph) -> Incidence:
     )
 
 
-def _signed(rows: Any, plus: Any, minus: Any, shape: tuple[int, int]) -> Any:
+def _members(graph: Graph) -> tuple[Ints, Floats]:
+    """x_j − x_i, or x_j + x_i − 2 x_middle where there are edges of smoothness."""
+    smooth = (graph.kind == Kind.SMOOTHNESS)[:, None]
+    if not smooth.any():
+        return np.stack([graph.j, graph.i], axis=1), np.tile([1.0, -1.0], (len(graph), 1))
+    middle = np.where(smooth[:, 0], (graph.i + graph.j) // 2, graph.i)
+    return np.stack([graph.j, graph.i, middle], axis=1), np.where(smooth, [1.0, 1.0, -2.0], [1.0, -1.0, 0.0])
+
+
+def _matrix(ids: Ints, coefficients: Floats, shape: tuple[int, int]) -> Any:
     from scipy import sparse  # imported here so that importing the package stays fast
 
-    values = np.concatenate([np.ones(len(rows)), -np.ones(len(rows))])
-    return sparse.csr_array((values, (np.concatenate([rows, rows]), np.concatenate([plus, minus]))), shape=shape)
+    row = np.repeat(np.arange(shape[0]), ids.shape[1])
+    return sparse.csr_array((coefficients.ravel(), (row, ids.ravel())), shape=shape)
 
 
 def _turned(matrix: Any) -> Any:

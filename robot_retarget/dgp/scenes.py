@@ -130,3 +130,13 @@ def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Scene:
 def shortened_arms(structure: SkeletalStructure, factor: float = 0.8) -> SkeletalStructure:
     """Fig. 5b, c: the same body with upper arms 20 % shorter."""
     return structure.scaled([factor if name in ("l_elbow", "r_elbow") else 1.0 for name in structure.names])
+
+
+def team(frames: int = 40) -> Scene:
+    """Six robots in two columns that meet an obstacle in the middle of their way, [MucherinoOmer2019, §4.3]."""
+    columns = [(row * 0.14, side * 0.07) for row in range(3) for side in (1.0, -1.0)]
+    tracks = [_line((0.0 + dx, 0.5 + dy), (1.2 + dx, 0.5 + dy), frames) for dx, dy in columns]
+    rock = np.full((frames, 2), (0.74, 0.505))
+    names = tuple("abcdef")
+    pairs = tuple((name, "rock") for name in names)
+    return Scene((*names, "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)

@@ -1,0 +1,58 @@
+"""Frame by frame, the future unknown: the setting the interaction distance was made for [Mucherino2019, §5]."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robot_retarget.arrays import frozen
+from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.newton import Newton
+from robot_retarget.dgp.solution import Solution
+from robot_retarget.dgp.solve import solve
+from robot_retarget.dgp.spectral import Spectral
+from robot_retarget.dgp.stress import Objective
+
+
+def solve_causally(
+    graph: Graph,
+    animation: ArrayLike,
+    options: Spectral | Newton | None = None,
+    objective: Objective = Objective.SQUARED,
+    *,
+    window: int = 4,
+) -> Solution:
+    """Solve one frame after the other, each from the frames before it, which stay as they were solved.
+
+    Frame t sees the edges of G[V × {t − window + 1 … t}]; it starts from its predecessor moved on by its last step.
+
+    Args:
+        graph: the instance over all frames.
+        animation: (T, V, K) [m]; its first `window − 1` frames are kept, the others are not read.
+        options: of the solver.
+        objective: one of the smooth ones.
+        window: frames looked at, at least 2.
+    """
+    x, everyone = graph.checked(animation), np.arange(len(graph.vertices))
+    began, found = time.perf_counter(), []
+    for frame in range(window - 1, graph.frames):
+        part = graph.induced(everyone, frame - window + 1, frame)
+        held = part.fixed.copy()
+        held[:-1] = True
+        x[frame] = np.where(
+            held[-1][:, None], x[frame], 2.0 * x[frame - 1] - x[frame - 2] if window > 2 else x[frame - 1]
+        )
+        solution = solve(replace(part, fixed=held), x[frame - window + 1 : frame + 1], options, objective)
+        x[frame] = solution.positions[-1]
+        found.append(solution)
+    return Solution(
+        graph=graph,
+        positions=frozen(x),
+        objective=objective,
+        statuses=tuple(solution.status for solution in found),
+        iterations=tuple(solution.iterations[0] for solution in found),
+        history=tuple(solution.stress for solution in found),
+        seconds=time.perf_counter() - began,
+        method=f"{found[0].method}, frame by frame" if found else "none",
+    )
