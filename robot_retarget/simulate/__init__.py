@@ -1,1 +1,1 @@
-"""MuJoCo judges a trajectory: replay, tracking servos, contacts, a verdict."""
+"""MuJoCo: what becomes of a trajectory on servos."""

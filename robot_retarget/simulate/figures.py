@@ -1,0 +1,147 @@
+"""What a replay and a rollout say in numbers. Keys carry their unit: `_rad`, `_m`, `_s`; shares are 0 … 1."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.timing import joint_velocities
+from robot_retarget.simulate.contacts import Contacts, summary
+from robot_retarget.simulate.plant import Plant
+from robot_retarget.simulate.stepping import Rollout
+from robot_retarget.trajectory import Trajectory
+
+SATURATED = 0.99
+"""A servo that gives this part of its torque bound gives all it has."""
+MOVING = 0.05
+"""A trajectory slower than this on average [rad/s] says nothing about lag."""
+
+
+def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, penetration: float) -> dict[str, Any]:
+    """Self-contacts deeper than `penetration` [m] and all others, joint ranges, joint speeds."""
+    angles = trajectory.qpos[:, robot.qpos_index]
+    excess = np.maximum(robot.lower - angles, angles - robot.upper).max(0).clip(0)
+    ratio = (np.abs(joint_velocities(trajectory, robot)) / robot.max_speed).max(0, initial=0)
+    deep = contacts.of(contacts.depth > penetration)
+    return {
+        "self_contact_share": round(len(np.unique(deep.frame)) / len(trajectory), 4),
+        "self_contact_depth_m": round(float(contacts.depth.max(initial=0)), 5),
+        "range_excess_rad": round(float(excess.max()), 5),
+        "range_excess_joint": robot.joint_names[int(excess.argmax())] if excess.any() else None,
+        "speed_ratio": round(float(ratio.max()), 3),
+        "speed_ratio_joint": robot.joint_names[int(ratio.argmax())] if ratio.any() else None,
+        "self_contacts": summary(contacts, robot, len(trajectory)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """The servos' work, frame by frame as far as the simulation came: F frames, n hinges."""
+
+    times: Floats
+    """(F,) [s]."""
+    wanted: Floats
+    measured: Floats
+    """(F, n) [rad]."""
+    torque: Floats
+    """(F, n) [N m]."""
+
+    @property
+    def error(self) -> Floats:
+        """(F, n) measured less wanted [rad]."""
+        return self.measured - self.wanted
+
+
+def at_frames(trajectory: Trajectory, robot: Robot, rollout: Rollout) -> Tracking:
+    """The rollout at the times of the trajectory's frames."""
+    times = np.arange(len(trajectory)) / trajectory.fps
+    times = times[: np.searchsorted(times, rollout.times[-1] + 1e-9, side="right") if len(rollout.times) else 0]
+    wanted = trajectory.qpos[: len(times), robot.qpos_index]
+    columns = [_at(times, rollout.times, values) for values in (rollout.hinges, rollout.torque)]
+    return Tracking(times, wanted, *columns)
+
+
+def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: float) -> dict[str, Any]:
+    """Errors, lag and saturation of the driven hinges; None where the simulation broke down before the first frame."""
+    driven, robot = plant.driven, plant.robot
+    playing = rollout.times >= 0
+    if not len(tracking.times) or not driven.size:
+        return {"tracking_rms_rad": None, "worst_joint": None, "joints": {}}
+    error = tracking.error[:, driven]
+    rms, peak = np.sqrt((error**2).mean(0)), np.abs(error).max(0)
+    torque = np.abs(rollout.torque[playing][:, driven])
+    bound = robot.max_torque[driven]
+    full = (torque >= SATURATED * bound).mean(0)
+    lines = zip(driven, rms, peak, full, torque.max(0), strict=True)
+    return {
+        "tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 5),
+        "tracking_max_rad": round(float(peak.max()), 5),
+        "worst_joint": robot.joint_names[driven[rms.argmax()]],
+        "worst_joint_rms_rad": round(float(rms.max()), 5),
+        "lag_s": _lag(error, tracking.wanted[:, driven], fps),
+        "saturated_share": round(float(full.max()), 4),
+        "joints": {
+            robot.joint_names[k]: {
+                "rms_rad": round(float(r), 5),
+                "max_rad": round(float(m), 5),
+                "saturated_share": round(float(s), 4),
+                "peak_torque_Nm": round(float(t), 4),
+            }
+            for k, r, m, s, t in lines
+        },
+    }
+
+
+def rollout_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
+    """Self-contacts while tracking, breakdown, speed of the simulation."""
+    contacts = rollout.contacts.own
+    steps = max(len(rollout.times), 1)
+    return {
+        "tracked_self_contact_share": round(len(np.unique(contacts.frame)) / steps, 4),
+        "unstable_s": None if rollout.unstable is None else round(rollout.unstable, 4),
+        "steps_per_second": round(rollout.steps_per_second),
+        "tracked_self_contacts": summary(contacts, robot, steps),
+    }
+
+
+def fall_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
+    """When the first body other than a foot touched the floor (negative: before the trajectory began), and which."""
+    contacts = rollout.contacts.scene
+    wrong = contacts.of(~np.isin(contacts.bodies[:, 1], _feet(robot, contacts)))
+    if not len(wrong):
+        return {"fall_s": None, "fall_body": None}
+    first = wrong.frame.argmin()
+    body = robot.model.body(int(wrong.bodies[first, 1])).name
+    return {"fall_s": round(float(rollout.times[wrong.frame[first]]), 3), "fall_body": body}
+
+
+def _feet(robot: Robot, contacts: Contacts) -> list[int]:
+    """Bodies that may stand on the floor: the recognised feet and their toes, else whatever touches it first."""
+    try:
+        soles = recognise(robot).soles
+    except MatchError:
+        soles = {}
+    feet = {int(b) for points in soles.values() for b in points.bodies}
+    if not feet and len(contacts):
+        feet = set(contacts.bodies[contacts.frame == contacts.frame.min(), 1].tolist())
+    for body in range(1, robot.model.nbody):  # parents come before their children
+        if robot.model.body_parentid[body] in feet or robot.model.body_weldid[body] in feet:
+            feet.add(body)
+    return sorted(feet)
+
+
+def _at(times: Floats, known: Floats, values: Floats) -> Floats:
+    return np.stack([np.interp(times, known, column) for column in values.T], 1) if len(known) else values[:0]
+
+
+def _lag(error: Floats, wanted: Floats, fps: float) -> float | None:
+    """The delay τ [s] that explains the errors best: e = −τ dq/dt in the least squares."""
+    if len(wanted) < 3:
+        return None
+    speed = np.gradient(wanted, 1 / fps, axis=0)
+    power = (speed**2).sum()
+    return round(float(-(error * speed).sum() / power), 4) if power > MOVING**2 * len(wanted) else None

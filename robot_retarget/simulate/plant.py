@@ -1,0 +1,189 @@
+"""The physics that a trajectory is played on: the robot's own model with a position servo on every driven hinge."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import RobotError
+from robot_retarget.robot.model import Robot
+
+Mode = Literal["pinned", "free"]
+
+FULL_TORQUE_ERROR = 0.2
+"""An added servo pulls with all its torque at this error [rad]; an XM430 at its default gain does at 0.217."""
+OPEN_STIFFNESS = 20.0
+"""Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]."""
+DAMPING_RATIO = 0.7
+"""Damping of an added servo, as a part of critical."""
+HEAVY = 1e6
+"""A held root is this many times as heavy as the robot: limbs cannot move it, gravity cannot let it fall."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A compiled model whose only actuators are position servos on hinges."""
+
+    robot: Robot
+    model: mujoco.MjModel
+    servos: Ints
+    """(n,) the actuator of each hinge, −1 for one that nothing drives."""
+    notes: tuple[str, ...]
+
+    @property
+    def driven(self) -> Ints:
+        """Places among the robot's hinges of those with a servo."""
+        return np.flatnonzero(self.servos >= 0)
+
+    def controls(self, qpos: Floats) -> Floats:
+        """Controls (N, nu) at which every servo rests at qpos (N, nq): force g c + b₀ + b₁ r q = 0, r the gear."""
+        model, driven = self.model, self.driven
+        servo = self.servos[driven]
+        length = qpos[:, self.robot.qpos_index[driven]] * model.actuator_gear[servo, 0]
+        controls = np.zeros((len(qpos), model.nu))
+        bias = model.actuator_biasprm[servo, 0] + model.actuator_biasprm[servo, 1] * length
+        controls[:, servo] = -bias / model.actuator_gainprm[servo, 0]
+        return controls
+
+
+def build_plant(robot: Robot, mode: Mode) -> Plant:
+    """Compile the robot's MJCF for physics.
+
+    The model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
+    inertia, unless the model's equality constraints are there to move it. Every other actuator, all sensors and keyframes go.
+    `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
+
+    Raises:
+        RobotError: the MJCF no longer compiles to the robot that was loaded.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(robot.path))
+        kept = _strip(spec, robot)
+        added = _add_servos(spec, robot, kept)
+        floor = mode == "free" and _add_floor(spec, robot)
+        model = spec.compile()
+    except ValueError as error:
+        raise RobotError(f"{robot.path}: cannot be prepared for simulation: {' '.join(str(error).split())}") from error
+    if model.nq != robot.model.nq:
+        raise RobotError(f"{robot.path}: has {model.nq} coordinates now, {robot.model.nq} when it was loaded")
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    if mode == "pinned":
+        _hold_root(model, robot)
+        _leave_scene(model)
+    servos = np.full(len(robot.joint_names), -1)
+    place = {int(j): k for k, j in enumerate(robot.joint_ids)}
+    for actuator in range(model.nu):
+        servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
+    return Plant(robot, model, servos, tuple(_notes(robot, servos, added, floor)))
+
+
+def root_dofs(robot: Robot) -> Ints:
+    """Where the root stands in qvel."""
+    model = robot.model
+    return np.array([d for j in robot.root_joints for d in np.flatnonzero(model.dof_jntid == j)], dtype=np.int64)
+
+
+def root_coordinates(robot: Robot) -> Ints:
+    """Where the root stands in qpos."""
+    adr = [*robot.model.jnt_qposadr, robot.model.nq]
+    return np.array([c for j in robot.root_joints for c in range(adr[j], adr[j + 1])], dtype=np.int64)
+
+
+def _strip(spec: mujoco.MjSpec, robot: Robot) -> set[int]:
+    """Leave one position servo per hinge and no other actuator; the joints that have one."""
+    model, served = robot.model, set()
+    for actuator, element in enumerate(list(spec.actuators)):
+        joint = int(model.actuator_trnid[actuator, 0])
+        if _is_servo(model, actuator) and joint in robot.joint_ids and joint not in served:
+            served.add(joint)
+        else:
+            spec.delete(element)
+    for element in [*spec.sensors, *spec.keys]:
+        spec.delete(element)
+    return served
+
+
+def _is_servo(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator pulls a joint towards its control: constant gain, and a bias that opposes the position."""
+    return bool(
+        model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+        and model.actuator_gainprm[actuator, 0] > 0
+        and model.actuator_biasprm[actuator, 1] < 0
+    )
+
+
+def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str]:
+    """Put servos on the hinges without one; their names."""
+    model = robot.model
+    actuated = set(model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0].tolist())
+    mechanism = model.neq > 0
+    bare = [k for k, j in enumerate(robot.joint_ids) if j not in served and (j in actuated or not mechanism)]
+    if not bare:
+        return []
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # Euler leaves a servo's damping explicit
+    inertia = _limb_inertia(robot)
+    joints = list(spec.joints)
+    for k in bare:
+        joint = joints[robot.joint_ids[k]]
+        joint.name = joint.name or robot.joint_names[k]
+        torque = float(robot.max_torque[k])
+        stiffness = torque / FULL_TORQUE_ERROR if np.isfinite(torque) else inertia[k] * OPEN_STIFFNESS**2
+        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=stiffness, kv=2 * DAMPING_RATIO * np.sqrt(stiffness * inertia[k]))
+        if np.isfinite(torque):
+            servo.forcerange = [-torque, torque]
+            servo.forcelimited = True
+    return [robot.joint_names[k] for k in bare]
+
+
+def _limb_inertia(robot: Robot) -> Floats:
+    """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]."""
+    model, data = robot.model, mujoco.MjData(robot.model)
+    data.qpos[:] = robot.standing()
+    mujoco.mj_forward(model, data)
+    columns = np.zeros((model.nv, model.nv))
+    for column, unit in zip(columns, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    return np.diag(columns)[robot.dof_index]
+
+
+def _add_floor(spec: mujoco.MjSpec, robot: Robot) -> bool:
+    """A plane z = 0 where the scene has no plane or height field."""
+    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+    if np.isin(robot.model.geom_type, flat).any():
+        return False
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=1, conaffinity=0xFFFF)
+    return True
+
+
+def _hold_root(model: mujoco.MjModel, robot: Robot) -> None:
+    model.dof_armature[root_dofs(robot)] = HEAVY * model.body_mass.sum()
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _leave_scene(model: mujoco.MjModel) -> None:
+    """Nothing of the world touches the robot any more, be it by masks or by listed pairs."""
+    scene = np.flatnonzero(model.geom_bodyid == 0)
+    model.geom_contype[scene] = model.geom_conaffinity[scene] = 0
+    listed = np.isin(model.pair_geom1, scene) | np.isin(model.pair_geom2, scene)
+    model.pair_margin[listed] = -1e6
+
+
+def _notes(robot: Robot, servos: Ints, added: list[str], floor: bool) -> list[str]:
+    notes = []
+    if added:
+        which = "every joint" if len(added) == len(servos) else ", ".join(added)
+        notes.append(
+            f"the model has no position servo on {which}: added with full torque at {FULL_TORQUE_ERROR} rad, or "
+            f"{OPEN_STIFFNESS:g} rad/s on the limb's inertia where no torque bound is known, damping ratio {DAMPING_RATIO}"
+        )
+    loose = [robot.joint_names[k] for k in np.flatnonzero(servos < 0)]
+    if loose:
+        notes.append(f"left to the model's equality constraints: {', '.join(loose)}")
+    if floor:
+        notes.append("the model has no floor: a plane z = 0 added")
+    return notes
