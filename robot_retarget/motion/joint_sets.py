@@ -1,112 +1,51 @@
 """Sets of joints that arrays come in without naming them."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class JointSet:
-    """Names and parents of a set of joints, and the frame rate its data usually has [1/s]."""
+    """Joints in the order of an array, and the frame rate its data usually has [1/s]."""
 
     title: str
-    names: tuple[str, ...]
-    parents: tuple[int, ...]
-    fps: float | None
+    parents: Mapping[str, str | None]
+    """Each joint's parent by name, None at the root."""
+    fps: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.parents)
+
+    def parent_indices(self, order: Sequence[str]) -> list[int]:
+        """For each joint in another order the index of its parent there, −1 at the root."""
+        return [-1 if (parent := self.parents[name]) is None else list(order).index(parent) for name in order]
 
 
-_SMPL = [
-    "pelvis",
-    "left_hip",
-    "right_hip",
-    "spine1",
-    "left_knee",
-    "right_knee",
-    "spine2",
-    "left_ankle",
-    "right_ankle",
-    "spine3",
-    "left_foot",
-    "right_foot",
-    "neck",
-    "left_collar",
-    "right_collar",
-    "head",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_hand",
-    "right_hand",
-]
-_SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
-_SOMA = [
-    "Hips",
-    "Spine1",
-    "Spine2",
-    "Chest",
-    "Neck1",
-    "Neck2",
-    "Head",
-    "Jaw",
-    "LeftEye",
-    "RightEye",
-    "LeftShoulder",
-    "LeftArm",
-    "LeftForeArm",
-    "LeftHand",
-    "LeftHandThumbEnd",
-    "LeftHandMiddleEnd",
-    "RightShoulder",
-    "RightArm",
-    "RightForeArm",
-    "RightHand",
-    "RightHandThumbEnd",
-    "RightHandMiddleEnd",
-    "LeftLeg",
-    "LeftShin",
-    "LeftFoot",
-    "LeftToeBase",
-    "RightLeg",
-    "RightShin",
-    "RightFoot",
-    "RightToeBase",
-]
-_SOMA_PARENTS = (
-    -1,
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    6,
-    6,
-    3,
-    10,
-    11,
-    12,
-    13,
-    13,
-    3,
-    16,
-    17,
-    18,
-    19,
-    19,
-    0,
-    22,
-    23,
-    24,
-    0,
-    26,
-    27,
-    28,
-)
+_HUMANML3D: dict[str, str | None] = {
+    "pelvis": None, "left_hip": "pelvis", "right_hip": "pelvis", "spine1": "pelvis",
+    "left_knee": "left_hip", "right_knee": "right_hip", "spine2": "spine1",
+    "left_ankle": "left_knee", "right_ankle": "right_knee", "spine3": "spine2",
+    "left_foot": "left_ankle", "right_foot": "right_ankle",
+    "neck": "spine3", "left_collar": "spine3", "right_collar": "spine3", "head": "neck",
+    "left_shoulder": "left_collar", "right_shoulder": "right_collar",
+    "left_elbow": "left_shoulder", "right_elbow": "right_shoulder",
+    "left_wrist": "left_elbow", "right_wrist": "right_elbow",
+}  # fmt: skip
+_SMPL = {**_HUMANML3D, "left_hand": "left_wrist", "right_hand": "right_wrist"}
+_SOMA: dict[str, str | None] = {
+    "Hips": None, "Spine1": "Hips", "Spine2": "Spine1", "Chest": "Spine2", "Neck1": "Chest", "Neck2": "Neck1",
+    "Head": "Neck2", "Jaw": "Head", "LeftEye": "Head", "RightEye": "Head",
+    "LeftShoulder": "Chest", "LeftArm": "LeftShoulder", "LeftForeArm": "LeftArm", "LeftHand": "LeftForeArm",
+    "LeftHandThumbEnd": "LeftHand", "LeftHandMiddleEnd": "LeftHand",
+    "RightShoulder": "Chest", "RightArm": "RightShoulder", "RightForeArm": "RightArm", "RightHand": "RightForeArm",
+    "RightHandThumbEnd": "RightHand", "RightHandMiddleEnd": "RightHand",
+    "LeftLeg": "Hips", "LeftShin": "LeftLeg", "LeftFoot": "LeftShin", "LeftToeBase": "LeftFoot",
+    "RightLeg": "Hips", "RightShin": "RightLeg", "RightFoot": "RightShin", "RightToeBase": "RightFoot",
+}  # fmt: skip
 
 JOINT_SETS = (
-    JointSet("the 22 joints of HumanML3D and SMPL", tuple(_SMPL[:22]), _SMPL_PARENTS[:22], 20.0),
-    JointSet("the 24 joints of SMPL", tuple(_SMPL), _SMPL_PARENTS, 30.0),
-    JointSet("the 30 joints of SOMA", tuple(_SOMA), _SOMA_PARENTS, 30.0),
+    JointSet("the 22 joints of HumanML3D and SMPL", _HUMANML3D, 20.0),
+    JointSet("the 24 joints of SMPL", _SMPL, 30.0),
+    JointSet("the 30 joints of SOMA", _SOMA, 30.0),
 )
