@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import MotionError
 
 _FRAMES = re.compile(r"(?im)^[ \t]*frames[ \t]*:?[ \t]*(\S*)")
@@ -43,18 +43,18 @@ def parse_rows(text: str, path: str | Path, first_line: int, width: int) -> Rows
     """
     announced, frame_time, start = _header(text, path, first_line)
     first = first_line + text.count("\n", 0, start)
-    rows = [(line, words) for line, words in enumerate(map(str.split, text[start:].split("\n")), first) if words]
-    notes: list[str] = []
+    lines, notes = text[start:].split("\n"), []
     try:
-        values = _values([words for _, words in rows])
+        values, counts = _values(lines)
     except ValueError:
-        rows = [(line, _mended(words)) for line, words in rows]
-        values = _checked_values(rows, path)
+        lines = [_mended(line) for line in lines]
+        _check_words(lines, path, first)
+        values, counts = _values(lines)
         notes.append("Numbers written together or with a decimal comma were taken apart.")
-    table, lines = _table(values, rows, path, width)
-    if (note := _count_note(announced, len(table), path, rows[-1][0])) is not None:
+    table, starts = _table(values, counts, path, first, width)
+    if (note := _count_note(announced, len(table), path, starts[-1])) is not None:
         notes.append(note)
-    return Rows(table, lines, frame_time, tuple(notes))
+    return Rows(table, starts, frame_time, tuple(notes))
 
 
 def _header(text: str, path: str | Path, first_line: int) -> tuple[int | None, float, int]:
@@ -74,43 +74,47 @@ def _header(text: str, path: str | Path, first_line: int) -> tuple[int | None, f
     return announced, frame_time, start
 
 
-def _values(rows: list[list[str]]) -> Floats:
-    return np.fromiter(map(float, chain.from_iterable(rows)), dtype=float)
+def _values(lines: list[str]) -> tuple[Floats, Ints]:
+    """Every number of the lines, and how many each line has. The words are never all in memory."""
+    counts: list[int] = []
+
+    def words(line: str) -> list[str]:
+        found = line.split()
+        counts.append(len(found))
+        return found
+
+    return np.fromiter(map(float, chain.from_iterable(map(words, lines))), dtype=float), np.array(counts)
 
 
-def _mended(words: list[str]) -> list[str]:
-    """The numbers of a line with decimal commas, numbers glued at a sign, and other spellings of not-a-number."""
-    decimal = not any("." in word for word in words)
-    text = " ".join(words).replace(",", "." if decimal else " ")
-    return _GLUED.sub(" ", _NOT_A_NUMBER.sub("nan", text)).split()
+def _mended(line: str) -> str:
+    """A line without decimal commas, numbers glued at a sign, and other spellings of not-a-number."""
+    text = line.replace(",", " " if "." in line else ".")
+    return _GLUED.sub(" ", _NOT_A_NUMBER.sub("nan", text))
 
 
-def _checked_values(rows: list[tuple[int, list[str]]], path: str | Path) -> Floats:
-    for line, words in rows:
-        for word in words:
+def _check_words(lines: list[str], path: str | Path, first: int) -> None:
+    for number, line in enumerate(lines, first):
+        for word in line.split():
             try:
                 float(word)
             except ValueError:
-                raise MotionError(f"expected a number, found {word[:40]!r}", path, line) from None
-    return _values([words for _, words in rows])
+                raise MotionError(f"expected a number, found {word[:40]!r}", path, number) from None
 
 
-def _table(
-    values: Floats, rows: list[tuple[int, list[str]]], path: str | Path, width: int
-) -> tuple[Floats, tuple[int, ...]]:
-    """The numbers as (T, width). A row may be wrapped over lines, all of them alike; else each line is a row."""
-    if not rows:
-        raise MotionError("no frame follows Frame Time; expected a row of numbers", path)
-    counts = np.array([len(words) for _, words in rows])
-    lines = np.array([line for line, _ in rows])
-    wrapped = np.all(counts < width) and len(values) % width == 0 and len(values) > 0
-    if width == 0 or (not wrapped and not np.all(counts == width)):
+def _table(values: Floats, counts: Ints, path: str | Path, first: int, width: int) -> tuple[Floats, tuple[int, ...]]:
+    """The numbers as (T, width) and the line each row starts in. Each line is a row, or all rows are wrapped."""
+    filled = np.flatnonzero(counts)
+    if not filled.size:
+        raise MotionError("no frame follows Frame Time; expected a row of numbers", path, first)
+    counts, lines = counts[filled], filled + first
+    wrapped = width > 0 and np.all(counts < width) and len(values) % width == 0
+    if not wrapped and not np.all(counts == width):
         bad = int(np.argmax(counts != width))
-        cut = "MOTION is truncated: " if bad == len(rows) - 1 and counts[bad] < width else ""
+        cut = "MOTION is truncated: " if bad == len(counts) - 1 and counts[bad] < width else ""
         raise MotionError(f"{cut}a row of {counts[bad]} numbers, the hierarchy has {width} channels", path, lines[bad])
-    starts = np.cumsum(counts) - counts
-    first = np.searchsorted(starts, np.arange(0, len(values), width), side="right") - 1
-    return values.reshape(-1, width), tuple(lines[first].tolist())
+    before = np.cumsum(counts) - counts
+    starts = np.searchsorted(before, np.arange(0, len(values), width), side="right") - 1
+    return values.reshape(-1, width), tuple(lines[starts].tolist())
 
 
 def _count_note(announced: int | None, found: int, path: str | Path, line: int) -> str | None:
