@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from robot_retarget.motion import write_bvh as write_bvh
     from robot_retarget.retarget.match import Match as Match
     from robot_retarget.retarget.match import match as match
-    from robot_retarget.retarget.solve import Solution as Solution
+    from robot_retarget.retarget.solution import Solution as Solution
     from robot_retarget.retarget.transfer import Result as Result
     from robot_retarget.retarget.transfer import retarget as retarget
     from robot_retarget.robot import Robot as Robot
@@ -44,7 +44,7 @@ _HOME = {
     "write_bvh": "motion",
     "Match": "retarget.match",
     "match": "retarget.match",
-    "Solution": "retarget.solve",
+    "Solution": "retarget.solution",
     "Result": "retarget.transfer",
     "retarget": "retarget.transfer",
     "Robot": "robot",

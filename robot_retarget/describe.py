@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion, leg_length, stature
 from robot_retarget.motion import recognise as recognise_human
-from robot_retarget.retarget.solve import Solution
+from robot_retarget.retarget.solution import Solution
 from robot_retarget.robot import Robot
 from robot_retarget.robot import recognise as recognise_robot
 

@@ -12,6 +12,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
 from robot_retarget.motion import Motion
+from robot_retarget.retarget.contacts import stances
 from robot_retarget.retarget.frames import facing, human_frames
 from robot_retarget.retarget.match import Match
 
@@ -32,7 +33,7 @@ class Weights:
     girdle: float = 1.0
     """Directions of the hip line and the shoulder line."""
     marker: float = 0.3
-    """Directions of the segments' forward and up."""
+    """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
     smoothness: float = 0.02
@@ -75,6 +76,8 @@ class Edges:
     """(T, 3) wished pelvis position [m]."""
     facing: Floats
     """(T, 3, 3) how the whole body is turned; starts are made from it."""
+    stances: dict[str, np.ndarray]
+    """Per foot (T, 2) whether toe and heel stand: foothold edges of length 0 from frame to frame."""
 
     def __len__(self) -> int:
         return len(self.root)
@@ -115,6 +118,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         stacked,
         root_path(x, match),
         body,
+        stances(motion, match),
     )
 
 

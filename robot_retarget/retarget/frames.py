@@ -1,8 +1,9 @@
 """How the human's pelvis, chest, head and feet are turned: what joint centres alone cannot tell.
 
-A segment's frame has its forward, left and up as columns. From positions it is built of two directions; where the
-source has rotations, the joint's own rotation is used, turned by the constant that fits the position-built frames best
-over the clip. The file's rest pose is never consulted: many exporters' rest poses are nonsense.
+A segment's frame has its forward, left and up as columns. Pelvis and chest are built of two directions between
+keypoints. A head's yaw and a foot's roll are seen in no position: where the source has rotations, the joint's own is
+used, turned by the constant that fits over the clip (a head faces as the chest on the whole, a foot is flat where its
+ankle is lowest). The file's rest pose is never consulted: many exporters' rest poses are nonsense.
 """
 
 import numpy as np
@@ -13,8 +14,8 @@ from robot_retarget.motion import Motion
 from robot_retarget.retarget.match import Match
 
 UP = np.array([0.0, 0.0, 1.0])
-STANDING_SHARE = 0.2
-"""A foot is taken to be flat in this share of the frames, the ones in which it is lowest."""
+STANDING_SHARE = 0.1
+"""A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -27,8 +28,7 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
         middle = (x["l_shoulder"] + x["r_shoulder"]) / 2
         frames["chest"] = _upright(x["l_shoulder"] - x["r_shoulder"], middle - x["pelvis"])
     if "chest" in frames and {"neck", "head"} <= x.keys():
-        frames["head"] = _upright(frames["chest"][:, :, 1], x["head"] - x["neck"])
-    frames = {segment: _by_rotation(motion, match, segment, frame) for segment, frame in frames.items()}
+        frames["head"] = _head(motion, match, _upright(frames["chest"][:, :, 1], x["head"] - x["neck"]))
     for side in "lr":
         if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
             frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
@@ -51,43 +51,30 @@ def _upright(left: Floats, up: Floats) -> Floats:
 
 
 def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats) -> Floats:
-    """A foot's frame; it is flat, and its toes lie straight ahead, where it stands lowest."""
+    """A foot's frame; it is flat, and its toes lie straight ahead, where the ankle is lowest."""
     along, shin = toe - ankle, knee - ankle
     y = _unit(np.cross(shin, along))
     raw = np.stack([_unit(along), y, np.cross(_unit(along), y)], axis=2)
-    height = ankle[:, 2] + toe[:, 2]
-    flat = height <= np.quantile(height, STANDING_SHARE)
+    flat = ankle[:, 2] <= np.quantile(ankle[:, 2], STANDING_SHARE)
     ahead = _unit(along[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
-    joint = match.recognition.marks[f"{side}_ankle"].joints
-    if motion.rotations is None or len(joint) != 1:
-        return raw @ _constant(raw[flat], level)
-    own = Rotation.from_quat(motion.rotations[:, joint[0]], scalar_first=True).as_matrix()
-    return own @ _constant(own[flat], level)
+    own = _own_rotation(motion, match, f"{side}_ankle")
+    seen = raw if own is None else own
+    return seen @ _constant(seen[flat], level)
 
 
-def _by_rotation(motion: Motion, match: Match, segment: str, built: Floats) -> Floats:
-    """The joint's rotation times the constant that brings it nearest to the frames built from positions."""
-    joint = match.recognition.marks[segment].joints
-    if segment == "pelvis":
-        joint = _hip_carrier(motion, match)
-    if motion.rotations is None or len(joint) != 1:
-        return built
-    own = Rotation.from_quat(motion.rotations[:, joint[0]], scalar_first=True).as_matrix()
-    return own @ _constant(own, built)
+def _head(motion: Motion, match: Match, built: Floats) -> Floats:
+    """The head's rotation times the constant that brings it nearest to the frames built from positions."""
+    own = _own_rotation(motion, match, "head")
+    return built if own is None else own @ _constant(own, built)
 
 
-def _hip_carrier(motion: Motion, match: Match) -> tuple[int, ...]:
-    """The joint whose rotation carries both hips: their nearest common ancestor."""
-    parents = motion.skeleton.parents
-    lines = []
-    for keypoint in ("l_hip", "r_hip"):
-        line = [match.recognition.marks[keypoint].joints[0]]
-        while parents[line[-1]] >= 0:
-            line.append(int(parents[line[-1]]))
-        lines.append(line)
-    common = [j for j in lines[0] if j in lines[1]]
-    return (common[0],) if common else ()
+def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
+    """(T, 3, 3) of the joint that stands for a keypoint, where the source has rotations."""
+    joints = match.recognition.marks[keypoint].joints
+    if motion.rotations is None or len(joints) != 1:
+        return None
+    return Rotation.from_quat(motion.rotations[:, joints[0]], scalar_first=True).as_matrix()
 
 
 def _constant(own: Floats, wanted: Floats) -> Floats:

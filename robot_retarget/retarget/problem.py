@@ -1,7 +1,11 @@
 """One frame's problem as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
 
     minimise  Σ π (d_ij(q ⊕ v) − δ_ij)²/τ_ij²  +  Σ w ‖(x_a − x_b)/ℓ − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
+                 + Σ h ‖c(q ⊕ v) − p‖²/ℓ²
     subject to  lower ≤ q_joint ⊕ v ≤ upper,   z_sole(q ⊕ v) ≥ 0
+
+The last sum holds the corners c of a standing sole at their places p; its weight is so high that they stay within a
+tenth of a millimetre, and never makes the rest infeasible.
 
 The structure points → distances → normal matrix is kept (nothing is expanded to scalars beyond the kinematics), so one
 evaluation is a handful of dense products.
@@ -14,10 +18,13 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.retarget.edges import Edges, Weights
+from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.retarget.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import point_function
 
+HOLD = 1e4
+"""Weight of a held corner, over the leg length."""
 MARKER_ARM = 0.1
 """Markers stand this far from their segment's origin [m]; the cost does not depend on it."""
 
@@ -29,11 +36,14 @@ class Problem:
     robot: Robot
     match: Match
     model: ca.Function
-    """(q, δ, π, u, r, y) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their Jacobian (F, nv)."""
+    """(q, δ, π, u, r, y, h, p) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their slopes (F, nv)."""
     stress: ca.Function
     """(q, δ) ↦ (d − δ)/τ of every posture edge (E)."""
     heights: ca.Function
     """q ↦ the sole points' heights over the floor (F) [m]."""
+    corners: ca.Function
+    """q ↦ the corners of the soles, stacked (3 · 4 · feet) [m]."""
+    feet: tuple[str, ...]
     soles: int
     """F, how many sole points stay above the floor."""
 
@@ -41,28 +51,44 @@ class Problem:
 def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | None = None) -> Problem:
     """Assemble the functions for a robot; the wished values stay parameters."""
     w = weights or Weights()
-    points, sole_rows = _all_points(robot, match, edges)
-    kinematics = point_function(robot, points)
+    points, sole_rows, corner_rows, feet = _all_points(robot, match, edges)
     q = ca.MX.sym("q", robot.model.nq)
-    x, jacobian = kinematics(q)
-    delta, pi = ca.MX.sym("delta", len(edges.pairs)), ca.MX.sym("pi", len(edges.pairs))
-    u, r = ca.MX.sym("u", edges.direction[0].size), ca.MX.sym("r", 3 * 2 * len(edges.segments))
-    y = ca.MX.sym("y", 3)
-    stretch, rows = _posture(x, jacobian, edges, delta)
-    blocks = [(ca.sqrt(pi) * stretch, ca.diag(ca.sqrt(pi)) @ rows)]
-    blocks += [_compass(x, jacobian, edges, u), _markers(x, jacobian, edges, r, w), _path(x, jacobian, match, y, w)]
-    residual = ca.vertcat(*[b[0] for b in blocks])
-    rows = ca.vertcat(*[b[1] for b in blocks])
-    floor = x[sole_rows], jacobian[sole_rows, :]
-    outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, *floor]
-    model = ca.Function("model", [q, delta, pi, u, r, y], outputs)
-    stress = ca.Function("stress", [q, delta], [stretch])
-    heights = ca.Function("heights", [q], [x[sole_rows]])
-    return Problem(robot, match, model, stress, heights, len(sole_rows))
+    x, jacobian = point_function(robot, points)(q)
+    wished = _Wished(edges, len(corner_rows) // 3)
+    stretch, slope = _posture(x, jacobian, edges, wished.delta)
+    blocks = [
+        (ca.sqrt(wished.pi) * stretch, ca.diag(ca.sqrt(wished.pi)) @ slope),
+        _compass(x, jacobian, edges, wished.u),
+        _markers(x, jacobian, edges, wished.r, w),
+        _path(x, jacobian, match, wished.y, w),
+        _holds(x[corner_rows], jacobian[corner_rows, :], wished, leg_length(match)),
+    ]
+    residual, rows = (ca.vertcat(*[block[k] for block in blocks]) for k in (0, 1))
+    outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, x[sole_rows], jacobian[sole_rows, :]]
+    return Problem(
+        robot,
+        match,
+        ca.Function("model", [q, *wished.all], outputs),
+        ca.Function("stress", [q, wished.delta], [stretch]),
+        ca.Function("heights", [q], [x[sole_rows]]),
+        ca.Function("corners", [q], [x[corner_rows]]),
+        feet,
+        len(sole_rows),
+    )
+
+
+class _Wished:
+    """The parameters of a frame as symbols."""
+
+    def __init__(self, edges: Edges, corners: int):
+        self.delta, self.pi = ca.MX.sym("delta", len(edges.pairs)), ca.MX.sym("pi", len(edges.pairs))
+        self.u, self.r = ca.MX.sym("u", edges.direction[0].size), ca.MX.sym("r", 3 * 2 * len(edges.segments))
+        self.y, self.h, self.p = ca.MX.sym("y", 3), ca.MX.sym("h", corners), ca.MX.sym("p", 3 * corners)
+        self.all = [self.delta, self.pi, self.u, self.r, self.y, self.h, self.p]
 
 
 def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
-    """δ, π, u, r, y of one frame, as `Problem.model` takes them."""
+    """δ, π, u, r, y of one frame, as `Problem.model` takes them before the footholds h and p."""
     return (
         edges.distance[frame],
         edges.priority[frame],
@@ -72,19 +98,28 @@ def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
     )
 
 
-def _all_points(robot: Robot, match: Match, edges: Edges) -> tuple[Points, list[int]]:
-    """Keypoints, then per segment its origin and two markers, then the soles; and the rows of the soles' heights."""
+def leg_length(match: Match) -> float:
+    """Thigh and shin of the robot [m], or all its bones where it has no legs."""
+    legs = [match.index(k) for k in ("l_knee", "l_ankle") if k in match.keypoints]
+    return float(match.robot_bones[legs].sum() if legs else match.robot_bones.sum())
+
+
+def _all_points(robot: Robot, match: Match, edges: Edges) -> tuple[Points, list[int], list[int], tuple[str, ...]]:
+    """Keypoints, per segment its origin and two markers, soles, sole corners; rows of sole heights and of corners."""
     bodies, offsets = [*match.points.bodies], [*match.points.offsets]
     for segment in edges.segments:
         body, axes = match.anatomy.frames[segment]
         bodies += [body] * 3
         offsets += [np.zeros(3), MARKER_ARM * axes[:, 0], MARKER_ARM * axes[:, 2]]
+    feet = tuple(match.anatomy.soles) if robot.root_joints.size else ()
     first = len(bodies)
-    if robot.root_joints.size:
-        for sole in match.anatomy.soles.values():
-            bodies += [*sole.bodies]
-            offsets += [*sole.offsets]
-    return Points(np.array(bodies), np.array(offsets)), [3 * p + 2 for p in range(first, len(bodies))]
+    for points in [match.anatomy.soles[foot] for foot in feet]:
+        bodies, offsets = [*bodies, *points.bodies], [*offsets, *points.offsets]
+    second = len(bodies)
+    for points in [sole_corners(match.anatomy, foot) for foot in feet]:
+        bodies, offsets = [*bodies, *points.bodies], [*offsets, *points.offsets]
+    heights = [3 * p + 2 for p in range(first, second)]
+    return Points(np.array(bodies), np.array(offsets)), heights, [*range(3 * second, 3 * len(bodies))], feet
 
 
 def _difference(count: int, plus: Ints, minus: Ints) -> ca.DM:
@@ -120,15 +155,21 @@ def _markers(x: ca.MX, jacobian: ca.MX, edges: Edges, r: ca.MX, w: Weights) -> t
     first = len(edges.keypoints)
     origin = np.repeat(first + 3 * np.arange(len(edges.segments)), 2)
     marker = (first + 3 * np.arange(len(edges.segments))[:, None] + [1, 2]).ravel()
+    end = np.array([segment.endswith(("foot", "hand")) for segment in edges.segments])
+    root = ca.DM(np.repeat(np.sqrt(np.where(end, w.marker / 3, w.marker)), 6))
     take = ca.kron(_difference(x.numel() // 3, marker, origin), ca.DM.eye(3))
-    scaled = take * (np.sqrt(w.marker) / MARKER_ARM)
-    return scaled @ x - np.sqrt(w.marker) * r, scaled @ jacobian
+    scaled = ca.diag(root / MARKER_ARM) @ take
+    return scaled @ x - root * r, scaled @ jacobian
 
 
 def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
     """√w (x_pelvis − y)/ℓ with ℓ the length of a leg, or of all bones where there are none."""
-    legs = [match.index(k) for k in ("l_knee", "l_ankle") if k in match.keypoints]
-    length = match.robot_bones[legs].sum() if legs else match.robot_bones.sum()
     k = match.index("pelvis") if "pelvis" in match.keypoints else 0
-    scale = np.sqrt(w.path) / float(length)
+    scale = np.sqrt(w.path) / leg_length(match)
     return (x[3 * k : 3 * k + 3] - y) * scale, jacobian[3 * k : 3 * k + 3, :] * scale
+
+
+def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:
+    """√h (c − p)/ℓ for every sole corner; h is 0 where it is free."""
+    root = ca.kron(ca.sqrt(wished.h), ca.DM.ones(3)) / length
+    return root * (x - wished.p), ca.diag(root) @ jacobian

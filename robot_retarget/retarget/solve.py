@@ -1,88 +1,35 @@
-"""Solve a clip frame by frame: a bounded Gauss–Newton method, warm-started, with several starts where it must find in."""
+"""Solve a clip: a causal pass frame by frame, then, over the whole clip, the smooth path that the frames agree on."""
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from enum import Enum
-from functools import cached_property
+from dataclasses import dataclass
+from itertools import pairwise
 
-import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.problem import Problem, frame_parameters
-from robot_retarget.robot.kinematics import body_frames, difference, integrate
+from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
+from robot_retarget.retarget.frame import FrameSolver, Options, Pose, Pull
+from robot_retarget.retarget.problem import HOLD, Problem, frame_parameters, leg_length
+from robot_retarget.retarget.smooth import smooth_offsets
+from robot_retarget.retarget.solution import Solution
+from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.trajectory import Trajectory
 
 Progress = Callable[[int, int], None]
 """Told (frames done, frames in all)."""
 
 
-class Status(Enum):
-    """Why the solver stopped at a frame; the value is the sentence for a person."""
-
-    CONVERGED = "the step fell below the tolerance"
-    OUT_OF_ITERATIONS = "the iterations ran out; the pose is usable, not final"
-    BLOCKED = "no admissible step was found; the previous pose is kept"
-
-
 @dataclass(frozen=True)
-class Options:
-    """How long and how carefully to search."""
+class Smoothing:
+    """How the whole clip is brought to agree with a smooth path (`solve_clip`)."""
 
-    iterations: int = 12
-    """At most, per frame; the first frame gets five times as many."""
-    tolerance: float = 1e-4
-    """Stop when no component of the step exceeds this [rad or m]."""
-    trust: float = 0.5
-    """Largest step of one hinge in one iteration [rad]."""
-    damping: float = 1e-3
-    """Levenberg's λ at the outset."""
-    smoothness: float = 0.02
-    """Weight of a change of joint speed, at 30 frames a second [1/rad²]."""
-    starts: int = 8
-    """Starts at the first frame, and where a frame got stuck."""
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A trajectory that can judge itself: how each frame ended, how much it misses, and where."""
-
-    trajectory: Trajectory
-    status: tuple[Status, ...]
-    cost: Floats
-    """(T,) weighted sum of squared edge errors."""
-    errors: Floats
-    """(T, E) of the posture edges, |d − δ|/τ."""
-    labels: tuple[str, ...]
-    """(E,) names of the posture edges."""
-    iterations: np.ndarray
-    """(T,)."""
-    timings: dict[str, float] = field(default_factory=dict)
-    """Seconds spent, by stage."""
-
-    @cached_property
-    def stress(self) -> Floats:
-        """(T,) mean of |d − δ|/τ over the posture edges."""
-        return self.errors.mean(axis=1) if self.errors.size else np.zeros(len(self.cost))
-
-    def unsolved(self) -> list[int]:
-        """Frames that did not converge."""
-        return [t for t, s in enumerate(self.status) if s is not Status.CONVERGED]
-
-    def largest_step(self) -> float:
-        """The largest change of one hinge between two frames [rad]; a jump is seen here."""
-        hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
-        return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
-
-    def worst_edges(self, count: int = 8) -> list[tuple[str, float, int]]:
-        """The posture edges with the largest mean error: name, mean error, the frame where it is largest."""
-        mean = self.errors.mean(axis=0)
-        order = np.argsort(-mean)[:count]
-        return [(self.labels[e], float(mean[e]), int(self.errors[:, e].argmax())) for e in order]
+    passes: int = 6
+    weight: float = 1.0
+    """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
+    stiffness: float = 0.5
+    """Weight of squared second differences, at 30 frames a second [1/rad²]."""
 
 
 def solve(
@@ -91,158 +38,121 @@ def solve(
     fps: float,
     source: str = "",
     options: Options | None = None,
+    smoothing: Smoothing | None = None,
     progress: Progress | None = None,
 ) -> Solution:
-    """Solve every frame in turn, each from the one before.
+    """Solve every frame in turn, then the whole clip for smoothness; `smoothing.passes` = 0 leaves the causal pass.
 
     Args:
-        fps: frames per second of the edges; joint speeds are compared in time, not in frames.
-        progress: called after every frame.
+        fps: frames per second of the edges.
+        progress: called with (frames done, frames in all), all passes counted.
     """
     began = time.perf_counter()
-    chosen = options or Options()
-    solver = _Frame(problem, chosen, fps)
-    results: list[_Result] = []
+    chosen, smoothly = options or Options(), smoothing or Smoothing()
+    solver = FrameSolver(problem, chosen, leg_length(problem.match))
+    held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
+    count = _Count(progress, len(edges) * (1 + (smoothly.passes if len(edges) > 2 else 0)))
+    poses = causal_pass(solver, edges, held, count)
+    causal = time.perf_counter() - began
+    if smoothly.passes and len(edges) > 2:
+        poses = clip_passes(solver, edges, held, poses, smoothly, fps, count)
+    timings = {"causal": causal, "clip": time.perf_counter() - began - causal, "solve": time.perf_counter() - began}
+    return _solution(problem, edges, poses, fps, source, timings)
+
+
+def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, count: "_Count") -> list[Pose]:
+    """Each frame from the one before; a foot that begins to stand stays where it was."""
+    stepping, poses = Stepping(held), []
+    free = _no_holds(held)
     for t in range(len(edges)):
-        parameters = frame_parameters(edges, t)
-        history = [r.qpos for r in results[-2:]]
-        result = solver.track(parameters, history) if history else solver.find(parameters, edges, t)
-        results.append(result)
-        if progress:
-            progress(t + 1, len(edges))
-    qpos = np.array([r.qpos for r in results])
+        wished = frame_parameters(edges, t)
+        if not poses:
+            found = solver.find((*wished, *free), edges, t)
+            poses.append(found)
+        corners = _corners(solver.problem, poses[-1].qpos)
+        holds = _hold(*stepping.at(t, corners))
+        pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations)
+        poses = [*poses, pose] if t else [pose]
+        count.one()
+    return poses
+
+
+def clip_passes(
+    solver: FrameSolver,
+    edges: Edges,
+    held: np.ndarray,
+    poses: list[Pose],
+    smoothing: Smoothing,
+    fps: float,
+    count: "_Count",
+) -> list[Pose]:
+    """Alternate between frames drawn to a smooth path and the smooth path through the frames.
+
+    The method of multipliers on  Σ f_t(q_t) + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
+    ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. Ranges, floor, footholds and separation hold in the
+    frames, so they hold in what is returned.
+    """
+    robot, weight = solver.robot, np.full(solver.robot.model.nv, smoothing.weight)
+    feet = footholds(held, np.array([_corners(solver.problem, p.qpos) for p in poses]))
+    path = [p.qpos for p in poses]
+    dual = np.zeros((len(poses), robot.model.nv))
+    stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
+    for _ in range(smoothing.passes):
+        moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
+        path = _smooth_path(solver, moved, stiffness)
+        dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
+        for t, pose in enumerate(poses):
+            wished = (*frame_parameters(edges, t), *_hold(feet.held[t], feet.places[t]))
+            poses[t] = solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1)
+            count.one()
+    return poses
+
+
+def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float) -> list[Floats]:
+    """The smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
+    speed = np.array([difference(solver.robot, a, b) for a, b in pairwise(moved)])
+    offsets = smooth_offsets(speed, stiffness)
+    return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
+
+
+class _Count:
+    """Counts frames towards a progress report."""
+
+    def __init__(self, progress: Progress | None, total: int):
+        self.progress, self.total, self.done = progress, total, 0
+
+    def one(self) -> None:
+        self.done += 1
+        if self.progress:
+            self.progress(self.done, self.total)
+
+
+def _no_holds(held: np.ndarray) -> tuple[Floats, Floats]:
+    return np.zeros(held[0].size), np.zeros(3 * held[0].size)
+
+
+def _hold(held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
+    """h and p of a frame, as `Problem.model` takes them."""
+    return HOLD * held.ravel().astype(float), places.ravel()
+
+
+def _corners(problem: Problem, qpos: Floats) -> Floats:
+    """(F, 4, 3) the soles' corners [m]."""
+    return np.asarray(problem.corners(qpos)).reshape(len(problem.feet), CORNERS, 3)
+
+
+def _solution(
+    problem: Problem, edges: Edges, poses: list[Pose], fps: float, source: str, timings: dict[str, float]
+) -> Solution:
+    qpos = np.array([p.qpos for p in poses])
     errors = np.array([np.abs(np.asarray(problem.stress(q, edges.distance[t]))).ravel() for t, q in enumerate(qpos)])
     trajectory = Trajectory(qpos, fps, problem.robot.joint_names, problem.robot.name, source)
     return Solution(
         trajectory,
-        tuple(r.status for r in results),
-        np.array([r.cost for r in results]),
+        tuple(p.status for p in poses),
+        np.array([p.cost for p in poses]),
         errors,
         tuple(edges.labels),
-        np.array([r.iterations for r in results]),
-        {"solve": time.perf_counter() - began},
+        np.array([p.iterations for p in poses]),
+        timings,
     )
-
-
-@dataclass(frozen=True)
-class _Result:
-    qpos: Floats
-    status: Status
-    cost: float
-    iterations: int
-
-
-class _Frame:
-    """The solver of single frames; holds the compiled quadratic program."""
-
-    def __init__(self, problem: Problem, options: Options, fps: float):
-        self.problem, self.options, self.robot = problem, options, problem.robot
-        nv = self.robot.model.nv
-        shape = {"h": ca.Sparsity.dense(nv, nv), "a": ca.Sparsity.dense(problem.soles, nv)}
-        self.program = ca.conic("program", "daqp", shape, {"error_on_fail": False})
-        self.hinges = self.robot.dof_index
-        self.inertia = np.zeros(nv)
-        self.inertia[self.hinges] = options.smoothness * (fps / 30) ** 4
-
-    def find(self, parameters: tuple[Floats, ...], edges: Edges, frame: int) -> _Result:
-        """The best of several starts: the reference pose, the standing pose, and poses drawn within the ranges."""
-        starts = [self.robot.neutral(), self.robot.standing()]
-        draw = np.random.default_rng(self.options.seed)
-        while len(starts) < max(2, self.options.starts):
-            pose = self.robot.neutral()
-            pose[self.robot.qpos_index] = draw.uniform(0.5 * self.robot.lower, 0.5 * self.robot.upper)
-            starts.append(pose)
-        placed = [place_root(self.problem, q, edges.root[frame], edges.facing[frame]) for q in starts]
-        results = [self.descend(q, parameters, None, 5 * self.options.iterations) for q in placed]
-        return self.lifted(min(results, key=lambda r: r.cost))
-
-    def track(self, parameters: tuple[Floats, ...], history: list[Floats]) -> _Result:
-        """Continue from the frame before, whose speed the joints would keep."""
-        expected = np.zeros(self.robot.model.nv)
-        if len(history) == 2:
-            expected = difference(self.robot, history[0], history[1])
-        return self.lifted(self.descend(history[-1], parameters, (history[-1], expected), self.options.iterations))
-
-    def lifted(self, result: _Result) -> _Result:
-        """The result with its root raised by what curvature let a sole sink under the floor."""
-        if not (self.robot.floating and self.problem.soles):
-            return result
-        depth = float(np.asarray(self.problem.heights(result.qpos)).min())
-        if depth >= 0:
-            return result
-        raised = np.array(result.qpos)
-        raised[int(self.robot.model.jnt_qposadr[self.robot.root_joints[0]]) + 2] -= depth
-        return replace(result, qpos=raised)
-
-    def descend(
-        self,
-        start: Floats,
-        parameters: tuple[Floats, ...],
-        inertia: tuple[Floats, Floats] | None,
-        iterations: int,
-    ) -> _Result:
-        """Gauss–Newton steps within the ranges and above the floor until the step is small."""
-        q, damping = start, self.options.damping
-        cost, gradient, normal, floor, slope = self._model(q, parameters, inertia)
-        for count in range(1, iterations + 1):
-            step = self._step(q, gradient, normal, floor, slope, damping)
-            if step is None:
-                return _Result(q, Status.BLOCKED, cost, count)
-            trial = integrate(self.robot, q, step)
-            moved = self._model(trial, parameters, inertia)
-            if moved[0] < cost + 1e-12 or floor.min(initial=0.0) < -1e-4:
-                q, damping = trial, max(damping / 4, 1e-6)
-                cost, gradient, normal, floor, slope = moved
-                if np.abs(step).max() < self.options.tolerance:
-                    return _Result(q, Status.CONVERGED, cost, count)
-            elif np.abs(step).max() < self.options.tolerance:
-                return _Result(q, Status.CONVERGED, cost, count)
-            else:
-                damping = min(damping * 10 + 1e-4, 1e3)
-        return _Result(q, Status.OUT_OF_ITERATIONS, cost, iterations)
-
-    def _model(
-        self, q: Floats, parameters: tuple[Floats, ...], inertia: tuple[Floats, Floats] | None
-    ) -> tuple[float, Floats, Floats, Floats, Floats]:
-        cost, gradient, normal, floor, slope = (np.asarray(v) for v in self.problem.model(q, *parameters))
-        total, gradient = float(cost.item()), gradient.ravel()
-        if inertia is not None:
-            before, expected = inertia
-            change = difference(self.robot, before, q) - expected
-            total += float(self.inertia @ change**2)
-            gradient = gradient + self.inertia * change
-            normal = normal + np.diag(self.inertia)
-        return total, gradient, normal, floor.ravel(), slope
-
-    def _step(
-        self, q: Floats, gradient: Floats, normal: Floats, floor: Floats, slope: Floats, damping: float
-    ) -> Floats | None:
-        """The step that minimises the quadratic model within ranges, trust region and floor."""
-        nv = len(gradient)
-        lower, upper = np.full(nv, -1.0), np.full(nv, 1.0)
-        angle, trust = q[self.robot.qpos_index], self.options.trust
-        lower[self.hinges] = np.clip(self.robot.lower - angle, -trust, 0.0)
-        upper[self.hinges] = np.clip(self.robot.upper - angle, 0.0, trust)
-        answer = self.program(
-            h=normal + damping * np.eye(nv), g=gradient, a=slope, lba=-floor, uba=np.inf, lbx=lower, ubx=upper
-        )
-        step = np.asarray(answer["x"]).ravel()
-        return step if self.program.stats()["success"] and np.isfinite(step).all() else None
-
-
-def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
-    """A pose with its free root turned and moved so that the pelvis has the wished frame and place, feet above ground."""
-    robot, anatomy = problem.robot, problem.match.anatomy
-    if not robot.floating:
-        return qpos
-    body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
-    address = int(robot.model.jnt_qposadr[robot.root_joints[0]])
-    moved = np.array(qpos)
-    positions, rotations = body_frames(robot, moved[None])
-    root = rotations[0, robot.root_body]
-    turn = facing @ (rotations[0, body] @ axes).T
-    spot = anatomy.spots.get("pelvis")
-    offset = np.zeros(3) if spot is None else positions[0, spot.body] + rotations[0, spot.body] @ spot.offset
-    moved[address + 3 : address + 7] = Rotation.from_matrix(turn @ root).as_quat(scalar_first=True)
-    moved[address : address + 3] = pelvis - turn @ (offset - positions[0, robot.root_body])
-    return moved

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.edges import Weights, build_edges
+from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.match import Match, match
 from robot_retarget.retarget.problem import build_problem
-from robot_retarget.retarget.solve import Options, Progress, Solution, solve
+from robot_retarget.retarget.solution import Solution
+from robot_retarget.retarget.solve import Progress, Smoothing, solve
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
@@ -36,6 +38,7 @@ def retarget(
     overrides: str | Path | None = None,
     weights: Weights | None = None,
     options: Options | None = None,
+    smoothing: Smoothing | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Carry a human motion over to a robot.
@@ -44,7 +47,8 @@ def retarget(
         fps: frames per second of the trajectory; the motion's own when None.
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
-        options: how long the solver searches.
+        options: how long the solver searches, and what it keeps.
+        smoothing: how the whole clip is smoothed; `Smoothing(passes=0)` leaves the causal pass.
         progress: called with (frames done, frames in all).
 
     Raises:
@@ -57,5 +61,5 @@ def retarget(
     edges = build_edges(motion, matched, weights)
     problem = build_problem(robot, matched, edges, weights)
     prepared = time.perf_counter() - began
-    solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, progress)
+    solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
     return Result(replace(solution, timings={"prepare": prepared, **solution.timings}), matched, motion)

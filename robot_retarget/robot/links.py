@@ -15,7 +15,10 @@ from robot_retarget.robot.model import Robot
 
 _GEOM = mujoco.mjtGeom
 _CUBE = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-_DISC = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4), np.zeros(8)], 1)
+_GRID = np.array(list(itertools.product(np.linspace(-1, 1, 5), repeat=3)))
+_SPHERE = _GRID[np.abs(_GRID).max(1) == 1]
+_SPHERE = _SPHERE / np.linalg.norm(_SPHERE, axis=1, keepdims=True)
+_DISC = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8), np.zeros(16)], 1)
 
 
 @dataclass(frozen=True)
@@ -161,4 +164,4 @@ def _both_ends(cap: Floats, half: float) -> Floats:
 
 
 def _ball(radii: Floats) -> Floats:
-    return np.concatenate([np.eye(3), -np.eye(3), _CUBE / np.sqrt(3)]) * radii
+    return _SPHERE * radii

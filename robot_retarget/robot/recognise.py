@@ -32,7 +32,7 @@ LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 HEAD_WORDS = {"head", "skull", "face"}
 SOLE_DIRECTIONS = 8
-SOLE_TILTS = (0.5, 1.1)
+SOLE_TILTS = (0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
 
 

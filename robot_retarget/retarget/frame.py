@@ -1,0 +1,187 @@
+"""One frame: a bounded Gauss–Newton method whose steps keep ranges, floor and separation."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.retarget.edges import Edges
+from robot_retarget.retarget.problem import Problem
+from robot_retarget.retarget.separation import Separation
+from robot_retarget.retarget.solution import Status
+from robot_retarget.robot.kinematics import body_frames, difference, integrate
+
+REACH = 0.03
+"""Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
+MARGIN = 0.006
+"""They stay this share of a leg apart."""
+SEPARATION_COST = 1e4
+"""Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
+SUNK = -1e-4
+"""A start this deep under the floor [m] takes its first steps whatever they cost."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How long and how carefully to search."""
+
+    iterations: int = 12
+    """At most, per frame; the first frame gets five times as many."""
+    tolerance: float = 1e-3
+    """Stop when no component of the step exceeds this [rad or m]."""
+    trust: float = 0.5
+    """Largest step of one hinge in one iteration [rad]."""
+    damping: float = 1e-3
+    """Levenberg's λ at the outset."""
+    starts: int = 8
+    """Starts at the first frame."""
+    seed: int = 0
+    separation: bool = True
+    """Keep links apart."""
+    footholds: bool = True
+    """Keep standing feet where they are."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Σ w (q ⊖ anchor − offset)²: draws a pose towards another, per tangent direction."""
+
+    anchor: Floats
+    offset: Floats
+    weight: Floats
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a descent ended."""
+
+    qpos: Floats
+    status: Status
+    cost: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class _Model:
+    """The quadratic model around one configuration."""
+
+    cost: float
+    gradient: Floats
+    normal: Floats
+    rows: Floats
+    least: Floats
+    """rows @ step ≥ least."""
+    sunk: bool
+
+
+class FrameSolver:
+    """The solver of single frames of one problem; holds the compiled quadratic program."""
+
+    def __init__(self, problem: Problem, options: Options, leg: float):
+        self.problem, self.options, self.robot = problem, options, problem.robot
+        self.hinges, self.leg = self.robot.dof_index, leg
+        self.separation = Separation(self.robot, REACH * leg) if options.separation else None
+        nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
+        self.rows = problem.soles + near
+        # One slack for all separation rows stands last.
+        shape = {"h": ca.Sparsity.dense(nv + 1, nv + 1), "a": ca.Sparsity.dense(self.rows, nv + 1)}
+        self.program = ca.conic("program", "daqp", shape, {"error_on_fail": False})
+
+    def find(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> Pose:
+        """The best of several starts: the reference pose, the standing pose, and poses drawn within the ranges."""
+        starts = [self.robot.neutral(), self.robot.standing()]
+        draw = np.random.default_rng(self.options.seed)
+        while len(starts) < max(2, self.options.starts):
+            pose = self.robot.neutral()
+            pose[self.robot.qpos_index] = draw.uniform(0.5 * self.robot.lower, 0.5 * self.robot.upper)
+            starts.append(pose)
+        placed = [place_root(self.problem, q, edges.root[frame], edges.facing[frame]) for q in starts]
+        return min((self.descend(q, wished, None, 5 * self.options.iterations) for q in placed), key=lambda p: p.cost)
+
+    def descend(self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int) -> Pose:
+        """Steps within ranges, above the floor and apart, until they are small."""
+        q, damping, status = start, self.options.damping, Status.OUT_OF_ITERATIONS
+        model = self._model(q, wished, pull)
+        count = 0
+        while count < iterations and status is Status.OUT_OF_ITERATIONS:
+            count += 1
+            step = self._step(q, model, damping)
+            if step is None:
+                status = Status.BLOCKED
+                break
+            trial = integrate(self.robot, q, step)
+            there = self._model(trial, wished, pull)
+            small = np.abs(step).max() < self.options.tolerance
+            if there.cost < model.cost + 1e-12 or model.sunk:
+                q, model, damping = trial, there, max(damping / 4, 1e-6)
+            else:
+                damping = min(damping * 10 + 1e-4, 1e3)
+            status = Status.CONVERGED if small else status
+        return self._lifted(Pose(q, status, model.cost, count))
+
+    def _model(self, q: Floats, wished: tuple[Floats, ...], pull: Pull | None) -> _Model:
+        cost, gradient, normal, floor, slope = (np.asarray(v) for v in self.problem.model(q, *wished))
+        total, gradient, floor = float(cost.item()), gradient.ravel(), floor.ravel()
+        if pull is not None:
+            change = difference(self.robot, pull.anchor, q) - pull.offset
+            total += float(pull.weight @ change**2)
+            gradient = gradient + pull.weight * change
+            normal = normal + np.diag(pull.weight)
+        nv = len(gradient)
+        rows, least = np.zeros((self.rows, nv + 1)), np.full(self.rows, -np.inf)
+        rows[: len(floor), :nv], least[: len(floor)] = slope, -floor
+        sunk = bool(floor.min(initial=0.0) < SUNK)
+        if self.separation is not None:
+            distance, apart = self.separation.near(q)
+            near = slice(len(floor), len(floor) + len(distance))
+            rows[near, :nv], rows[near, nv], least[near] = apart, 1.0, MARGIN * self.leg - distance
+            missing = np.maximum(0.0, MARGIN * self.leg - distance)
+            total += SEPARATION_COST * float(missing.max(initial=0.0) / self.leg) ** 2
+        return _Model(total, gradient, normal, rows, least, sunk)
+
+    def _step(self, q: Floats, model: _Model, damping: float) -> Floats | None:
+        """The step that minimises the quadratic model within ranges, trust region, floor and separation."""
+        nv, trust = len(model.gradient), self.options.trust
+        lower, upper = np.full(nv + 1, -1.0), np.full(nv + 1, 1.0)
+        angle = q[self.robot.qpos_index]
+        lower[self.hinges] = np.clip(self.robot.lower - angle, -trust, 0.0)
+        upper[self.hinges] = np.clip(self.robot.upper - angle, 0.0, trust)
+        lower[nv], upper[nv] = 0.0, np.inf
+        hessian = np.zeros((nv + 1, nv + 1))
+        hessian[:nv, :nv] = model.normal
+        hessian[np.arange(nv), np.arange(nv)] += damping
+        hessian[nv, nv] = SEPARATION_COST / self.leg**2
+        slope = np.append(model.gradient, 0.0)
+        answer = self.program(h=hessian, g=slope, a=model.rows, lba=model.least, uba=np.inf, lbx=lower, ubx=upper)
+        step = np.asarray(answer["x"]).ravel()[:nv]
+        return step if self.program.stats()["success"] and np.isfinite(step).all() else None
+
+    def _lifted(self, pose: Pose) -> Pose:
+        """The pose with its root raised by what curvature let a sole sink under the floor."""
+        if not (self.robot.floating and self.problem.soles):
+            return pose
+        depth = float(np.asarray(self.problem.heights(pose.qpos)).min())
+        if depth >= 0:
+            return pose
+        raised = np.array(pose.qpos)
+        raised[int(self.robot.model.jnt_qposadr[self.robot.root_joints[0]]) + 2] -= depth
+        return replace(pose, qpos=raised)
+
+
+def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
+    """A pose with its free root turned and moved so that the pelvis has the wished frame (3, 3) and place (3,) [m]."""
+    robot, anatomy = problem.robot, problem.match.anatomy
+    if not robot.floating:
+        return qpos
+    body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
+    address = int(robot.model.jnt_qposadr[robot.root_joints[0]])
+    moved = np.array(qpos)
+    positions, rotations = (frames[0] for frames in body_frames(robot, moved[None]))
+    turn = facing @ (rotations[body] @ axes).T
+    spot = anatomy.spots.get("pelvis")
+    middle = positions[robot.root_body] if spot is None else positions[spot.body] + rotations[spot.body] @ spot.offset
+    quaternion = Rotation.from_matrix(turn @ rotations[robot.root_body]).as_quat(scalar_first=True)
+    moved[address : address + 7] = [*(pelvis - turn @ (middle - positions[robot.root_body])), *quaternion]
+    return moved

@@ -1,0 +1,71 @@
+"""Surfaces of links that come near each other: their distances and how a step changes them.
+
+MuJoCo finds the pairs, by the model's own contact filter, with every margin widened to the reach. Pairs that overlap
+where the robot rests are left out: they do so by construction.
+"""
+
+import copy
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot import Robot
+
+
+class Separation:
+    """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
+
+    def __init__(self, robot: Robot, reach: float, most: int = 24):
+        """Look `reach` [m] around every geom and keep at most so many nearest contacts."""
+        self.model = copy.deepcopy(robot.model)
+        self.model.geom_margin[:] = reach
+        self.model.pair_margin[:] = reach
+        self.data = mujoco.MjData(self.model)
+        self.most = most
+        self.carried = _carried(self.model)
+        solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
+        self.counts = np.logical_and.outer(solid, solid)
+        for rest in (robot.neutral(), np.array(robot.model.qpos0)):
+            self._leave_out_overlaps(rest)
+
+    def near(self, qpos: Floats) -> tuple[Floats, Floats]:
+        """Distances (C,) [m], negative inside, and their slopes by v (C, nv), nearest first."""
+        distance, pair, place, normal = self._contacts(qpos)
+        order = np.argsort(distance)[: self.most]
+        first, second = self.model.geom_bodyid[pair[order]].T
+        arm = place[order] - self.data.subtree_com[self.model.body_rootid[first]]
+        turn, travel = self.data.cdof[:, :3], self.data.cdof[:, 3:]
+        # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
+        slope = normal[order] @ travel.T + np.cross(arm, normal[order]) @ turn.T
+        return distance[order], slope * (self.carried[second] - self.carried[first])
+
+    def depth(self, qpos: Floats) -> float:
+        """How deep the deepest two links are inside each other [m], 0 when none touch."""
+        return float(-self._contacts(qpos)[0].min(initial=0.0))
+
+    def _contacts(self, qpos: Floats) -> tuple[Floats, np.ndarray, Floats, Floats]:
+        """Distance (C,), geoms (C, 2), place (C, 3) and normal from the first to the second (C, 3) of what counts."""
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
+        found = self.data.contact
+        pair = np.asarray(found.geom)
+        keep = np.flatnonzero(self.counts[pair[:, 0], pair[:, 1]])
+        return found.dist[keep], pair[keep], found.pos[keep], found.frame[keep, :3]
+
+    def _leave_out_overlaps(self, qpos: Floats) -> None:
+        distance, pair, *_ = self._contacts(qpos)
+        for a, b in pair[distance < 0]:
+            self.counts[a, b] = self.counts[b, a] = False
+
+
+def _carried(model: mujoco.MjModel) -> Floats:
+    """(B, nv) 1 where a dof carries a body."""
+    table = np.zeros((model.nbody, model.nv))
+    for body in range(1, model.nbody):
+        table[body] = table[model.body_parentid[body]]
+        first = model.body_dofadr[body]
+        table[body, first : first + model.body_dofnum[body]] = 1.0
+    return table

@@ -1,0 +1,56 @@
+"""What a solver returns: the trajectory, and how well each frame was solved."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.trajectory import Trajectory
+
+
+class Status(Enum):
+    """Why the solver stopped at a frame; the value is the sentence for a person."""
+
+    CONVERGED = "the step fell below the tolerance"
+    OUT_OF_ITERATIONS = "the iterations ran out; the pose is usable, not final"
+    BLOCKED = "no admissible step was found; the previous pose is kept"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A trajectory that can judge itself: how each frame ended, how much it misses, and where."""
+
+    trajectory: Trajectory
+    status: tuple[Status, ...]
+    cost: Floats
+    """(T,) weighted sum of squared edge errors."""
+    errors: Floats
+    """(T, E) of the posture edges, |d − δ|/τ."""
+    labels: tuple[str, ...]
+    """(E,) names of the posture edges."""
+    iterations: Ints
+    """(T,) Gauss–Newton steps."""
+    timings: dict[str, float] = field(default_factory=dict)
+    """Seconds spent, by stage."""
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(T,) mean of |d − δ|/τ over the posture edges."""
+        return self.errors.mean(axis=1) if self.errors.size else np.zeros(len(self.cost))
+
+    def unsolved(self) -> list[int]:
+        """Frames that did not converge."""
+        return [t for t, s in enumerate(self.status) if s is not Status.CONVERGED]
+
+    def largest_step(self) -> float:
+        """The largest change of one hinge between two frames [rad]; a jump is seen here."""
+        hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
+        return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
+
+    def worst_edges(self, count: int = 8) -> list[tuple[str, float, int]]:
+        """The posture edges with the largest mean error: name, mean error, the frame where it is largest."""
+        mean = self.errors.mean(axis=0)
+        order = np.argsort(-mean)[:count]
+        return [(self.labels[e], float(mean[e]), int(self.errors[:, e].argmax())) for e in order]
