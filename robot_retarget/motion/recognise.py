@@ -71,8 +71,8 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
     body = Body.of(skeleton, positions)
     legs, arms = find_limbs(body)
     if legs is None or arms is None:
-        what = "legs" if legs is None else "arms"
-        raise MatchError(f"not a human body: no two {what} found among its {len(skeleton)} joints")
+        found = "no two legs found" if legs is None else "one pair of limbs found, not two legs and two arms,"
+        raise MatchError(f"not a human body: {found} among its {len(skeleton)} joints")
     refuse_other_than_human(body, legs, arms)
     legs, arms, certainty, notes = _sided(body, legs, arms)
     marks = {"pelvis": _pelvis(body, legs)}
