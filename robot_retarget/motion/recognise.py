@@ -122,7 +122,8 @@ def _turned(pair: Pair) -> Pair:
 def _pelvis(body: Body, legs: Pair) -> Mark:
     hips = tuple(limb.joints[0] for limb in legs.sides)
     marks = [_mark(body, "hip", joint, "", 1.0) for joint in hips]
-    return Mark(hips, min(mark.confidence for mark in marks), "the middle of the hips")
+    names = " and ".join(repr(body.skeleton.names[joint]) for joint in hips)
+    return Mark(hips, min(mark.confidence for mark in marks), f"{names}: the middle of the hips")
 
 
 def _limb_marks(body: Body, side: str, limb: Limb, kind: str, certainty: float) -> dict[str, Mark]:

@@ -221,7 +221,7 @@ def test_exporters_without_a_clip_are_matched_from_one_pose_or_many(tree, sides,
     # A root that stays where it is while the body walks away.
     steps = np.arange(max(travel, 1))[:, None, None] * [[[0.1, 0, 0]]]
     still = np.array([name in parts.get("root", []) for name in skeleton.names])[None, :, None]
-    recognition = recognise(skeleton, pose + steps * ~still)
+    recognition = recognise(skeleton, np.asarray(pose + steps * ~still, dtype=float))
     found = joints_of(recognition, skeleton)
     for part in ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "hand"):
         own = [name for name in parts[part] if not name.startswith("ik")]
