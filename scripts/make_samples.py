@@ -249,7 +249,10 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for clip in CLIPS:
         motion = clip()
-        write_bvh(motion, folder / f"{motion.source}.bvh")
+        path = folder / f"{motion.source}.bvh"
+        write_bvh(motion, path)
+        # The sign of a zero is rounding noise that differs from run to run.
+        path.write_text(path.read_text().replace("-0.000000", "0.000000"), newline="\n")
         print(f"{motion.source}: {len(motion)} frames, {motion.duration:.1f} s")
 
 
