@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.separation import Separation
@@ -85,9 +85,7 @@ class FrameSolver:
         self.separation = Separation(self.robot, REACH * leg) if options.separation else None
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
         self.rows = problem.soles + near
-        # One slack for all separation rows stands last.
-        shape = {"h": ca.Sparsity.dense(nv + 1, nv + 1), "a": ca.Sparsity.dense(self.rows, nv + 1)}
-        self.program = ca.conic("program", "daqp", shape, {"error_on_fail": False})
+        self.program = QuadraticProgram(nv + 1, self.rows)  # one slack for all separation rows stands last
 
     def find(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> Pose:
         """The best of several starts: the reference pose, the standing pose, and poses drawn within the ranges."""
@@ -122,8 +120,8 @@ class FrameSolver:
         return self._lifted(Pose(q, status, model.cost, count))
 
     def _model(self, q: Floats, wished: tuple[Floats, ...], pull: Pull | None) -> _Model:
-        cost, gradient, normal, floor, slope = (np.asarray(v) for v in self.problem.model(q, *wished))
-        total, gradient, floor = float(cost.item()), gradient.ravel(), floor.ravel()
+        cost, gradient, normal, floor, slope = self.problem.model(q, *wished)
+        total = float(cost[0])
         if pull is not None:
             change = difference(self.robot, pull.anchor, q) - pull.offset
             total += float(pull.weight @ change**2)
@@ -154,15 +152,14 @@ class FrameSolver:
         hessian[np.arange(nv), np.arange(nv)] += damping
         hessian[nv, nv] = SEPARATION_COST / self.leg**2
         slope = np.append(model.gradient, 0.0)
-        answer = self.program(h=hessian, g=slope, a=model.rows, lba=model.least, uba=np.inf, lbx=lower, ubx=upper)
-        step = np.asarray(answer["x"]).ravel()[:nv]
-        return step if self.program.stats()["success"] and np.isfinite(step).all() else None
+        step = self.program.solve(hessian, slope, model.rows, model.least, lower, upper)
+        return None if step is None else step[:nv]
 
     def _lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let a sole sink under the floor."""
         if not (self.robot.floating and self.problem.soles):
             return pose
-        depth = float(np.asarray(self.problem.heights(pose.qpos)).min())
+        depth = float(self.problem.heights(pose.qpos)[0].min())
         if depth >= 0:
             return pose
         raised = np.array(pose.qpos)

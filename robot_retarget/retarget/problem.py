@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.retarget.compiled import Compiled, dense_function
 from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.retarget.match import Match
@@ -35,13 +36,13 @@ class Problem:
 
     robot: Robot
     match: Match
-    model: ca.Function
+    model: Compiled
     """(q, δ, π, u, r, y, h, p) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their slopes (F, nv)."""
-    stress: ca.Function
+    stress: Compiled
     """(q, δ) ↦ (d − δ)/τ of every posture edge (E)."""
-    heights: ca.Function
+    heights: Compiled
     """q ↦ the sole points' heights over the floor (F) [m]."""
-    corners: ca.Function
+    corners: Compiled
     """q ↦ the corners of the soles, stacked (3 · 4 · feet) [m]."""
     feet: tuple[str, ...]
     soles: int
@@ -68,10 +69,10 @@ def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | N
     return Problem(
         robot,
         match,
-        ca.Function("model", [q, *wished.all], outputs),
-        ca.Function("stress", [q, wished.delta], [stretch]),
-        ca.Function("heights", [q], [x[sole_rows]]),
-        ca.Function("corners", [q], [x[corner_rows]]),
+        dense_function("model", [q, *wished.all], outputs),
+        dense_function("stress", [q, wished.delta], [stretch]),
+        dense_function("heights", [q], [x[sole_rows]]),
+        dense_function("corners", [q], [x[corner_rows]]),
         feet,
         len(sole_rows),
     )

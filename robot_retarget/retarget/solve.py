@@ -138,14 +138,14 @@ def _hold(held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
 
 def _corners(problem: Problem, qpos: Floats) -> Floats:
     """(F, 4, 3) the soles' corners [m]."""
-    return np.asarray(problem.corners(qpos)).reshape(len(problem.feet), CORNERS, 3)
+    return problem.corners(qpos)[0].reshape(len(problem.feet), CORNERS, 3)
 
 
 def _solution(
     problem: Problem, edges: Edges, poses: list[Pose], fps: float, source: str, timings: dict[str, float]
 ) -> Solution:
     qpos = np.array([p.qpos for p in poses])
-    errors = np.array([np.abs(np.asarray(problem.stress(q, edges.distance[t]))).ravel() for t, q in enumerate(qpos)])
+    errors = np.array([np.abs(problem.stress(q, edges.distance[t])[0]) for t, q in enumerate(qpos)])
     trajectory = Trajectory(qpos, fps, problem.robot.joint_names, problem.robot.name, source)
     return Solution(
         trajectory,
