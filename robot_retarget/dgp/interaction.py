@@ -25,6 +25,8 @@ DEAD_BAND = 1e-9
 
 _BLOCK = 256
 """Frames handled at once: the working arrays of 22 joints stay in the processor's cache."""
+_FEW = 8
+"""Up to so many frames the pairs are gathered in one go."""
 _FARTHEST = float(2**53)
 """The largest k that a float64 still counts exactly."""
 
@@ -92,6 +94,11 @@ def interaction_distance(
     lead, (joints, axes) = now.shape[:-2], now.shape[-2:]
     pairs = joints * (joints - 1) // 2
     before, now = before.reshape(-1, joints, axes), now.reshape(-1, joints, axes)
+    if len(now) <= _FEW:
+        u, v = np.triu_indices(joints, 1)
+        step = now - before
+        distance, alpha = pair_interaction(now[:, v] - now[:, u], step[:, v] - step[:, u], options)
+        return distance.reshape(*lead, pairs), alpha.astype(np.int64).reshape(*lead, pairs)
     distance, alpha = np.empty((len(now), pairs)), np.empty((len(now), pairs), dtype=np.int64)
     for start in range(0, len(now), _BLOCK):
         block = slice(start, start + _BLOCK)

@@ -140,3 +140,17 @@ def team(frames: int = 40) -> Scene:
     names = tuple("abcdef")
     pairs = tuple((name, "rock") for name in names)
     return Scene((*names, "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
+
+
+def reaching(frames: int = 100) -> tuple[Floats, Floats]:
+    """[Mucherino2019, Fig. 2]: a wrist swings from its side to the opposite, steady shoulder and stops just before it.
+
+    Returns:
+        The positions of wrist and opposite shoulder, (T, 2, 2), and the shoulder of the arm that moves, (2,) [m].
+    """
+    time = np.linspace(0.0, 1.0, frames)
+    progress = 10.0 * time**3 - 15.0 * time**4 + 6.0 * time**5
+    angle, radius = np.radians(-45.0 - 126.1 * progress), 0.5 - 0.176 * progress
+    own, opposite = np.array([0.18, 1.4]), np.array([-0.18, 1.4])
+    wrist = own + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.stack([wrist, np.tile(opposite, (frames, 1))], axis=1), own

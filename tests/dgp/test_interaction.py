@@ -63,6 +63,15 @@ def test_pairs_follow_triu_indices_over_any_leading_axes() -> None:
     np.testing.assert_array_equal(alpha, steps)
 
 
+def test_few_frames_and_many_agree() -> None:
+    before, now = RNG.normal(size=(2, 40, 6, 3))
+    many = interaction_distance(before, now)
+    for frame in range(40):
+        one = interaction_distance(before[frame], now[frame])
+        np.testing.assert_allclose(one[0], many[0][frame], rtol=1e-12)
+        np.testing.assert_array_equal(one[1], many[1][frame])
+
+
 def test_one_joint_has_no_pairs() -> None:
     distance, alpha = interaction_distance(np.zeros((4, 1, 3)), np.ones((4, 1, 3)))
     assert distance.shape == alpha.shape == (4, 0)

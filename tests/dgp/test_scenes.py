@@ -13,6 +13,7 @@ from robot_retarget.dgp import (
     bone_edges,
     distances,
     frame_edges,
+    interaction_distance,
     solve,
     solve_hard,
     solve_with_thresholds,
@@ -25,6 +26,7 @@ from robot_retarget.dgp.scenes import (
     meeting,
     pedestrians,
     raised_hands,
+    reaching,
     shortened_arms,
     together,
 )
@@ -143,3 +145,15 @@ def test_meeting_can_be_solved_by_a_rigid_shift_without_stress() -> None:
     exact = solve(base.joined(candidates), start, Newton(gradient_tolerance=1e-10), Objective.HALF_SQUARED)
     assert exact.stress < 1e-10
     assert np.abs(exact.positions[[0, -1]] - scene.animation[[0, -1]]).max() > 0.005
+
+
+def test_interaction_distance_sees_the_wrist_coming_twenty_frames_ahead() -> None:
+    x, _ = reaching()
+    distance, alpha = interaction_distance(x[:-1], x[1:])
+    euclid = np.linalg.norm(x[1:, 0] - x[1:, 1], axis=1)
+    late, early = int(np.argmax(euclid < 0.1)), int(np.argmax(distance[:, 0] < 0.1))
+    assert late - early >= 15
+    assert alpha[early, 0] == pytest.approx(late - early, abs=6)
+    assert distance.min() < euclid[-1] - 0.02
+    bounded, _ = interaction_distance(x[:-1], x[1:], horizon=10)
+    assert 5 <= late - int(np.argmax(bounded[:, 0] < 0.1)) < late - early
