@@ -161,18 +161,33 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
 
     target = folder(out)
     result = _retarget(motion, robot, fps, map_file, quiet=json)
-    trajectory = result.trajectory.save(target / "trajectory.npz")
+    result.trajectory.save(target / "trajectory.npz")
     report = roll_out(result.trajectory, robot)
     report.save(target / "report.json")
-    pictures = _show(result, robot, target)
+    _show(result, robot, target)
     solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
     if json:
-        console.dump({"solution": solved, "report": report.contract(), "files": [str(trajectory), *pictures]})
+        files = sorted(path.name for path in target.iterdir())
+        console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
     else:
         console.show_solution(solved, explain=False)
         console.show_report(report.contract())
         console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
     return report.verdict
+
+
+def _show(result: "Result", robot: "Robot", target: Path) -> None:
+    """Draw the strip and the film; what cannot be drawn is said."""
+    from robot_retarget.view import Picture, Unavailable, strip, video
+
+    human = result.match.human_positions(result.motion)
+    bones = result.match.bones
+    picture = strip(robot, result.trajectory, human, bones)
+    if isinstance(picture, Picture):
+        picture.save(target / "strip.png")
+    film = video(robot, result.trajectory, target / "video.mp4", human, bones)
+    for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
+        console.note(sentence)
 
 
 def _retarget(motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, quiet: bool) -> "Result":

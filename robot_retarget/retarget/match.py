@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
+from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
@@ -25,7 +25,7 @@ class Match:
     anatomy: Anatomy
     keypoints: tuple[str, ...]
     """The keypoints that both bodies have, parents first."""
-    parents: np.ndarray
+    parents: Ints
     """(K,) index of each keypoint's parent among them, −1 at the root."""
     human_bones: Floats
     robot_bones: Floats
@@ -46,6 +46,12 @@ class Match:
     def human_positions(self, motion: Motion) -> Floats:
         """(T, K, 3) of the human's keypoints [m]."""
         return _human_positions(motion, self.recognition, self.keypoints)
+
+    @property
+    def bones(self) -> Ints:
+        """(B, 2) keypoints that a bone joins, for drawing."""
+        children = np.flatnonzero(self.parents >= 0)
+        return np.stack([children, self.parents[children]], axis=1)
 
     @property
     def leg_ratio(self) -> float:
@@ -106,7 +112,7 @@ def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[
     return recognition.place(motion.positions)[:, columns]
 
 
-def _bones(positions: Floats, parents: np.ndarray) -> Floats:
+def _bones(positions: Floats, parents: Ints) -> Floats:
     lengths = np.median(np.linalg.norm(positions - positions[:, parents], axis=2), axis=0)
     return frozen(np.where(parents >= 0, lengths, 0.0))
 

@@ -1,0 +1,100 @@
+"""The layers hold: who may import whom, which library may appear where, and how quickly the package loads."""
+
+import ast
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from shared_files import ROOT
+
+import robot_retarget
+
+PACKAGE = ROOT / "robot_retarget"
+LAYERS = {
+    "motion": {"motion"},
+    "dgp": {"dgp"},
+    "robot": {"robot"},
+    "retarget": {"motion", "dgp", "robot", "retarget"},
+    "simulate": {"motion", "dgp", "robot", "retarget", "simulate"},
+    "export": {"motion", "robot", "export"},
+    "servo": {"motion", "robot", "servo"},
+    "view": {"motion", "dgp", "robot", "retarget", "simulate", "view"},
+}
+LIBRARIES = {
+    "casadi": ("robot/kinematics.py", "retarget/", "dgp/"),
+    "mujoco": ("robot/", "simulate/", "view/", "retarget/separation.py", "servo/twin.py"),
+    "dynamixel_sdk": ("servo/bus.py",),
+    "typer": ("cli.py",),
+    "rich": ("console.py",),
+    "matplotlib": ("view/",),
+}
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def imports(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names.add(node.module)
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            names.add(".".join(["robot_retarget", *path.relative_to(PACKAGE).parts[:-1], node.module or ""]))
+    return names
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_a_module_imports_only_from_its_layers(path: Path) -> None:
+    folder = path.relative_to(PACKAGE).parts[0]
+    used = {name.split(".")[1] for name in imports(path) if name.startswith("robot_retarget.")}
+    layered = used & LAYERS.keys()
+    if folder in LAYERS:
+        assert layered <= LAYERS[folder]
+    elif path.name in ("errors.py", "files.py", "arrays.py", "keypoints.py", "trajectory.py", "shipped.py"):
+        assert not layered
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_libraries_appear_only_where_they_belong(path: Path) -> None:
+    place = str(path.relative_to(PACKAGE))
+    for library in {name.split(".")[0] for name in imports(path)} & LIBRARIES.keys():
+        assert place.startswith(LIBRARIES[library]), f"{library} is imported in {place}"
+
+
+def loading_time(command: list[str]) -> float:
+    times = []
+    for _ in range(3):
+        began = time.perf_counter()
+        subprocess.run([sys.executable, *command], check=True, capture_output=True, cwd=ROOT)
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def test_import_and_help_are_quick() -> None:
+    bare = loading_time(["-c", "pass"])
+    assert loading_time(["-c", "import robot_retarget"]) - bare < 0.3
+    assert loading_time(["-m", "robot_retarget", "--help"]) - bare < 0.5
+
+
+def test_every_public_name_is_there_and_typed() -> None:
+    source = (PACKAGE / "__init__.py").read_text()
+    typed = {
+        alias.asname for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert {name for name in typed if name} == set(dir(robot_retarget))
+    for name in dir(robot_retarget):
+        assert getattr(robot_retarget, name) is not None
+
+
+def test_functions_named_like_folders_stay_functions() -> None:
+    import robot_retarget.retarget.solve
+    import robot_retarget.simulate.rollout
+
+    assert callable(robot_retarget.retarget) and callable(robot_retarget.simulate)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(AttributeError, match=r"it has .*read_motion"):
+        robot_retarget.read_movie  # noqa: B018

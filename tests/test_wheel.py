@@ -1,0 +1,57 @@
+"""The built wheel is whole: models and sample clips are inside, and it works from an empty environment."""
+
+import os
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+from shared_files import ROOT
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    built = subprocess.run(command, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr[-2000:]
+    return next(folder.glob("*.whl"))
+
+
+def test_models_and_samples_are_inside(wheel: Path) -> None:
+    inside = zipfile.ZipFile(wheel).namelist()
+    assert {"robot_retarget/models/op3/op3.xml", "robot_retarget/models/op3/scene.xml", "robot_retarget/py.typed"} <= {
+        *inside
+    }
+    shipped = {f"robot_retarget/samples/{path.name}" for path in (ROOT / "samples").glob("*.bvh")}
+    assert len(shipped) >= 4 and shipped <= {*inside}
+
+
+def test_an_empty_environment_retargets_with_it(wheel: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "venv", with_pip=True)
+    python = tmp_path / "venv/bin/python"
+    installed = subprocess.run([python, "-m", "pip", "install", "--quiet", str(wheel)], capture_output=True, text=True)
+    if installed.returncode and "No matching distribution" in installed.stderr:
+        pytest.skip("no package index to install the dependencies from")
+    assert installed.returncode == 0, installed.stderr[-2000:]
+    quiet = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    script = "import robot_retarget.shipped as s; print(s.SAMPLES / 'wave.bvh')"
+    clip = subprocess.run(
+        [python, "-c", script], capture_output=True, text=True, cwd=tmp_path, env=quiet
+    ).stdout.strip()
+    assert str(tmp_path) in clip
+    command = [
+        tmp_path / "venv/bin/robot-retarget",
+        "solve",
+        clip,
+        "--robot",
+        "op3",
+        "--frames",
+        "0:10",
+        "-o",
+        "out.npz",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=quiet)
+    assert done.returncode == 0 and (tmp_path / "out.npz").is_file(), done.stderr[-2000:]
