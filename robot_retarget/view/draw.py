@@ -1,0 +1,102 @@
+"""Pictures without OpenGL: every geom as the outline of its box, far ones first, shaded by what it faces."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from PIL import Image, ImageDraw
+from scipy.spatial import ConvexHull, QhullError
+
+from robot_retarget.arrays import Floats
+from robot_retarget.view import human
+from robot_retarget.view.picture import Pixels
+from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, Staging, geom_corners, visible
+
+PAPER = (247, 249, 252)
+GROUND = (228, 232, 237)
+EDGE = (60, 66, 74)
+FINE = 2
+"""Drawn this many times larger, then made smaller: smooth edges."""
+
+Shape = tuple[float, Callable[[], None]]
+"""How far away it is [m], and what draws it."""
+
+
+class Sketch:
+    """Draws the moments of one staging."""
+
+    def __init__(self, staging: Staging, width: int, height: int):
+        self._figure = human.figure(staging)
+        self._staging, self._size = staging, (width * FINE, height * FINE)
+        model = staging.robot.model
+        geoms = visible(model)
+        material = model.geom_matid[geoms]
+        own = np.asarray(model.geom_rgba[geoms, :3], float)
+        painted = np.asarray(model.mat_rgba, float).reshape(-1, 4)[material, :3] if model.nmat else own
+        self._colours = np.where((material >= 0)[:, None], painted, own)
+        self._corners = geom_corners(staging.robot, staging.qpos)
+
+    def frame(self, k: int) -> Pixels:
+        """The k-th moment."""
+        image = Image.new("RGB", self._size, PAPER)
+        pen = ImageDraw.Draw(image)
+        self._ground(pen, k)
+        shapes = self._boxes(pen, k) + self._limbs(pen, k)
+        for _, paint in sorted(shapes, key=lambda shape: -shape[0]):
+            paint()
+        return np.asarray(image.resize((self._size[0] // FINE, self._size[1] // FINE), Image.Resampling.LANCZOS))
+
+    @property
+    def _scale(self) -> float:
+        """Pixels per metre at a distance of one metre."""
+        return self._size[1] / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))
+
+    def _project(self, points: Floats, k: int) -> tuple[Floats, Floats]:
+        """Pixels (…, 2) and depths (…) [m] of world points (…, 3), as a camera at the staging's place sees them."""
+        staging = self._staging
+        turn, tilt = np.radians(staging.azimuth), np.radians(ELEVATION)
+        ahead = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+        up = np.cross(staging.right, ahead)
+        seen = points - (staging.targets[k] - staging.distance * ahead)
+        depth = np.maximum(seen @ ahead, 0.05 * staging.distance)
+        flat = np.stack([seen @ staging.right, -(seen @ up)], -1) * (self._scale / depth)[..., None]
+        return flat + np.array(self._size) / 2, depth
+
+    def _ground(self, pen: ImageDraw.ImageDraw, k: int) -> None:
+        """A disc of floor under both."""
+        staging = self._staging
+        angle = np.linspace(0, 2 * np.pi, 60)
+        wide = staging.aspect * staging.height * 0.9
+        disc = np.stack([wide * np.cos(angle), wide * np.sin(angle), 0 * angle], 1)
+        middle = staging.targets[k] * [1, 1, 0] + [0, 0, staging.floor]
+        pen.polygon([tuple(p) for p in self._project(middle + disc, k)[0]], fill=GROUND)
+
+    def _boxes(self, pen: ImageDraw.ImageDraw, k: int) -> list[Shape]:
+        corners, depth = self._project(self._corners[k], k)
+        fills = (255 * (0.35 + 0.6 * np.clip(self._colours, 0, 1))).astype(int)
+        return [
+            (float(d.mean()), partial(_box, pen, c, tuple(fill)))
+            for c, d, fill in zip(corners, depth, fills.tolist(), strict=True)
+        ]
+
+    def _limbs(self, pen: ImageDraw.ImageDraw, k: int) -> list[Shape]:
+        points, depth = self._project(self._staging.human[k], k)
+        return [
+            (float(depth[a] + depth[b]) / 2, partial(_limb, pen, points[a], points[b], radius * self._scale / depth[a]))
+            for (a, b), radius in zip(self._figure.limbs, self._figure.radii, strict=True)
+        ]
+
+
+def _box(pen: ImageDraw.ImageDraw, corners: Floats, fill: tuple[int, ...]) -> None:
+    try:
+        outline = corners[ConvexHull(corners).vertices]
+    except QhullError:  # seen edge on, or without extent
+        return
+    pen.polygon([tuple(p) for p in outline], fill=fill, outline=EDGE, width=FINE)
+
+
+def _limb(pen: ImageDraw.ImageDraw, start: Floats, end: Floats, radius: float) -> None:
+    fill = tuple(int(255 * v) for v in human.COLOUR[:3])
+    pen.line([tuple(start), tuple(end)], fill=fill, width=max(round(2 * radius), 1))
+    for x, y in (start, end):
+        pen.ellipse([x - radius, y - radius, x + radius, y + radius], fill=fill)

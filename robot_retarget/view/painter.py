@@ -1,0 +1,23 @@
+"""Whoever can paint here: MuJoCo with OpenGL, else a pencil."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from robot_retarget.view.picture import Pixels, Unavailable
+from robot_retarget.view.render import open_stage
+from robot_retarget.view.staging import Staging
+
+
+@contextmanager
+def painter(staging: Staging, width: int, height: int) -> Iterator[tuple[Callable[[int], Pixels], str]]:
+    """What paints the k-th moment of a staging, and a sentence where it is not what one would wish."""
+    stage = open_stage(staging, width, height)
+    if isinstance(stage, Unavailable):
+        from robot_retarget.view.draw import Sketch
+
+        yield Sketch(staging, width, height).frame, f"{stage.reason}; figures are drawn instead"
+        return
+    try:
+        yield stage.frame, ""
+    finally:
+        stage.close()

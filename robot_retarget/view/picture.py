@@ -1,0 +1,71 @@
+"""Images, and the plain answer when there is none."""
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_retarget.files import replacing
+
+Pixels = NDArray[np.uint8]
+"""(H, W, 3) red, green, blue."""
+
+INK = (38, 42, 48)
+NEEDS_PILLOW = "pictures need Pillow: install robot-retarget[video]"
+
+
+@dataclass(frozen=True)
+class Unavailable:
+    """There is no picture, and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image, and what there is to say about how it came about."""
+
+    pixels: Pixels
+    note: str = ""
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as the path's suffix says, PNG as a rule, whole or not at all.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        from PIL import Image
+
+        with replacing(path) as scratch:
+            Image.fromarray(self.pixels).save(scratch)
+        return Path(path)
+
+
+def has_pillow() -> bool:
+    """Whether images can be labelled and written."""
+    try:
+        import PIL.ImageDraw  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def labelled(pixels: Pixels, text: str) -> Pixels:
+    """The image with a line of text in its lower left corner."""
+    from PIL import Image, ImageDraw
+
+    image = Image.fromarray(pixels)
+    size = max(image.height // 24, 11)
+    ImageDraw.Draw(image).text((size * 0.8, image.height - size * 0.7), text, INK, font(size), anchor="ls")
+    return np.asarray(image)
+
+
+@cache
+def font(size: float) -> Any:
+    """Pillow's own font of a height [pixels]."""
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size)

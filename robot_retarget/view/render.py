@@ -1,0 +1,146 @@
+"""Pictures by MuJoCo: the robot's own model on a floor in even light, the human as capsules in the same scene."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.view import human
+from robot_retarget.view.gl import open_context
+from robot_retarget.view.picture import Pixels, Unavailable
+from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, VISIBLE_GROUPS, Staging, visible
+
+MAX_GEOMS = 10_000
+SAMPLES = 4
+"""Samples per pixel."""
+SHADOWS = 2048
+"""Width of the shadow map [pixels]; the dearest item without a graphics card."""
+SKY = ((0.97, 0.98, 1.0), (0.80, 0.86, 0.93))
+TILES = ((0.84, 0.86, 0.88), (0.79, 0.81, 0.84))
+TILE = 0.5
+"""A floor tile's side as a part of the robot's height."""
+
+
+class Stage:
+    """A renderer of one staging. Close it: GL contexts do not like to be left to the interpreter's end."""
+
+    def __init__(self, staging: Staging, width: int, height: int, context: Any):
+        self._staging, self._context = staging, context
+        self._figure = human.figure(staging)
+        self._model = _scenery(staging, width, height)
+        self._data = mujoco.MjData(self._model)
+        self._scene = mujoco.MjvScene(self._model, MAX_GEOMS)
+        self._option, self._perturb = mujoco.MjvOption(), mujoco.MjvPerturb()
+        if (staging.robot.model.geom_group[visible(staging.robot.model)] >= VISIBLE_GROUPS).all():
+            self._option.geomgroup[:] = 1
+        self._camera = mujoco.MjvCamera()
+        self._camera.azimuth, self._camera.elevation = staging.azimuth, ELEVATION
+        self._camera.distance = staging.distance
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+        context.make_current()
+        self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
+
+    def frame(self, k: int) -> Pixels:
+        """The k-th moment."""
+        self._data.qpos[:] = self._staging.qpos[k]
+        self._data.qvel[:] = 0
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        self._camera.lookat[:] = self._staging.targets[k]
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(
+            self._model, self._data, self._option, self._perturb, self._camera, everything, self._scene
+        )
+        points = self._staging.human[k]
+        for (start, end), radius in zip(self._figure.limbs, self._figure.radii, strict=True):
+            _add_limb(self._scene, points[start], points[end], radius)
+        self._context.make_current()
+        mujoco.mjr_render(self._rect, self._scene, self._drawing)
+        pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rect, self._drawing)
+        return np.flipud(pixels)
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        self._drawing.free()
+        self._context.free()
+
+
+def open_stage(staging: Staging, width: int, height: int) -> Stage | Unavailable:
+    """A renderer of pictures of that size, or why there is none."""
+    context = open_context(width, height)
+    if isinstance(context, Unavailable):
+        return context
+    try:
+        return Stage(staging, width, height, context)
+    except (mujoco.FatalError, RuntimeError) as error:
+        context.free()
+        return Unavailable(f"no rendering: OpenGL is too limited here ({' '.join(str(error).split())})")
+
+
+def _scenery(staging: Staging, width: int, height: int) -> mujoco.MjModel:
+    """The robot's model with a floor, lights and sky of ours in place of its own."""
+    robot = staging.robot
+    spec = mujoco.MjSpec.from_file(str(robot.path))
+    planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]
+    skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
+    for element in [*planes, *skies, *spec.lights]:
+        spec.delete(element)
+    _paint_floor_and_sky(spec, staging)
+    _light(spec, staging)
+    model = spec.compile()
+    model.stat.extent, model.stat.center[:] = staging.height, [0, 0, staging.height / 2]
+    vis = model.vis
+    vis.global_.fovy, vis.global_.offwidth, vis.global_.offheight = FIELD_OF_VIEW, width, height
+    vis.quality.offsamples, vis.quality.shadowsize = SAMPLES, SHADOWS
+    vis.map.znear, vis.map.zfar, vis.map.shadowclip = 0.05, 60, 2.0
+    vis.headlight.ambient[:], vis.headlight.diffuse[:], vis.headlight.specular[:] = 0.38, 0.28, 0.05
+    return model
+
+
+def _paint_floor_and_sky(spec: mujoco.MjSpec, staging: Staging) -> None:
+    kind, built = mujoco.mjtTexture, mujoco.mjtBuiltin
+    spec.add_texture(
+        name="picture sky", type=kind.mjTEXTURE_SKYBOX, builtin=built.mjBUILTIN_GRADIENT,
+        rgb1=SKY[0], rgb2=SKY[1], width=256, height=1536,
+    )  # fmt: skip
+    spec.add_texture(
+        name="picture floor", type=kind.mjTEXTURE_2D, builtin=built.mjBUILTIN_CHECKER,
+        rgb1=TILES[0], rgb2=TILES[1], width=256, height=256,
+    )  # fmt: skip
+    side = 2 * TILE * staging.height  # a texture is two tiles wide
+    floor = spec.add_material(name="picture floor", texrepeat=[1 / side, 1 / side], texuniform=True)
+    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "picture floor"
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], pos=[0, 0, staging.floor], material="picture floor"
+    )
+
+
+def _light(spec: mujoco.MjSpec, staging: Staging) -> None:
+    """A sun behind the camera's left shoulder that casts shadows, and a weaker one from the other side."""
+    ahead = np.array([np.cos(np.radians(staging.azimuth)), np.sin(np.radians(staging.azimuth)), 0.0])
+    for across, strength, shadow in ((0.7, 0.55, True), (-0.9, 0.25, False)):
+        direction = 0.6 * ahead + across * staging.right - [0, 0, 1.3]
+        spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            dir=direction,
+            pos=-3 * staging.height * direction,
+            diffuse=[strength] * 3,
+            specular=[0.2 * strength] * 3,
+            castshadow=shadow,
+        )
+
+
+def _add_limb(scene: mujoco.MjvScene, start: Floats, end: Floats, radius: float) -> None:
+    if scene.ngeom == scene.maxgeom:
+        return
+    geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom
+    colour = np.array(human.COLOUR, np.float32)
+    mujoco.mjv_initGeom(geom, kind.mjGEOM_SPHERE, np.full(3, radius), start, np.eye(3).ravel(), colour)
+    if (start != end).any():
+        mujoco.mjv_connector(geom, kind.mjGEOM_CAPSULE, radius, start, end)
+    geom.specular, geom.shininess = 0.2, 0.3
+    scene.ngeom += 1

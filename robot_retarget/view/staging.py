@@ -1,0 +1,192 @@
+"""Where everything stands in a picture: the robot on the right, the human at its height on the left, the camera."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import MatchError, UsageError
+from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.timing import require_same_robot, sample
+from robot_retarget.trajectory import Trajectory
+
+THREE_QUARTERS = 30.0
+"""The camera stands this far to the robot's left of straight ahead [degrees]."""
+ELEVATION = -10.0
+"""The camera looks up by this [degrees]."""
+FIELD_OF_VIEW = 26.0
+"""From the lower to the upper edge [degrees]; narrow, so that bodies are not distorted."""
+FOLLOW = 1.0
+"""The camera follows the mean of a path over this time [s]."""
+MARGIN = 1.1
+"""A picture is this much larger than what moves in it."""
+ROOMINESS = (0.6, 1.8)
+"""Bounds of a picture's width over its height."""
+PROBES = 40
+"""Extents are taken from so many moments."""
+FLESH = 0.03
+"""Joints stand this far under the skin, as a part of the height."""
+VISIBLE_GROUPS = 3
+"""MuJoCo shows the geoms of groups 0, 1 and 2."""
+
+_CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+@dataclass(frozen=True, eq=False)
+class Staging:
+    """F moments of a robot and, beside it, of a human: J points joined by B bones, both 0 without a human."""
+
+    robot: Robot
+    times: Floats
+    """(F,) [s]."""
+    qpos: Floats
+    """(F, nq)"""
+    human: Floats
+    """(F, J, 3) [m]."""
+    bones: Ints
+    """(B, 2) indices of points."""
+    targets: Floats
+    """(F, 3) where the camera looks [m]."""
+    azimuth: float
+    """Where the camera looks to, from x towards y [degrees]."""
+    distance: float
+    """From the camera to its target [m]."""
+    height: float
+    """Of the standing robot [m]."""
+    aspect: float
+    """Width over height of a picture that holds both."""
+    floor: float
+    """Its height [m]."""
+
+    @property
+    def right(self) -> Floats:
+        """(3,) the picture's horizontal axis in the world."""
+        return _right(self.azimuth)
+
+
+def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: Ints | None, times: Floats) -> Staging:
+    """Set the figures side by side for the given times (F,) [s].
+
+    The human (T', J, 3), spread evenly over the trajectory's duration, is scaled to the robot's height, set on the
+    floor and kept at the robot's side however far either travels.
+
+    Raises:
+        TrajectoryError: it belongs to another robot.
+        UsageError: a human that is not (T', J, 3), or bones between points it has not.
+    """
+    require_same_robot(trajectory, robot)
+    points, pairs = _checked(human, bones)
+    clock = np.linspace(0, trajectory.duration, PROBES)
+    azimuth = _heading(robot, trajectory.qpos[0]) + 180 - THREE_QUARTERS
+    path = _path(body_frames(robot, trajectory.qpos)[0][:, robot.root_body], trajectory.fps)
+    corners = geom_corners(robot, sample(trajectory, robot, clock)).reshape(PROBES, -1, 3)
+    standing = geom_corners(robot, robot.standing()[None])[..., 2]
+    height = float(np.ptp(standing))
+    floor = 0.0 if robot.root_joints.size else float(corners[..., 2].min())
+    figure = _in_place(points, height, (len(points) - 1) / max(trajectory.duration, 1e-9))
+
+    right = _right(azimuth)
+    moved = corners - _at(path, clock, trajectory.duration)[:, None]
+    camera, human_at, width = _side_by_side(moved @ right, figure @ right, FLESH * height)
+    tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * FLESH * height, height)
+    way = _at(path, times, trajectory.duration) + np.array([0, 0, floor])
+    return Staging(
+        robot=robot,
+        times=times,
+        qpos=sample(trajectory, robot, times),
+        human=_at(figure, times, trajectory.duration) + (way + human_at * right)[:, None],
+        bones=pairs,
+        targets=way + camera * right + [0, 0, tall / 2],
+        azimuth=azimuth,
+        distance=float(MARGIN * tall / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2)) + np.abs(moved).max() / 2),
+        height=height,
+        aspect=float(np.clip(width / tall, *ROOMINESS)),
+        floor=floor,
+    )
+
+
+def visible(model: mujoco.MjModel) -> Ints:
+    """The robot's geoms that are seen: those of the groups MuJoCo shows, all where it would show none."""
+    own = model.geom_bodyid > 0
+    shown = own & (model.geom_group < VISIBLE_GROUPS) & ((model.geom_rgba[:, 3] > 0) | (model.geom_matid >= 0))
+    return np.flatnonzero(shown if shown.any() else own)
+
+
+def geom_corners(robot: Robot, qpos: Floats) -> Floats:
+    """Corners (F, G, 8, 3) of the boxes around the visible geoms [m]."""
+    model, data = robot.model, mujoco.MjData(robot.model)
+    geoms = visible(model)
+    local = model.geom_aabb[geoms, None, :3] + model.geom_aabb[geoms, None, 3:] * _CUBE
+    corners = np.empty((len(qpos), len(geoms), 8, 3))
+    for frame, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        turned = np.einsum("gij,gcj->gci", data.geom_xmat[geoms].reshape(-1, 3, 3), local)
+        corners[frame] = data.geom_xpos[geoms, None] + turned
+    return corners
+
+
+def _checked(human: Floats | None, bones: Ints | None) -> tuple[Floats, Ints]:
+    points = np.zeros((1, 0, 3)) if human is None else np.asarray(human, float)
+    pairs = np.zeros((0, 2), int) if bones is None else np.asarray(bones, int).reshape(-1, 2)
+    if points.ndim != 3 or points.shape[2] != 3 or not len(points):
+        raise UsageError(f"the human's points must be (T, J, 3), got {points.shape}")
+    if pairs.size and (pairs.min() < 0 or pairs.max() >= points.shape[1]):
+        raise UsageError(f"bones join points 0 … {points.shape[1] - 1}, got {pairs.min()} … {pairs.max()}")
+    return points, pairs
+
+
+def _heading(robot: Robot, qpos: Floats) -> float:
+    """Where the robot looks, from x towards y [degrees]."""
+    try:
+        forward = recognise(robot).forward
+    except MatchError:
+        forward = np.array([1.0, 0.0, 0.0])
+    turns = body_frames(robot, np.stack([robot.model.qpos0, qpos]))[1][:, robot.root_body]
+    x, y, _ = turns[1] @ turns[0].T @ forward
+    return float(np.degrees(np.arctan2(y, x)))
+
+
+def _right(azimuth: float) -> Floats:
+    angle = np.radians(azimuth)
+    return np.array([np.sin(angle), -np.cos(angle), 0.0])
+
+
+def _side_by_side(robot: Floats, human: Floats, flesh: float) -> tuple[float, float, float]:
+    """Where the camera looks and the human stands, rightward of the robot's way [m], and the picture's width [m].
+
+    Both reach as far to either side of their way as their points do, the human's `flesh` further.
+    """
+    if not human.size:
+        return 0.0, 0.0, float(2 * np.abs(robot).max())
+    stands = float(robot.min() - flesh - human.max() - flesh)
+    left, right = stands + human.min() - flesh, robot.max()
+    return float(left + right) / 2, stands, float(right - left)
+
+
+def _path(positions: Floats, fps: float) -> Floats:
+    """The way over ground (T, 3) along positions (T, 3), height 0, without its quick movements."""
+    window = max(round(FOLLOW * fps), 1)
+    return uniform_filter1d(positions, window, axis=0, mode="nearest") * [1.0, 1.0, 0.0]
+
+
+def _in_place(points: Floats, height: float, fps: float) -> Floats:
+    """The human (T', J, 3) at a given height, on the floor z = 0, about its own way over ground."""
+    if not points.size:
+        return points
+    stature = np.percentile(np.ptp(points[..., 2], axis=1), 90)
+    scaled = points * height * (1 - 2 * FLESH) / stature
+    lift = np.array([0, 0, FLESH * height - scaled[..., 2].min()])
+    return scaled + lift - _path(scaled.mean(1), fps)[:, None]
+
+
+def _at(values: Floats, times: Floats, duration: float) -> Floats:
+    """Values (T, …), spread evenly over a duration, at times (F,): straight between."""
+    place = np.clip(times / max(duration, 1e-9), 0, 1) * (len(values) - 1)
+    left = np.minimum(place.astype(int), max(len(values) - 2, 0))
+    share = (place - left).reshape(-1, *[1] * (values.ndim - 1))
+    return values[left] * (1 - share) + values[np.minimum(left + 1, len(values) - 1)] * share

@@ -1,0 +1,93 @@
+"""A film of the human beside the robot."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import UsageError
+from robot_retarget.files import replacing
+from robot_retarget.robot.model import Robot
+from robot_retarget.trajectory import Trajectory
+from robot_retarget.view.painter import painter
+from robot_retarget.view.picture import NEEDS_PILLOW, Unavailable, has_pillow, labelled
+from robot_retarget.view.staging import Staging, arrange
+
+HEIGHT = 400
+"""Of the film [pixels]."""
+NEEDS_FFMPEG = "films need imageio-ffmpeg: install robot-retarget[video]"
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film that was written, and what there is to say about how it came about."""
+
+    path: Path
+    frames: int
+    note: str = ""
+
+
+def video(
+    robot: Robot,
+    trajectory: Trajectory,
+    path: str | Path,
+    human: Floats | None = None,
+    bones: Ints | None = None,
+    *,
+    fps: float = 30.0,
+    height: int = HEIGHT,
+    progress: Callable[[int, int], None] | None = None,
+) -> Film | Unavailable:
+    """Write an mp4 (H.264) of the whole trajectory at its own pace.
+
+    Args:
+        human: points and `bones` as for `strip`.
+        fps: of the film [1/s].
+        height: of the film [pixels].
+        progress: called with (frames done, frames in all).
+
+    Raises:
+        UsageError: a rate that is not positive, or a human of another shape.
+        TrajectoryError: it belongs to another robot.
+        OutputError: it cannot be written.
+    """
+    if not (np.isfinite(fps) and fps > 0):
+        raise UsageError(f"frames per second must be positive, got {fps}")
+    times = np.arange(int(trajectory.duration * fps + 1e-9) + 1) / fps
+    staging = arrange(robot, trajectory, human, bones, times)
+    if not has_pillow():
+        return Unavailable(NEEDS_PILLOW)
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        return Unavailable(NEEDS_FFMPEG)
+    with replacing(path) as scratch:
+        note = _film(staging, scratch, fps, height, progress)
+    return Film(Path(path), len(times), note)
+
+
+def _film(staging: Staging, path: Path, fps: float, height: int, progress: Callable[[int, int], None] | None) -> str:
+    from imageio_ffmpeg import write_frames
+
+    size = _even(height * staging.aspect), _even(height)  # H.264 halves the colours' resolution
+    rate: Any = fps  # annotated as int there, handed on to ffmpeg as text
+    writer = write_frames(str(path), size, fps=rate, quality=7, macro_block_size=2, ffmpeg_log_level="error")
+    writer.send(None)
+    try:
+        with painter(staging, *size) as (paint, note):
+            for k, time in enumerate(staging.times):
+                writer.send(np.ascontiguousarray(labelled(paint(k), f"{time:.1f} s")))
+                if progress is not None:
+                    progress(k + 1, len(staging.times))
+    finally:
+        writer.close()
+    return note
+
+
+def _even(pixels: float) -> int:
+    return 2 * round(pixels / 2)

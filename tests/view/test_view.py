@@ -1,0 +1,176 @@
+"""Pictures show both bodies at the same time and size, wherever they go and whatever the machine can paint with."""
+
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from made_trajectories import RAIL, hold, robot_of, wander
+from PIL import Image
+
+from robot_retarget.errors import OutputError, TrajectoryError, UsageError
+from robot_retarget.robot import load_robot
+from robot_retarget.trajectory import Trajectory
+from robot_retarget.view import Film, Picture, Unavailable, strip, video
+from robot_retarget.view.draw import Sketch
+from robot_retarget.view.gl import open_context
+from robot_retarget.view.human import COLOUR
+from robot_retarget.view.render import open_stage
+from robot_retarget.view.staging import arrange, geom_corners
+
+OP3 = load_robot("op3")
+BONES = np.array([(0, 1), (1, 2), (2, 3), (2, 4), (0, 5), (0, 6)])
+
+
+def stick_man(frames: int = 20, stature: float = 1.7, travel: float = 0.0) -> np.ndarray:
+    """Pelvis, chest, head, left and right hand, left and right foot of someone who faces +x (T, 7, 3)."""
+    shape = np.array([[0, 0, 0.55], [0, 0, 0.8], [0, 0, 1], [0, 0.25, 0.5], [0, -0.25, 0.5], [0, 0.1, 0], [0, -0.1, 0]])
+    points = np.tile(shape * stature, (frames, 1, 1))
+    points[:, 3, 2] += 0.3 * np.sin(np.linspace(0, 3, frames))
+    points[..., 0] += travel * np.linspace(0, 1, frames)[:, None]
+    return points
+
+
+def orange(pixels: np.ndarray) -> np.ndarray:
+    """Where the human is seen: its hue, in light or shade."""
+    red, green, blue = (pixels[..., c].astype(float) for c in range(3))
+    wanted = np.array(COLOUR[:3]) / COLOUR[0]
+    return (red > 90) & (abs(green / (red + 1) - wanted[1]) < 0.12) & (abs(blue / (red + 1) - wanted[2]) < 0.12)
+
+
+@pytest.fixture
+def pencil(monkeypatch):
+    """A machine without OpenGL."""
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+
+
+def rendering() -> None:
+    """Skip a test where nothing can be rendered."""
+    context = open_context(16, 16)
+    if isinstance(context, Unavailable):
+        pytest.skip(context.reason)
+    context.free()
+
+
+def test_the_human_stands_beside_the_robot_at_its_height():
+    staging = arrange(OP3, hold(OP3), stick_man(), BONES, np.array([0.0, 0.5]))
+    body = geom_corners(OP3, staging.qpos).reshape(2, -1, 3)
+    assert (staging.human @ staging.right).max() < (body @ staging.right).min()
+    assert np.ptp(staging.human[..., 2]) == pytest.approx(np.ptp(body[..., 2]), rel=0.1)
+    assert staging.human[..., 2].min() == pytest.approx(0, abs=0.05 * staging.height)
+
+
+@pytest.mark.parametrize("stature", [0.9, 1.7, 170.0])
+def test_the_size_of_the_human_does_not_matter(stature):
+    plain, other = (arrange(OP3, hold(OP3), stick_man(stature=s), BONES, np.zeros(1)) for s in (1.7, stature))
+    np.testing.assert_allclose(other.human, plain.human, atol=0.02)
+
+
+def test_who_walks_away_stays_in_the_picture():
+    qpos = hold(OP3, 4.0).qpos.copy()
+    qpos[:, 0] += np.linspace(0, 3, len(qpos))
+    walk = Trajectory(qpos, 50, OP3.joint_names, "op3")
+    staging = arrange(OP3, walk, stick_man(200, travel=9.0), BONES, np.linspace(0, 4, 9))
+    reach = staging.height * staging.aspect
+    for figure in (staging.human, geom_corners(OP3, staging.qpos).reshape(9, -1, 3)):
+        assert np.abs((figure - staging.targets[:, None]) @ staging.right).max() < reach
+
+
+def test_robot_and_human_are_shown_at_the_same_time():
+    trajectory = wander(OP3, frames=101)
+    moment = np.array([0.5])
+    staging = arrange(OP3, trajectory, stick_man(41), BONES, moment)
+    np.testing.assert_allclose(staging.qpos[0, 7:], trajectory.qpos[25, 7:], atol=1e-9)
+    shape = stick_man(41)[10]
+    hand, foot = (staging.human[0, k, 2] for k in (3, 5))
+    scale = (staging.human[0, 2, 2] - foot) / (shape[2, 2] - shape[5, 2])
+    assert hand - foot == pytest.approx(scale * (shape[3, 2] - shape[5, 2]), rel=1e-6)
+
+
+def test_the_camera_looks_at_the_robots_face_whichever_way_it_turns():
+    for turn in (0.0, 90.0, -135.0):
+        qpos = OP3.standing()
+        qpos[3:7] = [np.cos(np.radians(turn) / 2), 0, 0, np.sin(np.radians(turn) / 2)]
+        staging = arrange(OP3, hold(OP3, qpos=qpos), None, None, np.zeros(1))
+        assert np.cos(np.radians(staging.azimuth - turn)) < -0.8
+
+
+def test_rendered_and_drawn_humans_are_in_the_same_place():
+    rendering()
+    staging = arrange(OP3, hold(OP3), stick_man(), BONES, np.array([0.4]))
+    stage = open_stage(staging, 360, 300)
+    assert not isinstance(stage, Unavailable)
+    try:
+        rendered = orange(stage.frame(0))
+    finally:
+        stage.close()
+    drawn = orange(Sketch(staging, 360, 300).frame(0))
+    left = slice(0, 170)  # the robot on the right has orange of its own
+    both = (rendered & drawn)[:, left].sum()
+    assert both > 0.8 * drawn[:, left].sum() and both > 0.8 * rendered[:, left].sum()
+
+
+def test_a_strip_has_its_moments_side_by_side_and_is_written_as_png(tmp_path):
+    rendering()
+    picture = strip(OP3, wander(OP3), stick_man(), BONES, count=3, height=120)
+    assert isinstance(picture, Picture) and picture.note == ""
+    height, width, _ = picture.pixels.shape
+    assert height == 120 and width > 3 * 60
+    first, last = picture.pixels[:, : width // 3], picture.pixels[:, -(width // 3) :]
+    assert (np.abs(first.astype(int) - last) > 30).mean() > 0.01
+    np.testing.assert_array_equal(np.asarray(Image.open(picture.save(tmp_path / "strip.png"))), picture.pixels)
+
+
+def test_without_opengl_a_strip_is_drawn_and_says_so(pencil):
+    picture = strip(OP3, wander(OP3), stick_man(), BONES, count=2, height=120)
+    assert isinstance(picture, Picture)
+    assert "MUJOCO_GL=disable" in picture.note and "drawn instead" in picture.note
+    assert orange(picture.pixels).mean() > 0.01
+
+
+def test_a_drawn_robot_moves_with_its_joints(pencil):
+    still = Sketch(arrange(OP3, hold(OP3), None, None, np.array([0.0, 0.6])), 160, 160)
+    moving = Sketch(arrange(OP3, wander(OP3), None, None, np.array([0.0, 0.6])), 160, 160)
+    assert (still.frame(0) == still.frame(1)).all()
+    assert (moving.frame(0) != moving.frame(1)).any(axis=2).mean() > 0.05
+
+
+def test_a_robot_without_a_free_root_or_a_humanoid_shape_is_shown(tmp_path, pencil):
+    rail = robot_of(RAIL, tmp_path / "rail.xml")
+    assert isinstance(strip(rail, hold(rail), count=1, height=100), Picture)
+
+
+def test_a_film_lasts_as_long_as_its_trajectory(tmp_path, pencil):
+    done = []
+    film = video(
+        OP3, wander(OP3, frames=76), tmp_path / "v.mp4", stick_man(), BONES,
+        fps=20, height=96, progress=lambda k, n: done.append((k, n)),
+    )  # fmt: skip
+    assert isinstance(film, Film) and film.frames == 31
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film.path))
+    assert (frames, seconds) == (31, pytest.approx(1.55, abs=0.1))
+    assert done == [(k, 31) for k in range(1, 32)]
+
+
+@pytest.mark.parametrize(("module", "extra"), [("imageio_ffmpeg", "ffmpeg"), ("PIL.ImageDraw", "Pillow")])
+def test_what_is_not_installed_is_said_and_nothing_is_written(tmp_path, monkeypatch, module, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    answer = video(OP3, hold(OP3), tmp_path / "v.mp4")
+    assert isinstance(answer, Unavailable)
+    assert extra in answer.reason and "robot-retarget[video]" in answer.reason
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_input_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="at least one moment, got 0"):
+        strip(OP3, hold(OP3), count=0)
+    with pytest.raises(UsageError, match=r"must be \(T, J, 3\), got \(7, 3\)"):
+        strip(OP3, hold(OP3), stick_man()[0], BONES)
+    with pytest.raises(UsageError, match="bones join points 0 … 6, got 0 … 9"):
+        strip(OP3, hold(OP3), stick_man(), np.array([(0, 9)]))
+    with pytest.raises(UsageError, match="positive, got 0"):
+        video(OP3, hold(OP3), tmp_path / "v.mp4", fps=0)
+    with pytest.raises(TrajectoryError, match="not of 'op3'"):
+        strip(OP3, Trajectory(hold(OP3).qpos, 50, ("tail",) * 20, "lizard"))
+    with pytest.raises(OutputError, match="missing"):
+        video(OP3, hold(OP3), tmp_path / "missing" / "v.mp4")
