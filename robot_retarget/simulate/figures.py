@@ -24,13 +24,13 @@ MOVING = 0.05
 def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, penetration: float) -> dict[str, Any]:
     """Self-contacts deeper than `penetration` [m] and all others, joint ranges, joint speeds."""
     angles = trajectory.qpos[:, robot.qpos_index]
-    excess = np.maximum(robot.lower - angles, angles - robot.upper).max(0).clip(0)
+    excess = np.round(np.maximum(robot.lower - angles, angles - robot.upper).max(0).clip(0), 5)
     ratio = (np.abs(joint_velocities(trajectory, robot)) / robot.max_speed).max(0, initial=0)
     deep = contacts.of(contacts.depth > penetration)
     return {
         "self_contact_share": round(len(np.unique(deep.frame)) / len(trajectory), 4),
         "self_contact_depth_m": round(float(contacts.depth.max(initial=0)), 5),
-        "range_excess_rad": round(float(excess.max()), 5),
+        "range_excess_rad": float(excess.max()),
         "range_excess_joint": robot.joint_names[int(excess.argmax())] if excess.any() else None,
         "speed_ratio": round(float(ratio.max()), 3),
         "speed_ratio_joint": robot.joint_names[int(ratio.argmax())] if ratio.any() else None,
