@@ -78,12 +78,13 @@ class ContactLog:
 
 
 def replay_contacts(robot: Robot, qpos: Floats) -> Contacts:
-    """Self-contacts over the configurations (T, nq), without any dynamics.
+    """Self-contacts over the configurations (T, nq), without any dynamics, less the `built_in` ones."""
+    return _overlaps(robot, qpos).own.without(built_in(robot))
 
-    Pairs that already overlap in the reference pose `qpos0` are the model's own affair and are left out.
-    """
-    built_in = _overlaps(robot, np.array(robot.model.qpos0)[None]).own.pairs()
-    return _overlaps(robot, qpos).own.without(built_in)
+
+def built_in(robot: Robot) -> set[tuple[int, int]]:
+    """Pairs of bodies that overlap already in the reference pose `qpos0`: the model's own affair, no motion's."""
+    return _overlaps(robot, np.array(robot.model.qpos0)[None]).own.pairs()
 
 
 def summary(contacts: Contacts, robot: Robot, frames: int) -> list[dict[str, Any]]:

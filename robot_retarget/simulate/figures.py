@@ -10,7 +10,7 @@ from robot_retarget.errors import MatchError
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import joint_velocities
-from robot_retarget.simulate.contacts import Contacts, summary
+from robot_retarget.simulate.contacts import Contacts, built_in, summary
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.trajectory import Trajectory
@@ -98,7 +98,7 @@ def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: fl
 
 def rollout_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
     """Self-contacts while tracking, breakdown, speed of the simulation."""
-    contacts = rollout.contacts.own
+    contacts = rollout.contacts.own.without(built_in(robot))
     steps = max(len(rollout.times), 1)
     return {
         "tracked_self_contact_share": round(len(np.unique(contacts.frame)) / steps, 4),
