@@ -15,6 +15,7 @@ import numpy as np
 import paper_plots as draw
 
 from robot_retarget.dgp import (
+    Branching,
     Interaction,
     Kind,
     Newton,
@@ -25,11 +26,15 @@ from robot_retarget.dgp import (
     Team,
     adapt,
     bone_edges,
+    branch_and_prune,
     distances,
     formation_rigidity,
     frame_edges,
     interacting_positions,
     interaction_distance,
+    lifted_starts,
+    multistart,
+    nearest_realization,
     pair_edges,
     posture_cases,
     resized,
@@ -44,6 +49,7 @@ from robot_retarget.dgp import (
     transfer_directions,
 )
 from robot_retarget.dgp.formation import links
+from robot_retarget.dgp.instances import sensor_network, stiff_mesh
 from robot_retarget.dgp.scenes import (
     Scene,
     clock,
@@ -359,6 +365,50 @@ def formation(out: Path) -> list[Row]:
     return [("Rigid formation past an obstacle", "future work", got)]
 
 
+def mesh(out: Path) -> list[Row]:
+    """§4.4 of 2019: a stiff mesh whose 6th distances are measured anew in every frame."""
+    lengths, began = {"pulled by all distances": [], "branch and prune": []}, time.perf_counter()
+    previous, true = np.zeros((6, 3)), stiff_mesh(0, 0.0)[1].lower
+    for frame in range(40):
+        interval, pulled = stiff_mesh(frame)
+        stiff = interval.select(interval.exact)
+        found = branch_and_prune(interval, Branching(tolerance=2e-3, samples=41))
+        previous = nearest_realization(found, previous) if frame else found.positions[0]
+        previous = solve(stiff, previous, Newton()).positions[0]
+        lengths["branch and prune"].append(distances(stiff, previous))
+        lengths["pulled by all distances"].append(distances(stiff, solve(pulled, previous).positions))
+    spent = time.perf_counter() - began
+    sheet, axes = draw.sheet(2, 1, (4.0, 2.4))
+    spread = {}
+    for axis, (title, table) in zip(axes[0], lengths.items(), strict=True):
+        error = 1e3 * (np.array(table) - true[stiff_mesh(0)[0].exact])
+        axis.plot(np.arange(1, 41), error, color=draw.RED if title.startswith("pulled") else draw.BLUE, lw=0.8)
+        axis.set(xlabel="frame", title=f"{title}: edge errors [mm]", ylim=(-2, 2))
+        spread[title] = np.abs(error).max()
+    draw.save(sheet, out / "mesh.png")
+    got = (
+        f"12 mesh edges over 40 frames: off by up to {spread['pulled by all distances']:.2f} mm when all distances pull, "
+        f"{spread['branch and prune']:.0e} mm by branch and prune; {spent / 40 * 1e3:.0f} ms a frame"
+    )
+    return [("2019 §4.4, triangular mesh", "exact distances stay fixed, no vibration", got)]
+
+
+def networks(_: Path) -> list[Row]:
+    """Instances in the style of the public sensor networks."""
+    errors, began = [], time.perf_counter()
+    for count in (56, 73, 89, 103, 148):
+        for seed in range(2):
+            graph = sensor_network(count, seed)
+            rough = multistart(graph, list(lifted_starts(graph, 40, seed)))
+            errors.append(solve(graph, rough.positions, Newton()).largest_error)
+    solved = sum(error < 1e-3 for error in errors)
+    got = (
+        f"{solved} of {len(errors)} generated instances of 56–148 sensors to a largest relative error < 1e-3 "
+        f"(40 lifted starts each, {(time.perf_counter() - began) / len(errors):.1f} s)"
+    )
+    return [("Sensor networks", "an application of the static problem", got)]
+
+
 FIGURES: dict[str, Callable[[Path], list[Row]]] = {
     "2019-fig1": lambda out: avoidance(meeting(), 1, out),
     "2019-fig2": lambda out: avoidance(crossing(), 2, out),
@@ -370,6 +420,8 @@ FIGURES: dict[str, Callable[[Path], list[Row]]] = {
     "2017-postures": postures,
     "online": online,
     "formation": formation,
+    "mesh": mesh,
+    "networks": networks,
 }
 
 

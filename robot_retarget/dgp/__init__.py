@@ -61,6 +61,7 @@ from robot_retarget.dgp.solve import solve as solve
 from robot_retarget.dgp.solve import solve_frames as solve_frames
 from robot_retarget.dgp.spectral import Spectral as Spectral
 from robot_retarget.dgp.starts import classical_start as classical_start
+from robot_retarget.dgp.starts import lifted_starts as lifted_starts
 from robot_retarget.dgp.starts import random_starts as random_starts
 from robot_retarget.dgp.stress import Objective as Objective
 from robot_retarget.dgp.stress import distances as distances

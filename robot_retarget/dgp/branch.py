@@ -45,6 +45,19 @@ class Realizations:
     complete: bool
     """Whether the whole tree was searched."""
 
+    @property
+    def mirrors(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of solutions that mirror each other in the plane (or line) of the first clique."""
+        from scipy.spatial import KDTree  # imported here so that importing the package stays fast
+
+        if not len(self.positions):
+            return ()
+        turned = self.positions * np.append(np.ones(self.positions.shape[2] - 1), -1.0)
+        count, size = len(turned), 1e-6 * float(np.abs(turned).max())
+        apart, nearest = KDTree(self.positions.reshape(count, -1)).query(turned.reshape(count, -1))
+        found = zip(range(count), np.ravel(nearest).tolist(), np.ravel(apart).tolist(), strict=True)
+        return tuple((a, b) for a, b, miss in found if a < b and miss <= size)
+
 
 def discretization_order(graph: Graph) -> Ints:
     """An order in which K vertices are an exact clique and each later one has K earlier references, ≤ 1 an interval.

@@ -54,6 +54,30 @@ class Explicit:
         return Explicit(self.inc, _taken(self.bounds, columns), self.objective, self.dimension)
 
 
+@dataclass(frozen=True)
+class Lifted:
+    """σ(X) in more dimensions than K, plus `weight` times the square of what stands out of the first K.
+
+    Two points that must pass through each other in K dimensions pass beside each other in K + 2.
+    """
+
+    stress: Reduced
+    """Over the lifted points."""
+    kept: int
+    """K."""
+    weight: float
+
+    def __call__(self, z: Floats) -> tuple[Floats, Floats]:
+        value, slope = self.stress(z)
+        out = z.reshape(-1, self.stress.dimension, z.shape[1])[:, self.kept :]
+        slope = slope.reshape(-1, self.stress.dimension, z.shape[1])
+        slope[:, self.kept :] += 2.0 * self.weight * out
+        return value + self.weight * (out**2).sum((0, 1)), slope.reshape(z.shape)
+
+    def take(self, columns: NDArray[np.int64]) -> "Lifted":
+        return Lifted(self.stress.take(columns), self.kept, self.weight)
+
+
 def _taken(bounds: Bounds, columns: NDArray[np.int64]) -> Bounds:
     if bounds.lower.shape[1] == 1:  # shared by every column
         return bounds

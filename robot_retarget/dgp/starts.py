@@ -3,8 +3,15 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.dgp.columns import Lifted, Reduced
 from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.spectral import Spectral, minimise
+from robot_retarget.dgp.stress import Objective, bounds_of
 from robot_retarget.errors import GraphError
+
+_PRESSING = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
+"""Weights on the further dimensions, relative to an edge of priority 1."""
 
 
 def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
@@ -14,6 +21,23 @@ def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
     size = spacing * (graph.frames * len(graph.vertices)) ** (1.0 / graph.dimension) / 2.0
     shape = (count, graph.frames, len(graph.vertices), graph.dimension)
     return np.random.default_rng(seed).uniform(-size, size, shape)
+
+
+def lifted_starts(graph: Graph, count: int, seed: int = 0, extra: int = 2) -> Floats:
+    """(count, T, V, K) random points drawn together in K + `extra` dimensions and pressed flat again, [m].
+
+    Sparse instances have many local minima; with room to pass beside each other most of them disappear. The weight on
+    what stands out of K dimensions rises from 0 to 0.3. Solve on from these points.
+    """
+    flat = random_starts(graph, count, seed)
+    tall = graph.dimension + extra
+    out = np.random.default_rng(seed).uniform(-0.5, 0.5, (*flat.shape[:-1], extra)) * np.abs(flat).max()
+    z = np.concatenate([flat, out], axis=-1).reshape(count, -1).T
+    stress = Reduced(incidence(graph), bounds_of(graph), Objective.SQUARED, tall)
+    options = Spectral(max_iterations=300, value_tolerance=1e-12)
+    for weight in _PRESSING:
+        z = minimise(Lifted(stress, graph.dimension, weight), z, np.array(-np.inf), np.array(np.inf), options).z
+    return z.T.reshape(*flat.shape[:-1], tall)[..., : graph.dimension]
 
 
 def classical_start(graph: Graph, noise: float = 0.0, seed: int = 0) -> Floats:

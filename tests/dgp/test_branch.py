@@ -1,7 +1,6 @@
 """Branch and prune: all realizations, exact edges."""
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,20 +11,24 @@ from robot_retarget.dgp import (
     Graph,
     Newton,
     Spectral,
+    adapt,
     branch_and_prune,
     classical_start,
     congruent,
     discretization_order,
     distances,
     frame_edges,
+    lifted_starts,
     multistart,
     nearest_realization,
     random_starts,
     realize,
     relative_errors,
+    resized,
     solve,
     table_one_body,
 )
+from robot_retarget.dgp.instances import sensor_network, stiff_mesh
 from robot_retarget.dgp.spheres import intersect
 from robot_retarget.errors import GraphError
 
@@ -64,8 +67,8 @@ def test_complete_posture_has_two_mirrored_realizations() -> None:
     for x in (first, second):
         assert congruent(x, posture)
         assert relative_errors(graph, x).max() < 1e-12
-    axis = np.abs(first - second).max(axis=0).argmax()
-    np.testing.assert_allclose(first * np.where(np.arange(3) == axis, -1, 1), second, atol=1e-12)
+    np.testing.assert_allclose(first * [1, 1, -1], second, atol=1e-12)
+    assert found.mirrors == ((0, 1),)
 
 
 @pytest.mark.parametrize("count", [6, 8, 10, 12])
@@ -73,6 +76,7 @@ def test_chain_has_a_realization_per_branch(count: int) -> None:
     graph = frame_edges(named(count), RNG.normal(size=(count, 3)))
     found = branch_and_prune(graph.select(np.abs(graph.i - graph.j) <= 3))
     assert len(found.positions) == 2 ** (count - 3)
+    assert len(found.mirrors) == 2 ** (count - 4)
     assert max(relative_errors(graph.select(np.abs(graph.i - graph.j) <= 3), x).max() for x in found.positions) < 1e-9
 
 
@@ -132,36 +136,32 @@ def test_graph_that_cannot_be_discretized_names_the_vertex() -> None:
         branch_and_prune(frame_edges(named(4), RNG.normal(size=(2, 4, 3))))
 
 
-OCTAHEDRON = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]]) * 0.1
-
-
-def mesh_frame(frame: int) -> Graph:
-    """A stiff closed mesh (12 exact edges of triangles) whose three other distances were measured with errors."""
-    rng = np.random.default_rng(frame)
-    graph = frame_edges(named(6), OCTAHEDRON * [1, 1.2, 1.4])
-    mesh = np.array([abs(i - j) != 3 for i, j in combinations(range(6), 2)])
-    measured = graph.lower * (1 + 0.02 * rng.normal(size=15))
-    lower = np.where(mesh, graph.lower, measured - 0.01)
-    upper = np.where(mesh, graph.lower, measured + 0.01)
-    return replace(graph, lower=np.where(mesh, lower, np.minimum(lower, upper)), upper=upper)
-
-
 def test_mesh_does_not_vibrate_under_branch_and_prune() -> None:
-    mesh = mesh_frame(0).exact
-    previous = OCTAHEDRON * [1, 1.2, 1.4]
     exact, soft = [], []
+    previous = np.zeros((6, 3))
     for frame in range(8):
-        graph = mesh_frame(frame)
-        found = branch_and_prune(graph, Branching(tolerance=5e-3, samples=41))
-        previous = solve(graph.select(mesh), nearest_realization(found, previous), Newton()).positions[0]
-        exact.append(distances(graph.select(mesh), previous))
-        pulled = replace(graph, lower=(graph.lower + graph.upper) / 2, upper=(graph.lower + graph.upper) / 2)
-        soft.append(distances(graph.select(mesh), solve(pulled, previous).positions[0]))
+        interval, pulled = stiff_mesh(frame)
+        found = branch_and_prune(interval, Branching(tolerance=2e-3, samples=41))
+        start = nearest_realization(found, previous) if frame else found.positions[0]
+        mesh = interval.select(interval.exact)
+        assert len(mesh) == 12
+        previous = solve(mesh, start, Newton()).positions[0]
+        exact.append(distances(mesh, previous))
+        soft.append(distances(mesh, solve(pulled, previous).positions))
     assert np.std(exact, axis=0).max() < 1e-8
     assert np.std(soft, axis=0).max() > 1e-4
 
 
-def sensor_network(count: int, seed: int) -> Graph:
+def test_exact_mesh_has_exact_edges_in_every_realization() -> None:
+    interval, _ = stiff_mesh(0)
+    exact = replace(interval, lower=stiff_mesh(0, 0.0)[1].lower, upper=stiff_mesh(0, 0.0)[1].lower)
+    found = branch_and_prune(exact)
+    assert len(found.positions) == 2
+    assert found.mirrors == ((0, 1),)
+    assert max(np.abs(distances(exact, x) - exact.lower).max() for x in found.positions) < 1e-12
+
+
+def dense_network(count: int, seed: int) -> Graph:
     """Sensors in a 10 × 10 × 10 box that measure neighbours, half of them to within 0.1 only."""
     rng = np.random.default_rng(seed)
     graph = frame_edges(named(count), rng.uniform(0, 10, (count, 3)))
@@ -172,12 +172,34 @@ def sensor_network(count: int, seed: int) -> Graph:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_sensor_networks_are_solved(seed: int) -> None:
-    graph = sensor_network(73, seed)
+def test_dense_sensor_networks_are_solved_from_classical_starts(seed: int) -> None:
+    graph = dense_network(73, seed)
     starts = [classical_start(graph, 0.02 if attempt else 0.0, attempt) for attempt in range(6)]
     rough = multistart(graph, starts, Spectral(value_tolerance=1e-9, step_tolerance=1e-7, max_iterations=2000))
     assert rough.largest_error < 1e-3
     assert solve(graph, rough.positions, Newton()).largest_error < 1e-6
+
+
+@pytest.mark.parametrize(("count", "seed"), [(56, 1), (73, 0)])
+def test_sparse_sensor_networks_are_solved_from_lifted_starts(count: int, seed: int) -> None:
+    graph = sensor_network(count, seed)
+    assert len(graph) < 4 * count
+    rough = multistart(graph, list(lifted_starts(graph, 20, seed)))
+    assert solve(graph, rough.positions, Newton()).largest_error < 1e-3
+
+
+def test_random_starts_give_either_handedness() -> None:
+    body = table_one_body()
+    graph = adapt(body.initial_pose, body, resized(body, {"RE": 1.2, "RW": 1.2, "LE": 1.2, "LW": 1.2}))
+    hips, left, right, chest, knee = (body.names.index(name) for name in ("H", "LH", "RH", "CB", "LK"))
+
+    def handed(x: np.ndarray) -> bool:
+        return bool(np.linalg.det([x[left] - x[right], x[chest] - x[hips], x[knee] - x[hips]]) > 0)
+
+    found = [solve(graph, start) for start in random_starts(graph, 24)]
+    assert max(solution.stress for solution in found) == pytest.approx(1.58203459e-2, rel=1e-4)
+    same = sum(handed(solution.positions[0]) == handed(body.initial_pose) for solution in found)
+    assert 4 <= same <= 20
 
 
 def test_random_starts_solve_a_complete_posture() -> None:
