@@ -127,9 +127,8 @@ def simulate(
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict."""
     from robot_retarget.simulate.rollout import simulate as roll_out
-    from robot_retarget.trajectory import load_trajectory
 
-    report = roll_out(load_trajectory(trajectory), _load_robot(robot, limits), mode=mode)
+    report = roll_out(trajectory, _load_robot(robot, limits), mode=mode)
     if json:
         console.dump(report.contract())
     else:
@@ -164,7 +163,7 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     result.trajectory.save(target / "trajectory.npz")
     report = roll_out(result.trajectory, robot)
     report.save(target / "report.json")
-    _show(result, robot, target)
+    _show(result, robot, target, quiet=json)
     solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
     if json:
         files = sorted(path.name for path in target.iterdir())
@@ -176,7 +175,7 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     return report.verdict
 
 
-def _show(result: "Result", robot: "Robot", target: Path) -> None:
+def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
     """Draw the strip and the film; what cannot be drawn is said."""
     from robot_retarget.view import Picture, Unavailable, strip, video
 
@@ -185,7 +184,8 @@ def _show(result: "Result", robot: "Robot", target: Path) -> None:
     picture = strip(robot, result.trajectory, human, bones)
     if isinstance(picture, Picture):
         picture.save(target / "strip.png")
-    film = video(robot, result.trajectory, target / "video.mp4", human, bones)
+    with console.progress("film", quiet) as advance:
+        film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
     for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
         console.note(sentence)
 

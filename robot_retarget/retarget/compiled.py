@@ -15,9 +15,9 @@ class Compiled:
         self.arguments = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
         self.results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
         for k, array in enumerate(self.arguments):
-            self.buffer.set_arg(k, memoryview(array))
+            self.buffer.set_arg(k, array.data)
         for k, array in enumerate(self.results):
-            self.buffer.set_res(k, memoryview(array))
+            self.buffer.set_res(k, array.data)
 
     def __call__(self, *values: Floats) -> list[Floats]:
         """Vectors come back flat, matrices as (rows, columns). Missing trailing arguments keep their last values."""

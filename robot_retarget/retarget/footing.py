@@ -83,7 +83,7 @@ def footholds(held: np.ndarray, corners: Floats) -> Footholds:
     """
     places = np.zeros_like(corners)
     for foot in range(held.shape[1]):
-        for start, stop in intervals(held[:, foot].any(axis=1)):
+        for start, stop in intervals(np.asarray(held[:, foot].any(axis=1))):
             whole = held[start:stop, foot].all(axis=1)
             seen = corners[start:stop, foot][whole] if whole.any() else corners[start:stop, foot]
             places[start:stop, foot] = flattened(np.median(seen, axis=0))

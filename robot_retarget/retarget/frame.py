@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.edges import Edges
+from robot_retarget.retarget.footing import CORNERS
 from robot_retarget.retarget.problem import Problem
-from robot_retarget.retarget.separation import Separation
+from robot_retarget.retarget.separation import Separation, carrying
 from robot_retarget.retarget.solution import Status
 from robot_retarget.robot.kinematics import body_frames, difference, integrate
 
@@ -85,18 +86,31 @@ class FrameSolver:
         self.separation = Separation(self.robot, REACH * leg) if options.separation else None
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
         self.rows = problem.soles + near
+        self.upper_hinges = _above_hips(problem)
+        self.upper = self.robot.qpos_index[self.upper_hinges]
         self.program = QuadraticProgram(nv + 1, self.rows)  # one slack for all separation rows stands last
 
-    def find(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> Pose:
-        """The best of several starts: the reference pose, the standing pose, and poses drawn within the ranges."""
+    @property
+    def no_holds(self) -> tuple[Floats, Floats]:
+        """h and p of a frame in which no foot is held."""
+        corners = CORNERS * len(self.problem.feet)
+        return np.zeros(corners), np.zeros(3 * corners)
+
+    def ways(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
+        """Where descents from several starts end, the cheapest first.
+
+        The starts are the reference pose, the standing pose, and standing poses with the joints above the hips drawn
+        within their ranges.
+        """
         starts = [self.robot.neutral(), self.robot.standing()]
         draw = np.random.default_rng(self.options.seed)
         while len(starts) < max(2, self.options.starts):
-            pose = self.robot.neutral()
-            pose[self.robot.qpos_index] = draw.uniform(0.5 * self.robot.lower, 0.5 * self.robot.upper)
+            pose = self.robot.standing()
+            pose[self.upper] = draw.uniform(0.8 * self.robot.lower, 0.8 * self.robot.upper)[self.upper_hinges]
             starts.append(pose)
         placed = [place_root(self.problem, q, edges.root[frame], edges.facing[frame]) for q in starts]
-        return min((self.descend(q, wished, None, 5 * self.options.iterations) for q in placed), key=lambda p: p.cost)
+        ends = [self.descend(q, wished, None, 4 * self.options.iterations) for q in placed]
+        return sorted(ends, key=lambda pose: pose.cost)
 
     def descend(self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int) -> Pose:
         """Steps within ranges, above the floor and apart, until they are small."""
@@ -165,6 +179,13 @@ class FrameSolver:
         raised = np.array(pose.qpos)
         raised[int(self.robot.model.jnt_qposadr[self.robot.root_joints[0]]) + 2] -= depth
         return replace(pose, qpos=raised)
+
+
+def _above_hips(problem: Problem) -> np.ndarray:
+    """(n,) whether a hinge carries no foot."""
+    robot, feet = problem.robot, [int(points.bodies[0]) for points in problem.match.anatomy.soles.values()]
+    carried = np.asarray(carrying(robot.model)[feet].any(axis=0))
+    return np.logical_not(carried[robot.dof_index])
 
 
 def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:

@@ -23,7 +23,7 @@ class Separation:
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
         self.most = most
-        self.carried = _carried(self.model)
+        self.carried = carrying(self.model).astype(float)
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
@@ -61,11 +61,11 @@ class Separation:
             self.counts[a, b] = self.counts[b, a] = False
 
 
-def _carried(model: mujoco.MjModel) -> Floats:
-    """(B, nv) 1 where a dof carries a body."""
-    table = np.zeros((model.nbody, model.nv))
+def carrying(model: mujoco.MjModel) -> np.ndarray:
+    """(B, nv) whether a dof moves a body."""
+    table = np.zeros((model.nbody, model.nv), dtype=bool)
     for body in range(1, model.nbody):
         table[body] = table[model.body_parentid[body]]
         first = model.body_dofadr[body]
-        table[body, first : first + model.body_dofnum[body]] = 1.0
+        table[body, first : first + model.body_dofnum[body]] = True
     return table

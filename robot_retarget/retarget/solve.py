@@ -1,4 +1,4 @@
-"""Solve a clip: a causal pass frame by frame, then, over the whole clip, the smooth path that the frames agree on."""
+"""Solve a clip: frame by frame as it comes, or as a whole, a sketch first and then the smooth path all frames agree on."""
 
 import time
 from collections.abc import Callable
@@ -12,8 +12,9 @@ from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose, Pull
 from robot_retarget.retarget.problem import HOLD, Problem, frame_parameters, leg_length
+from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
-from robot_retarget.retarget.solution import Solution
+from robot_retarget.retarget.solution import Solution, Status
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.trajectory import Trajectory
 
@@ -41,7 +42,7 @@ def solve(
     smoothing: Smoothing | None = None,
     progress: Progress | None = None,
 ) -> Solution:
-    """Solve every frame in turn, then the whole clip for smoothness; `smoothing.passes` = 0 leaves the causal pass.
+    """Solve the clip as a whole; with `smoothing.passes` = 0 frame by frame, each from the one before.
 
     Args:
         fps: frames per second of the edges.
@@ -51,24 +52,24 @@ def solve(
     chosen, smoothly = options or Options(), smoothing or Smoothing()
     solver = FrameSolver(problem, chosen, leg_length(problem.match))
     held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
-    count = _Count(progress, len(edges) * (1 + (smoothly.passes if len(edges) > 2 else 0)))
-    poses = causal_pass(solver, edges, held, count)
-    causal = time.perf_counter() - began
-    if smoothly.passes and len(edges) > 2:
-        poses = clip_passes(solver, edges, held, poses, smoothly, fps, count)
-    timings = {"causal": causal, "clip": time.perf_counter() - began - causal, "solve": time.perf_counter() - began}
-    return _solution(problem, edges, poses, fps, source, timings)
+    count = _Count(progress, len(edges) * max(smoothly.passes, 1))
+    if smoothly.passes == 0 or len(edges) < 3:
+        poses, drafted = causal_pass(solver, edges, held, count), time.perf_counter() - began
+    else:
+        draft = sketch(solver, edges, fps)
+        drafted = time.perf_counter() - began
+        poses = clip_passes(solver, edges, held, draft, smoothly, fps, count)
+    spent = time.perf_counter() - began
+    return _solution(problem, edges, poses, fps, source, {"draft": drafted, "refine": spent - drafted, "solve": spent})
 
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, count: "_Count") -> list[Pose]:
     """Each frame from the one before; a foot that begins to stand stays where it was."""
     stepping, poses = Stepping(held), []
-    free = _no_holds(held)
     for t in range(len(edges)):
         wished = frame_parameters(edges, t)
         if not poses:
-            found = solver.find((*wished, *free), edges, t)
-            poses.append(found)
+            poses.append(solver.ways((*wished, *solver.no_holds), edges, t)[0])
         corners = _corners(solver.problem, poses[-1].qpos)
         holds = _hold(*stepping.at(t, corners))
         pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations)
@@ -81,7 +82,7 @@ def clip_passes(
     solver: FrameSolver,
     edges: Edges,
     held: np.ndarray,
-    poses: list[Pose],
+    draft: list[Floats],
     smoothing: Smoothing,
     fps: float,
     count: "_Count",
@@ -93,8 +94,8 @@ def clip_passes(
     frames, so they hold in what is returned.
     """
     robot, weight = solver.robot, np.full(solver.robot.model.nv, smoothing.weight)
-    feet = footholds(held, np.array([_corners(solver.problem, p.qpos) for p in poses]))
-    path = [p.qpos for p in poses]
+    feet = footholds(held, np.array([_corners(solver.problem, q) for q in draft]))
+    poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
     for _ in range(smoothing.passes):
@@ -125,10 +126,6 @@ class _Count:
         self.done += 1
         if self.progress:
             self.progress(self.done, self.total)
-
-
-def _no_holds(held: np.ndarray) -> tuple[Floats, Floats]:
-    return np.zeros(held[0].size), np.zeros(3 * held[0].size)
 
 
 def _hold(held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:

@@ -209,7 +209,7 @@ def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
 
     def crosswise(axis: Axis) -> float:
         onward = chain.end - axis.anchor
-        return 1 - abs(axis.direction @ onward) / max(float(np.linalg.norm(onward)), 1e-9)
+        return float(1 - abs(axis.direction @ onward) / max(float(np.linalg.norm(onward)), 1e-9))
 
     def middling(axis: Axis) -> float:
         share = float((axis.anchor - chain.start) @ limb) / max(chain.reach, 1e-9)

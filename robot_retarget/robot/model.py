@@ -181,10 +181,19 @@ def _torques(model: mujoco.MjModel, hinges: list[int]) -> Floats:
             torque[k] = np.abs(model.jnt_actfrcrange[j]).max()
     for a in range(model.nu):
         k = place.get(int(model.actuator_trnid[a, 0]))
-        if k is not None and model.actuator_forcelimited[a]:
-            bound = np.abs(model.actuator_forcerange[a]).max() * abs(model.actuator_gear[a, 0])
-            torque[k] = min(torque[k], bound)
+        if k is not None:
+            torque[k] = min(torque[k], _actuator_bound(model, a) * abs(model.actuator_gear[a, 0]))
     return torque
+
+
+def _actuator_bound(model: mujoco.MjModel, actuator: int) -> float:
+    """The largest force an actuator gives, before its gear: its own bound, or a motor's full control."""
+    if model.actuator_forcelimited[actuator]:
+        return float(np.abs(model.actuator_forcerange[actuator]).max())
+    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    if motor and model.actuator_ctrllimited[actuator]:
+        return float(np.abs(model.actuator_ctrlrange[actuator]).max() * abs(model.actuator_gainprm[actuator, 0]))
+    return float("inf")
 
 
 class _Limits:

@@ -35,8 +35,8 @@ def test_points_and_jacobian_agree_with_mujoco(seed: int) -> None:
     robot = load_robot("op3")
     points, qpos = random_case(robot, seed)
     x, jacobian = point_function(robot, points)(qpos)
-    assert np.allclose(np.asarray(x).reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
-    assert np.allclose(jacobian, mujoco_jacobian(robot, points, qpos), atol=1e-12)
+    assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
+    assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
 
 
 @needs_shared
@@ -45,18 +45,18 @@ def test_every_robot_moves_as_mujoco_moves_it(path) -> None:
     robot = load_robot(path)
     points, qpos = random_case(robot, 1)
     x, jacobian = point_function(robot, points)(qpos)
-    assert np.allclose(np.asarray(x).reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
-    assert np.allclose(jacobian, mujoco_jacobian(robot, points, qpos), atol=1e-12)
+    assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
+    assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
 
 
 def test_jacobian_agrees_with_central_differences() -> None:
     robot = load_robot("op3")
     points, qpos = random_case(robot, 7)
     function, step = point_function(robot, points), 1e-6
-    jacobian = np.asarray(function(qpos)[1])
+    jacobian = function(qpos)[1].full()
     for column, direction in enumerate(np.eye(robot.model.nv)):
         ahead, behind = (function(integrate(robot, qpos, s * step * direction))[0] for s in (1, -1))
-        slope = (np.asarray(ahead) - np.asarray(behind)).ravel() / (2 * step)
+        slope = (ahead.full() - behind.full()).ravel() / (2 * step)
         assert np.allclose(jacobian[:, column], slope, atol=1e-8)
 
 

@@ -1,0 +1,121 @@
+"""A coarse path through the right minima, before the fine one is solved.
+
+An arm of three joints can follow a human arm in more ways than one, and a solver that goes frame by frame stays in the
+way it began. Here several ways are sought at moments spread over the clip, each is followed forward and backward at a
+low frame rate until it meets another, and the cheapest path through all of them is chosen by dynamic programming.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from robot_retarget.arrays import Floats
+from robot_retarget.retarget.edges import Edges
+from robot_retarget.retarget.frame import FrameSolver, Pose
+from robot_retarget.retarget.problem import frame_parameters
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference
+
+
+@dataclass(frozen=True)
+class Sketching:
+    """How widely to search."""
+
+    rate: float = 10.0
+    """Frames per second of the sketch [1/s]."""
+    every: float = 1.0
+    """Time between the moments at which ways are sought [s]."""
+    follow: float = 1.5
+    """How long each way is followed to either side [s]."""
+    ways: int = 3
+    """At most, per moment."""
+    same: float = 0.15
+    """Poses whose hinges all lie nearer than this are one [rad]."""
+    change: float = 0.5
+    """Cost of a change of pose between frames of the sketch [1/rad²]."""
+
+
+def sketch(solver: FrameSolver, edges: Edges, fps: float, sketching: Sketching | None = None) -> list[Floats]:
+    """A configuration (nq,) for every frame of the clip: the cheapest path through the ways that were found."""
+    chosen = sketching or Sketching()
+    step = max(1, round(fps / chosen.rate))
+    frames = np.unique(np.append(np.arange(0, len(edges), step), len(edges) - 1))
+    pool = _Pool(solver, edges, frames, chosen)
+    stride, reach = max(1, round(chosen.every * fps / step)), round(chosen.follow * fps / step)
+    for moment in range(0, len(frames), stride):
+        pool.seek(moment, reach)
+    pool.fill_gaps()
+    return _between(solver.robot, frames, [p.qpos for p in pool.cheapest()], len(edges))
+
+
+class _Pool:
+    """The poses found so far, per frame of the sketch."""
+
+    def __init__(self, solver: FrameSolver, edges: Edges, frames: np.ndarray, sketching: Sketching):
+        self.solver, self.edges, self.frames, self.sketching = solver, edges, frames, sketching
+        self.poses: list[list[Pose]] = [[] for _ in frames]
+        self.hinges = solver.robot.qpos_index
+
+    def seek(self, moment: int, reach: int) -> None:
+        """Find ways at a moment and follow each to both sides."""
+        frame = int(self.frames[moment])
+        found = self.solver.ways(self._wished(moment), self.edges, frame)
+        for pose in found[: self.sketching.ways]:
+            if self._add(moment, pose):
+                self._follow(pose, range(moment + 1, min(moment + reach + 1, len(self.frames))))
+                self._follow(pose, range(moment - 1, max(moment - reach - 1, -1), -1))
+
+    def fill_gaps(self) -> None:
+        """Follow the pose before wherever nothing was found."""
+        for k in range(1, len(self.frames)):
+            if not self.poses[k]:
+                self._follow(self.poses[k - 1][0], range(k, k + 1))
+
+    def cheapest(self) -> list[Pose]:
+        """Viterbi's path: least sum of the frames' costs and of the changes between them."""
+        total = np.array([p.cost for p in self.poses[0]])
+        back: list[np.ndarray] = []
+        for before, here in zip(self.poses[:-1], self.poses[1:], strict=True):
+            steps = total[:, None] + self.sketching.change * self._changes(before, here)
+            back.append(steps.argmin(axis=0))
+            total = steps.min(axis=0) + [p.cost for p in here]
+        path = [int(total.argmin())]
+        for choice in reversed(back):
+            path.append(int(choice[path[-1]]))
+        return [poses[k] for poses, k in zip(self.poses, reversed(path), strict=True)]
+
+    def _changes(self, before: list[Pose], here: list[Pose]) -> Floats:
+        """(A, B) squared change from every pose to every next one."""
+        robot = self.solver.robot
+        return np.array([[float((difference(robot, a.qpos, b.qpos) ** 2).sum()) for b in here] for a in before])
+
+    def _follow(self, pose: Pose, moments: range) -> None:
+        for moment in moments:
+            pose = self.solver.descend(pose.qpos, self._wished(moment), None, self.solver.options.iterations)
+            if not self._add(moment, pose):
+                return
+
+    def _add(self, moment: int, pose: Pose) -> bool:
+        """Keep a pose unless it is there already."""
+        angles = pose.qpos[self.hinges]
+        if any(np.abs(angles - p.qpos[self.hinges]).max() < self.sketching.same for p in self.poses[moment]):
+            return False
+        self.poses[moment].append(pose)
+        return True
+
+    def _wished(self, moment: int) -> tuple[Floats, ...]:
+        return (*frame_parameters(self.edges, int(self.frames[moment])), *self.solver.no_holds)
+
+
+def _between(robot: Robot, frames: np.ndarray, poses: list[Floats], count: int) -> list[Floats]:
+    """Configurations at every frame: straight in the hinges and the root's place, shortest arc in its rotation."""
+    known, wanted = np.array(poses), np.arange(count)
+    if len(frames) == 1:
+        return [known[0]] * count
+    full = np.stack([np.interp(wanted, frames, column) for column in known.T], axis=1)
+    if robot.floating:
+        a = int(robot.model.jnt_qposadr[robot.root_joints[0]]) + 3
+        turns = Slerp(frames, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
+        full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
+    return list(full)
