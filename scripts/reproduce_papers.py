@@ -395,16 +395,19 @@ def mesh(out: Path) -> list[Row]:
 
 def networks(_: Path) -> list[Row]:
     """Instances in the style of the public sensor networks."""
-    errors, began = [], time.perf_counter()
+    errors, rounds, began = [], [], time.perf_counter()
     for count in (56, 73, 89, 103, 148):
-        for seed in range(2):
-            graph = sensor_network(count, seed)
-            rough = multistart(graph, list(lifted_starts(graph, 40, seed)))
-            errors.append(solve(graph, rough.positions, Newton()).largest_error)
-    solved = sum(error < 1e-3 for error in errors)
+        for instance in range(2):
+            graph, error, attempt = sensor_network(count, instance), np.inf, 0
+            while error >= 1e-3 and attempt < 6:
+                rough = multistart(graph, list(lifted_starts(graph, 20, attempt)))
+                error, attempt = solve(graph, rough.positions, Newton()).largest_error, attempt + 1
+            errors.append(error)
+            rounds.append(attempt)
     got = (
-        f"{solved} of {len(errors)} generated instances of 56–148 sensors to a largest relative error < 1e-3 "
-        f"(40 lifted starts each, {(time.perf_counter() - began) / len(errors):.1f} s)"
+        f"{sum(error < 1e-3 for error in errors)} of {len(errors)} generated instances of 56–148 sensors to a largest relative "
+        f"error < 1e-3 (worst {max(errors):.0e}), in {np.mean(rounds):.1f} rounds of 20 lifted starts, "
+        f"{(time.perf_counter() - began) / len(errors):.1f} s each"
     )
     return [("Sensor networks", "an application of the static problem", got)]
 

@@ -11,8 +11,10 @@ from robot_retarget.dgp import (
     Blend,
     Kind,
     Newton,
+    SkeletalStructure,
     Spectral,
     adapt,
+    errors,
     normalised_distances,
     path_priorities,
     path_weights,
@@ -139,18 +141,39 @@ def test_priorities_count_the_vertices_of_the_path() -> None:
     assert priority[priority > 0].min() == pytest.approx(1 / 6)
 
 
-def test_blend_brings_the_limbs_back_to_their_directions_and_keeps_near_pairs() -> None:
-    target = resized(BODY, {"RW": 1.3, "LW": 1.3})
-    directed = transfer_directions(POSTURE, target.parents, target.lengths)
-    plain = solve_hard(adapt(POSTURE, BODY, target), POSTURE).positions[0]
-    blended = solve_hard(adapt(POSTURE, BODY, target, Blend()), POSTURE).positions[0]
+def hand_at_head() -> SkeletalStructure:
+    """The body with its right hand raised beside its head."""
+    wrist, elbow, shoulder, head = (BODY.names.index(name) for name in ("RW", "RE", "RS", "HD"))
+    chi = BODY.displacements.copy()
+    chi[elbow] = 0.273 * np.array([0.55, -0.8, 0.1]) / np.linalg.norm([0.55, -0.8, 0.1])
+    towards = POSTURE[head] + [0.06, -0.03, 0.0] - POSTURE[shoulder] - chi[elbow]
+    chi[wrist] = 0.258 * towards / np.linalg.norm(towards)
+    return SkeletalStructure(BODY.names, BODY.parents, chi)
 
-    def turned(x: np.ndarray) -> float:
-        bones = [pose[1:] - pose[BODY.parents[1:]] for pose in (x, directed)]
+
+def test_blend_keeps_near_pairs_better_than_angles_and_directions_better_than_distances() -> None:
+    source = hand_at_head()
+    x, target = source.initial_pose, resized(source, {"RW": 1.3, "LW": 1.3})
+    directed = transfer_directions(x, target.parents, target.lengths)
+    plain, blended = adapt(x, source, target), adapt(x, source, target, Blend())
+    pair = next(edge for edge in range(len(plain)) if plain.edge_name(edge) in ("HD–RW", "RW–HD"))
+    found = {"angles": directed, "distances": solve_hard(plain, x).positions, "blend": solve_hard(blended, x).positions}
+    miss = {name: abs(float(errors(plain, pose)[pair])) for name, pose in found.items()}
+    assert miss["blend"] < 0.5 * miss["angles"]
+
+    def turned(pose: np.ndarray) -> float:
+        bones = [y.reshape(22, 3)[1:] - y.reshape(22, 3)[BODY.parents[1:]] for y in (pose, directed)]
         unit = [bone / np.linalg.norm(bone, axis=1, keepdims=True) for bone in bones]
         return float(np.degrees(np.arccos(np.clip((unit[0] * unit[1]).sum(1), -1, 1))).mean())
 
-    assert turned(blended) < turned(plain)
+    assert turned(found["blend"]) < 0.7 * turned(found["distances"])
+
+
+def test_warm_start_takes_fewer_iterations() -> None:
+    graph = adapt(POSTURE, BODY, resized(BODY, posture_cases()["legs +60 %"]))
+    nearby = adapt(POSTURE, BODY, resized(BODY, dict.fromkeys(("RK", "RA", "LK", "LA"), 1.58)))
+    cold = solve(graph, POSTURE)
+    assert solve(graph, solve(nearby, POSTURE).positions).iterations[0] < cold.iterations[0]
 
 
 def test_postures_solved_side_by_side_equal_postures_solved_alone() -> None:
