@@ -17,6 +17,7 @@ import paper_plots as draw
 from robot_retarget.dgp import (
     Branching,
     Interaction,
+    Ipopt,
     Kind,
     Newton,
     Objective,
@@ -42,7 +43,6 @@ from robot_retarget.dgp import (
     solve,
     solve_causally,
     solve_formation,
-    solve_hard,
     solve_with_thresholds,
     stress,
     table_one_body,
@@ -87,7 +87,7 @@ def anchored(scene: Scene, threshold: float) -> tuple[Solution, Solution]:
     free = solve_with_thresholds(base, candidates, scene.animation, papers)
     held = solve_with_thresholds(scene.traces(True), candidates, scene.animation, papers)
     whole = scene.traces(True).joined(candidates)
-    return free, solve_hard(whole, held.positions, [Kind.SEPARATION], objective=Objective.HALF_SQUARED)
+    return free, solve(whole, held.positions, Ipopt(), Objective.HALF_SQUARED)
 
 
 def avoidance(scene: Scene, number: int, out: Path) -> list[Row]:
@@ -121,9 +121,9 @@ def friends(out: Path) -> list[Row]:
     base, candidates = scene.traces(True), scene.thresholds(0.1)
     apart = solve_with_thresholds(base, candidates, scene.animation, papers)
     whole = base.joined(candidates)
-    apart = solve_hard(whole, apart.positions, [Kind.SEPARATION], objective=Objective.HALF_SQUARED)
+    apart = solve(whole, apart.positions, Ipopt(), Objective.HALF_SQUARED)
     joined = solve_with_thresholds(base.joined(together(scene)), candidates, scene.animation, papers)
-    joined = solve_hard(whole.joined(together(scene)), joined.positions, objective=Objective.HALF_SQUARED)
+    joined = solve(whole.joined(together(scene)), joined.positions, Ipopt(), Objective.HALF_SQUARED)
     sheet, axes = draw.sheet(3)
     shown = (
         (scene.animation, "(a) original"),
@@ -154,7 +154,7 @@ def hands(out: Path) -> list[Row]:
     first = solve_with_thresholds(base.joined(bone_edges(base, target)), candidates, source.animation, papers)
     traced = moved.traces(False)
     wishes = traced.joined(frame_edges(moved.names, moved.animation, 0.01), bone_edges(traced, target), candidates)
-    kept = solve_hard(wishes, moved.animation, objective=Objective.HALF_SQUARED)
+    kept = solve(wishes, moved.animation, Ipopt(), Objective.HALF_SQUARED)
     columns = (
         ("original", source.animation, body),
         ("angle transfer", moved.animation, target),
@@ -267,7 +267,7 @@ def postures(out: Path) -> list[Row]:
         target = resized(body, factors)
         graph = adapt(x, body, target)
         soft, exact = solve(graph, x), solve(graph, x, Newton())
-        hard = solve_hard(graph, x)
+        hard = solve(graph, x, Ipopt())
         bones = soft.relative_errors[graph.kind == Kind.BONE].max()
         got = (
             f"σ {stress(graph, x):.4g} → {exact.stress:.6e} (spectral {soft.iterations[0]} iterations, {soft.seconds * 1e3:.1f} ms; "

@@ -32,12 +32,11 @@ from robot_retarget.dgp.formation import formation_rigidity as formation_rigidit
 from robot_retarget.dgp.formation import solve_formation as solve_formation
 from robot_retarget.dgp.graph import Graph as Graph
 from robot_retarget.dgp.graph import Kind as Kind
-from robot_retarget.dgp.hard import Ipopt as Ipopt
-from robot_retarget.dgp.hard import solve_hard as solve_hard
 from robot_retarget.dgp.interaction import Interaction as Interaction
 from robot_retarget.dgp.interaction import interaction_distance as interaction_distance
 from robot_retarget.dgp.interaction import pair_gradient as pair_gradient
 from robot_retarget.dgp.interaction import pair_interaction as pair_interaction
+from robot_retarget.dgp.ipopt import Ipopt as Ipopt
 from robot_retarget.dgp.newton import Newton as Newton
 from robot_retarget.dgp.nmr import Instance as Instance
 from robot_retarget.dgp.nmr import Label as Label

@@ -68,7 +68,7 @@ def adapt(
 ) -> Graph:
     """The instance whose solution is the posture of `source` on the body of `target`.
 
-    Bones are edges of kind `BONE` (make them hard with `solve_hard`), other pairs `POSTURE`; every edge is exact.
+    Bones are edges of kind `BONE` (hard under `Ipopt`), other pairs `POSTURE`; every edge is exact.
 
     Args:
         positions: (T, V, K) or (V, K) postures of the source [m].

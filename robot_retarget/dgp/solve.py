@@ -10,6 +10,7 @@ from robot_retarget.arrays import Floats, frozen
 from robot_retarget.dgp.columns import Explicit, Reduced, blocks, box_of, by_frame
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.incidence import Incidence, incidence
+from robot_retarget.dgp.ipopt import Ipopt, constrain
 from robot_retarget.dgp.newton import Newton, descend
 from robot_retarget.dgp.solution import Solution
 from robot_retarget.dgp.spectral import Minimum, Spectral, minimise
@@ -23,24 +24,28 @@ _BATCH = 128
 def solve(
     graph: Graph,
     start: ArrayLike,
-    options: Spectral | Newton | None = None,
+    options: Spectral | Newton | Ipopt | None = None,
     objective: Objective = Objective.SQUARED,
 ) -> Solution:
     """Find x: V × T → ℝ^K with a (locally) least stress, all frames at once.
 
     Args:
-        graph: the instance; every edge is soft, the boxes and fixed vertices are hard.
+        graph: the instance; edges are soft (but see `Ipopt`), boxes and fixed vertices are hard.
         start: (T, V, K), or (V, K) for one frame [m]. A solution of a neighbouring problem is a warm start.
-        options: `Spectral` (the papers' method, the default) or `Newton` (second order, exact to rounding); hard
-            edges are the matter of `solve_hard`.
-        objective: one of the smooth ones.
+        options: which method, and its parameters: `Spectral` (the papers', the default), `Newton` (second order, exact
+            to rounding) or `Ipopt` (hard bones and thresholds).
+        objective: any of the four; `RELATIVE` has kinks and is for `Ipopt` alone. The stress of a solution counts the
+            hard edges too, with what error they have.
 
     Raises:
         GraphError: the start does not fit the graph.
-        UsageError: the objective is not smooth.
+        UsageError: the objective is not smooth and the method needs it so.
     """
-    x, options = _ready(graph, start, objective), options or Spectral()
+    options = options or Spectral()
+    x = graph.checked(start) if isinstance(options, Ipopt) else _ready(graph, start, objective)
     began = time.perf_counter()
+    if isinstance(options, Ipopt):
+        return _solution(graph, [constrain(graph, x, options, objective)], objective, began, "ipopt")
     if isinstance(options, Newton):
         return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
     box = tuple(side.reshape(-1, 1) for side in box_of(graph, x))
@@ -99,7 +104,7 @@ def multistart(
 
 def _ready(graph: Graph, start: ArrayLike, objective: Objective) -> Floats:
     if objective is Objective.RELATIVE:
-        raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED here, or solve_hard, which takes it")
+        raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED, or Ipopt, which takes it")
     return graph.checked(start)
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robot_retarget.dgp import (
     Blend,
+    Ipopt,
     Kind,
     Newton,
     SkeletalStructure,
@@ -23,7 +24,6 @@ from robot_retarget.dgp import (
     resized,
     solve,
     solve_frames,
-    solve_hard,
     stress,
     table_one_body,
     transfer_directions,
@@ -79,7 +79,7 @@ def test_three_solvers_reach_the_reference_minimum(case: str) -> None:
     assert newton.stress == pytest.approx(least, rel=1e-7, abs=1e-12)
     tight = solve(graph, POSTURE, Spectral(value_tolerance=1e-14, step_tolerance=1e-8))
     assert tight.stress == pytest.approx(least, rel=1e-7, abs=1e-12)
-    hard = solve_hard(graph, POSTURE)
+    hard = solve(graph, POSTURE, Ipopt())
     assert hard.stress == pytest.approx(hard_least, rel=1e-5, abs=1e-12)
     assert np.abs(hard.errors[graph.kind == Kind.BONE]).max() < 1e-12
 
@@ -157,7 +157,11 @@ def test_blend_keeps_near_pairs_better_than_angles_and_directions_better_than_di
     directed = transfer_directions(x, target.parents, target.lengths)
     plain, blended = adapt(x, source, target), adapt(x, source, target, Blend())
     pair = next(edge for edge in range(len(plain)) if plain.edge_name(edge) in ("HD–RW", "RW–HD"))
-    found = {"angles": directed, "distances": solve_hard(plain, x).positions, "blend": solve_hard(blended, x).positions}
+    found = {
+        "angles": directed,
+        "distances": solve(plain, x, Ipopt()).positions,
+        "blend": solve(blended, x, Ipopt()).positions,
+    }
     miss = {name: abs(float(errors(plain, pose)[pair])) for name, pose in found.items()}
     assert miss["blend"] < 0.5 * miss["angles"]
 

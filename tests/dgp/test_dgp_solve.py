@@ -21,7 +21,6 @@ from robot_retarget.dgp import (
     pair_edges,
     solve,
     solve_frames,
-    solve_hard,
     solve_with_thresholds,
     stress,
     trace_edges,
@@ -50,7 +49,7 @@ def test_all_methods_reach_one_minimum(objective: Objective, dimension: int) -> 
     found = [
         solve(graph, x, replace(TIGHT, explicit=True), objective),
         solve(graph, x, Newton(), objective),
-        solve_hard(graph, x, (), objective=objective),
+        solve(graph, x, Ipopt(()), objective),
     ]
     assert reduced.stress > 1e-4
     for solution in found:
@@ -111,7 +110,7 @@ def test_fixed_vertices_and_boxes_hold(options: Spectral | Newton) -> None:
     solution = solve(graph, x, options)
     np.testing.assert_array_equal(solution.positions[0, :2], x[:2])
     assert np.abs(solution.positions[0] - x).max() <= 0.02 + 1e-15
-    hard = solve_hard(graph, x, ())
+    hard = solve(graph, x, Ipopt(()))
     np.testing.assert_array_equal(hard.positions[0, :2], x[:2])
     assert solution.stress == pytest.approx(hard.stress, rel=1e-4)
 
@@ -139,7 +138,7 @@ def test_multistart_escapes_a_mirrored_start() -> None:
 
 def test_hard_edges_are_met_to_rounding() -> None:
     graph = graph_of("abcd", "ab bc cd ad", [1.0, 1.0, 1.0, 5.0], kind=[Kind.BONE] * 3 + [Kind.POSTURE])
-    solution = solve_hard(graph, [[0, 0], [1, 0], [1.5, 0.8], [2.4, 0.5]])
+    solution = solve(graph, [[0, 0], [1, 0], [1.5, 0.8], [2.4, 0.5]], Ipopt())
     assert solution.status.converged
     assert np.abs(solution.errors[:3]).max() < 1e-12
     assert distances(graph, solution.positions)[3] == pytest.approx(3.0, abs=1e-6)
@@ -147,14 +146,14 @@ def test_hard_edges_are_met_to_rounding() -> None:
 
 def test_hard_contact_brings_two_points_together() -> None:
     graph = graph_of("abc", "ab bc ac", [1.0, 1.5, 0.0], kind=[Kind.POSTURE, Kind.POSTURE, Kind.TOUCH])
-    solution = solve_hard(graph, [[0, 0], [1, 0], [0.5, 0.8]], [Kind.TOUCH])
+    solution = solve(graph, [[0, 0], [1, 0], [0.5, 0.8]], Ipopt([Kind.TOUCH]))
     np.testing.assert_allclose(solution.positions[0, 0], solution.positions[0, 2], atol=1e-10)
     assert solution.status.converged
 
 
 def test_impossible_hard_edges_are_reported() -> None:
     graph = graph_of("abc", "ab bc ac", [1.0, 1.0, 3.0], kind=Kind.BONE)
-    solution = solve_hard(graph, [[0, 0], [1, 0.1], [2, 0]], options=Ipopt(max_iterations=200))
+    solution = solve(graph, [[0, 0], [1, 0.1], [2, 0]], Ipopt(max_iterations=200))
     assert not solution.status.converged
 
 
@@ -164,17 +163,17 @@ def test_relative_objective_ignores_one_outlier() -> None:
     lower = graph.lower.copy()
     lower[5] *= 1.5
     graph = replace(graph, lower=lower, upper=lower)
-    solution = solve_hard(graph, x + 0.01 * RNG.normal(size=x.shape), (), objective=Objective.RELATIVE)
+    solution = solve(graph, x + 0.01 * RNG.normal(size=x.shape), Ipopt(()), Objective.RELATIVE)
     np.testing.assert_allclose(np.delete(solution.errors, 5), 0, atol=1e-6)
     assert solution.stress == pytest.approx(1 / 3, abs=1e-6)
 
 
 def test_relative_objective_is_refused_where_it_has_no_gradient() -> None:
     graph, x = wide_graph()
-    with pytest.raises(UsageError, match="use RELATIVE_SQUARED here, or solve_hard"):
+    with pytest.raises(UsageError, match="use RELATIVE_SQUARED, or Ipopt"):
         solve(graph, x, objective=Objective.RELATIVE)
     with pytest.raises(GraphError, match="is a soft interval"):
-        solve_hard(graph, x, (), objective=Objective.RELATIVE)
+        solve(graph, x, Ipopt(()), Objective.RELATIVE)
 
 
 def test_frames_joined_by_an_edge_cannot_be_solved_apart() -> None:
@@ -204,7 +203,7 @@ def test_interaction_edges_push_before_the_meeting() -> None:
     numeric = gradient(graph, walk)
     assert np.abs(numeric[:5]).max() == 0.0
     assert np.abs(numeric[8:14]).max() > 0.1
-    solution = solve_hard(graph, walk, [Kind.INTERACTION])
+    solution = solve(graph, walk, Ipopt([Kind.INTERACTION]))
     assert distances(wishes, solution.positions).min() > 0.09
 
 

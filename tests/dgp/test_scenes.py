@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robot_retarget.dgp import (
+    Ipopt,
     Kind,
     Newton,
     Objective,
@@ -15,7 +16,6 @@ from robot_retarget.dgp import (
     frame_edges,
     interaction_distance,
     solve,
-    solve_hard,
     solve_with_thresholds,
 )
 from robot_retarget.dgp.scenes import (
@@ -62,7 +62,7 @@ def test_anchored_frames_stay_while_hard_thresholds_hold(name: str, threshold: f
     scene = SCENES[name]()
     base, candidates = scene.traces(True), scene.thresholds(threshold)
     soft = solve_with_thresholds(base, candidates, scene.animation, papers)
-    hard = solve_hard(base.joined(candidates), soft.positions, [Kind.SEPARATION], objective=Objective.HALF_SQUARED)
+    hard = solve(base.joined(candidates), soft.positions, Ipopt(), Objective.HALF_SQUARED)
     assert hard.status.converged
     for solution in (soft, hard):
         np.testing.assert_array_equal(solution.positions[[0, -1]], scene.animation[[0, -1]])
@@ -121,7 +121,7 @@ def test_weak_posture_edges_keep_the_raised_hands_near_the_head_with_exact_bones
     scene = raised_hands(target, 30)
     traces, candidates = scene.traces(False), scene.thresholds(0.06)
     base = traces.joined(frame_edges(scene.names, scene.animation, 0.01), bone_edges(traces, target))
-    hard = solve_hard(base.joined(candidates), scene.animation, objective=Objective.HALF_SQUARED)
+    hard = solve(base.joined(candidates), scene.animation, Ipopt(), Objective.HALF_SQUARED)
     assert closest(scene, 0.06, hard.positions) == pytest.approx(0.06, abs=1e-7)
     assert np.abs(hard.errors[hard.graph.kind == Kind.BONE]).max() < 1e-9
     assert np.linalg.norm(hard.positions[0] - scene.animation[0], axis=1).max() < 0.005

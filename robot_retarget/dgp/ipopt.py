@@ -4,19 +4,19 @@ Soft interval edges carry a variable y within [lower, upper]; a hard edge is a c
 r = 0 where δ = 0. ε = 1e-9 m only keeps the derivative finite where two points coincide.
 """
 
-import time
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, frozen
+from robot_retarget.arrays import Floats
 from robot_retarget.dgp.columns import box_of
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.incidence import incidence
-from robot_retarget.dgp.solution import Solution, Status
+from robot_retarget.dgp.solution import Status
+from robot_retarget.dgp.spectral import Minimum
 from robot_retarget.dgp.stress import FLOOR, Objective, rows
 from robot_retarget.errors import GraphError
 
@@ -27,6 +27,8 @@ _EPSILON = 1e-9
 class Ipopt:
     """Parameters of the method."""
 
+    hard: Collection[Kind] = (Kind.BONE, Kind.SEPARATION)
+    """The kinds of edges that become constraints; the others make up the objective."""
     tolerance: float = 1e-10
     """IPOPT's own optimality tolerance."""
     max_iterations: int = 1000
@@ -50,55 +52,30 @@ class Program:
     """Soft edges with a variable of their own: intervals (y), or every one under the relative objective (|e|)."""
 
 
-def solve_hard(
-    graph: Graph,
-    start: ArrayLike,
-    hard: Collection[Kind] = (Kind.BONE, Kind.SEPARATION),
-    options: Ipopt | None = None,
-    objective: Objective = Objective.SQUARED,
-) -> Solution:
-    """Find x with the least stress over the soft edges among those that meet every hard edge.
-
-    Args:
-        graph: the instance.
-        start: (T, V, K), or (V, K) for one frame [m].
-        hard: the kinds of edges that become constraints.
-        options: parameters.
-        objective: any of the four; the stress of a solution counts the hard edges too, with what error they have.
+def constrain(graph: Graph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:
+    """Minimise the stress of the soft edges from a start (T, V, K) among the realizations that meet the hard ones.
 
     Raises:
-        GraphError: the start does not fit the graph, or `RELATIVE` meets a soft interval edge.
+        GraphError: `RELATIVE` meets a soft interval edge.
     """
-    x, options = graph.checked(start), options or Ipopt()
-    began, history, iterations = time.perf_counter(), [], 0
+    x, history, iterations = start, [], 0
     status, steps = Status.FAILED, _steps(graph, x)
     for _ in range(options.rounds):
-        program = build_program(graph, steps, hard, options, objective)
+        program = build_program(graph, steps, options, objective)
         x, status, trace = run_program(program, x, steps)
         history += trace
         iterations += len(trace) - 1
         before, steps = steps, _steps(graph, x)
         if before is None or steps is None or np.array_equal(before, steps):
             break
-    return Solution(
-        graph=graph,
-        positions=frozen(x),
-        objective=objective,
-        statuses=(status,),
-        iterations=(iterations,),
-        history=tuple(history),
-        seconds=time.perf_counter() - began,
-        method="ipopt",
-    )
+    return Minimum(x.reshape(-1, 1), np.array(history[-1:]), (status,), (iterations,), tuple(history))
 
 
-def build_program(
-    graph: Graph, steps: Floats | None, hard: Collection[Kind], options: Ipopt, objective: Objective
-) -> Program:
+def build_program(graph: Graph, steps: Floats | None, options: Ipopt, objective: Objective) -> Program:
     """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes."""
     import casadi as ca
 
-    fixed = np.isin(graph.kind, [int(kind) for kind in hard])
+    fixed = np.isin(graph.kind, [int(kind) for kind in options.hard])
     soft = np.flatnonzero(~fixed)
     slack = soft if objective is Objective.RELATIVE else soft[~graph.exact[soft]]
     _refuse_relative_intervals(graph, soft, objective)
