@@ -16,6 +16,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.dgp.build import empty, every_frame
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.skeletal import SkeletalStructure, transfer_directions
+from robot_retarget.errors import GraphError, known
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,11 @@ def adapt(
         blend: keep free limbs in their directions; None is the paper.
 
     Raises:
-        GraphError: the postures do not fit the body.
+        GraphError: the postures do not fit the body, or the bodies have different trees.
     """
+    if source.names != target.names or not np.array_equal(source.parents, target.parents):
+        odd = [name for name in source.names if name not in target.names] or ["the order of the joints"]
+        raise GraphError(f"both bodies need one tree; they differ in {odd[0]}; target {known(target.names)}")
     graph, x = empty(source.names, positions)
     u, v = np.triu_indices(len(source.names), 1)
     near_matrix = normalised_distances(x, source.parents, source.lengths)[:, u, v]

@@ -8,10 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.graph import Graph, Kind
-from robot_retarget.dgp.incidence import incidence
 from robot_retarget.dgp.skeletal import SkeletalStructure
 from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.stress import lengths, rows
+from robot_retarget.dgp.stress import distances
 from robot_retarget.errors import GraphError, UsageError, known
 
 
@@ -33,7 +32,7 @@ def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[Graph, Floats]
 def measured(graph: Graph, animation: Floats, i: Ints, j: Ints, kind: Kind, priority: ArrayLike = 1.0) -> Graph:
     """The graph with exact edges whose δ is the distance in the animation."""
     bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind))
-    delta = lengths(incidence(bare).differences(rows(animation))[0])[:, 0]
+    delta = distances(bare, animation)
     return replace(bare, lower=delta, upper=delta)
 
 
@@ -169,8 +168,7 @@ def solve_with_thresholds(
 
 
 def _closer(candidates: Graph, x: Floats, slack: float) -> NDArray[np.bool_]:
-    distance = lengths(incidence(candidates).differences(rows(x))[0])[:, 0]
-    return distance <= candidates.lower + slack
+    return distances(candidates, x) <= candidates.lower + slack
 
 
 def _place(graph: Graph, name: str) -> int:

@@ -13,6 +13,7 @@ from robot_retarget.dgp.solution import Solution
 from robot_retarget.dgp.solve import solve
 from robot_retarget.dgp.spectral import Spectral
 from robot_retarget.dgp.stress import Objective
+from robot_retarget.errors import UsageError
 
 
 def solve_causally(
@@ -29,20 +30,24 @@ def solve_causally(
 
     Args:
         graph: the instance over all frames.
-        animation: (T, V, K) [m]; its first `window − 1` frames are kept, the others are not read.
+        animation: (T, V, K) [m]; its first `window − 1` frames and fixed vertices are kept, the others not read.
         options: of the solver.
         objective: one of the smooth ones.
-        window: frames looked at, at least 2.
+        window: frames looked at, 2 … T.
+
+    Raises:
+        UsageError: the window is too short or longer than the animation.
     """
+    if not 2 <= window <= graph.frames:
+        raise UsageError(f"window must be 2 … {graph.frames} frames, got {window}")
     x, everyone = graph.checked(animation), np.arange(len(graph.vertices))
     began, found = time.perf_counter(), []
     for frame in range(window - 1, graph.frames):
         part = graph.induced(everyone, frame - window + 1, frame)
         held = part.fixed.copy()
         held[:-1] = True
-        x[frame] = np.where(
-            held[-1][:, None], x[frame], 2.0 * x[frame - 1] - x[frame - 2] if window > 2 else x[frame - 1]
-        )
+        ahead = 2.0 * x[frame - 1] - x[frame - 2] if frame > 1 else x[frame - 1]
+        x[frame] = np.where(held[-1][:, None], x[frame], ahead)
         solution = solve(replace(part, fixed=held), x[frame - window + 1 : frame + 1], options, objective)
         x[frame] = solution.positions[-1]
         found.append(solution)
@@ -54,5 +59,5 @@ def solve_causally(
         iterations=tuple(solution.iterations[0] for solution in found),
         history=tuple(solution.stress for solution in found),
         seconds=time.perf_counter() - began,
-        method=f"{found[0].method}, frame by frame" if found else "none",
+        method=f"{found[0].method}, frame by frame",
     )

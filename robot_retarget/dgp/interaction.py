@@ -84,12 +84,16 @@ def interaction_distance(
         `numpy.triu_indices(K, 1)`. The closest approach is α − 1 frames from now.
 
     Raises:
-        GraphError: the shapes differ, or have fewer than two axes.
+        GraphError: the shapes differ, have fewer than two axes, or a coordinate is not finite (the joint is named).
         UsageError: a negative option.
     """
     before, now = np.asarray(previous, dtype=np.float64), np.asarray(current, dtype=np.float64)
     if before.shape != now.shape or now.ndim < 2:
         raise GraphError(f"previous and current must both be (…, joints, coordinates): {before.shape}, {now.shape}")
+    for name, positions in (("previous", before), ("current", now)):
+        lost = np.argwhere(~np.isfinite(positions))
+        if lost.size:
+            raise GraphError(f"{name} is not finite at joint {lost[0][-2]}, index {tuple(map(int, lost[0]))}")
     options = Interaction(horizon, dead_band)
     lead, (joints, axes) = now.shape[:-2], now.shape[-2:]
     pairs = joints * (joints - 1) // 2

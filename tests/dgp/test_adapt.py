@@ -200,6 +200,12 @@ def test_euler_angles_play_on_another_body() -> None:
     np.testing.assert_allclose(target, expected, atol=1e-12)
 
 
+def test_bodies_of_different_trees_are_refused() -> None:
+    other = SkeletalStructure(("X", *BODY.names[1:]), BODY.parents, BODY.displacements)
+    with pytest.raises(GraphError, match="differ in H; target known: X, C, CA"):
+        adapt(POSTURE, BODY, other)
+
+
 def test_bone_without_direction_is_named() -> None:
     with pytest.raises(GraphError, match="joint 1 coincides with its parent 0"):
         transfer_directions(np.zeros((2, 3)), [-1, 0], [0, 1])

@@ -25,7 +25,7 @@ from robot_retarget.dgp import (
     stress,
 )
 from robot_retarget.dgp.scenes import meeting, team
-from robot_retarget.errors import GraphError
+from robot_retarget.errors import GraphError, UsageError
 
 
 def walked_online(horizon: int) -> Solution:
@@ -62,6 +62,12 @@ def test_causal_solution_does_not_know_the_future() -> None:
     spoilt[4:] += 7.0
     np.testing.assert_array_equal(solve_causally(graph, spoilt, Newton()).positions[:, :2], whole.positions[:, :2])
     np.testing.assert_array_equal(whole.positions[:3], scene.animation[:3])
+
+
+def test_window_longer_than_the_animation_is_refused() -> None:
+    scene = meeting(5)
+    with pytest.raises(UsageError, match="window must be 2 … 5 frames, got 6"):
+        solve_causally(scene.traces(False), scene.animation, window=6)
 
 
 def test_smoothness_edges_measure_the_second_difference() -> None:

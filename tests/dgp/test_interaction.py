@@ -248,6 +248,10 @@ def test_three_constraints_are_solved_in_space() -> None:
 def test_bad_input_is_named() -> None:
     with pytest.raises(GraphError, match="must both be"):
         interaction_distance(np.zeros((3, 3)), np.zeros((4, 3)))
+    lost = np.zeros((3, 4, 3))
+    lost[1, 2, 0] = np.nan
+    with pytest.raises(GraphError, match=r"current is not finite at joint 2, index \(1, 2, 0\)"):
+        interaction_distance(np.zeros((3, 4, 3)), lost)
     with pytest.raises(UsageError, match="horizon must be None or ≥ 0 steps, got -1"):
         interaction_distance(np.zeros((3, 3)), np.zeros((3, 3)), horizon=-1)
     with pytest.raises(UsageError, match="dead_band must be ≥ 0 m"):
