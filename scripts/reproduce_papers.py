@@ -262,7 +262,7 @@ def postures(out: Path) -> list[Row]:
     """The posture table of 2017."""
     body = table_one_body()
     x, rows, drawn = body.initial_pose, [], []
-    solve(adapt(x, body, body), x, Newton())  # the first call also loads libraries
+    solve(adapt(x, body, body.scaled(1.1)), x, Newton())  # the first call also loads libraries
     for name, factors in posture_cases().items():
         target = resized(body, factors)
         graph = adapt(x, body, target)
