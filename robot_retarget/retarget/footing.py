@@ -6,21 +6,47 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.contacts import intervals
-from robot_retarget.robot import Anatomy, Points
+from robot_retarget.retarget.separation import carrying
+from robot_retarget.robot import Anatomy, Points, Robot
 
+HOLD = 1e4
+"""Weight of a held coordinate, over the squared leg length: it gives way by less than a tenth of a millimetre."""
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
 _TOE, _HEEL = [0, 1], [2, 3]
 
 
 @dataclass(frozen=True)
-class Footholds:
-    """What is held, frame by frame. F feet."""
+class Grip:
+    """How strongly corners are held, over the squared leg length; one weight along the floor and one across it."""
 
-    held: np.ndarray
-    """(T, F, 4) whether a corner is held."""
-    places: Floats
-    """(T, F, 4, 3) where, flat on the floor [m]; meaningless where nothing is held."""
+    along: float = HOLD
+    across: float = HOLD
+    swing: float = 20.0
+    """Of a foot in the air on its way between footholds."""
+
+    def hold(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
+        """h and p of a frame (3 · 4 F each), as `Problem.model` takes them: corners (F, 4) held at places (F, 4, 3)."""
+        weight = np.where(held[..., None], [self.along, self.along, self.across], 0.0)
+        return weight.ravel(), places.ravel()
+
+    def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
+        """As `hold`; feet that stand on no corner are led along the places softly."""
+        weight = np.where(held[..., None], [self.along, self.along, self.across], 0.0)
+        weight[~held.any(axis=-1)] = self.swing
+        return weight.ravel(), places.ravel()
+
+    def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
+        """h and p by which held corners (F, 4) touch the floor, wherever that is."""
+        return np.where(held[..., None], [0.0, 0.0, self.across], 0.0).ravel(), np.zeros(3 * held.size)
+
+
+def grip_of(robot: Robot, anatomy: Anatomy) -> Grip:
+    """A sole can be laid flat anywhere by six hinges; with fewer it is held along the floor and gives way across."""
+    dofs = carrying(robot.model)
+    pelvis = dofs[anatomy.spots["pelvis"].body] if "pelvis" in anatomy.spots else dofs[robot.root_body]
+    legs = [int((dofs[sole.bodies[0]] & ~pelvis).sum()) for sole in anatomy.soles.values()]
+    return Grip() if min(legs, default=6) >= 6 else Grip(across=20.0)
 
 
 def sole_corners(anatomy: Anatomy, foot: str) -> Points:
@@ -44,6 +70,21 @@ def held_corners(stances: dict[str, np.ndarray], feet: tuple[str, ...], frames: 
     return held
 
 
+def laid(corners: Floats, whole: np.ndarray) -> Floats:
+    """Corners (…, 4, 3) on the floor: the sole flat where it stands `whole` (…), else each edge where it is."""
+    front, rear = _edge_down(corners[..., _TOE, :]), _edge_down(corners[..., _HEEL, :])
+    return np.where(whole[..., None, None], flattened(corners), np.concatenate([front, rear], axis=-2))
+
+
+def _edge_down(edge: Floats) -> Floats:
+    """The two corners (…, 2, 3) of an edge on the floor, as far apart as they are."""
+    width = np.linalg.norm(edge[..., 0, :] - edge[..., 1, :], axis=-1)[..., None] / 2
+    across = (edge[..., 0, :] - edge[..., 1, :]) * [1.0, 1.0, 0.0]
+    across = width * across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
+    middle = edge.mean(axis=-2) * [1.0, 1.0, 0.0]
+    return np.stack([middle + across, middle - across], axis=-2)
+
+
 def flattened(corners: Floats) -> Floats:
     """Corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
     middle = corners.mean(axis=-2, keepdims=True)
@@ -63,28 +104,50 @@ class Stepping:
     def __init__(self, held: np.ndarray):
         self.held = held
         self.places = np.zeros((*held.shape[1:], 3))
-        self.standing = np.zeros(held.shape[1], dtype=bool)
+        self.before = np.zeros(held.shape[1:], dtype=bool)
 
     def at(self, frame: int, corners: Floats) -> tuple[np.ndarray, Floats]:
-        """What is held at a frame, given the corners (F, 4, 3) of the frame before."""
-        stands = self.held[frame].any(axis=1)
-        fresh = stands & ~self.standing
-        self.places[fresh] = flattened(corners[fresh])
-        self.standing = stands
-        return self.held[frame], self.places
+        """What is held at a frame, given the corners (F, 4, 3) of the frame before.
+
+        A foot is laid down when it begins to stand, and again, about the edge that stands already, when it comes to
+        stand on the whole sole.
+        """
+        now = self.held[frame]
+        lands = now.any(axis=1) & (~self.before.any(axis=1) | (now.all(axis=1) & ~self.before.all(axis=1)))
+        self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
+        self.before = now
+        return now, self.places
 
 
-def footholds(held: np.ndarray, corners: Floats) -> Footholds:
-    """Footholds of a whole clip: each stance at the middle of where a first pass put the foot.
+def footholds(held: np.ndarray, corners: Floats) -> Floats:
+    """(T, F, 4, 3) where the corners should be [m].
+
+    A stance is at the middle of where the draft put the foot. In between, a foot follows the draft, shifted along the
+    floor from the one foothold's offset to the next one's, so that it neither leaps away nor lands with a leap.
 
     Args:
         held: (T, F, 4) what is held.
-        corners: (T, F, 4, 3) of the first pass.
+        corners: (T, F, 4, 3) of the draft.
     """
-    places = np.zeros_like(corners)
+    places = corners.copy()
     for foot in range(held.shape[1]):
-        for start, stop in intervals(np.asarray(held[:, foot].any(axis=1))):
+        stands = np.asarray(held[:, foot].any(axis=1))
+        for start, stop in intervals(stands):
             whole = held[start:stop, foot].all(axis=1)
             seen = corners[start:stop, foot][whole] if whole.any() else corners[start:stop, foot]
-            places[start:stop, foot] = flattened(np.median(seen, axis=0))
-    return Footholds(held, places)
+            places[start:stop, foot] = laid(np.median(seen, axis=0), np.asarray(whole.any()))
+        places[~stands, foot, :, :2] += _shift_between(stands, (places - corners)[:, foot, :, :2].mean(axis=1))
+    return places
+
+
+def _shift_between(stands: np.ndarray, offset: Floats) -> Floats:
+    """(swing frames, 1, 2) the offset of the stances on either side, blended with zero speed at both ends."""
+    frames = np.arange(len(stands))
+    known = frames[stands]
+    if not known.size:
+        return np.zeros((int((~stands).sum()), 1, 2))
+    after = np.searchsorted(known, frames[~stands])
+    first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    share = np.clip((frames[~stands] - first) / np.maximum(last - first, 1), 0.0, 1.0)[:, None]
+    smooth = share**2 * (3 - 2 * share)
+    return ((1 - smooth) * offset[first] + smooth * offset[last])[:, None]

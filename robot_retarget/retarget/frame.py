@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import CORNERS
+from robot_retarget.retarget.footing import grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.separation import Separation, carrying
 from robot_retarget.retarget.solution import Status
@@ -20,6 +20,8 @@ MARGIN = 0.006
 """They stay this share of a leg apart."""
 SEPARATION_COST = 1e4
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
+REFUSALS = 6
+"""Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
 SUNK = -1e-4
 """A start this deep under the floor [m] takes its first steps whatever they cost."""
 
@@ -86,15 +88,10 @@ class FrameSolver:
         self.separation = Separation(self.robot, REACH * leg) if options.separation else None
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
         self.rows = problem.soles + near
+        self.grip = grip_of(self.robot, problem.match.anatomy)
         self.upper_hinges = _above_hips(problem)
         self.upper = self.robot.qpos_index[self.upper_hinges]
         self.program = QuadraticProgram(nv + 1, self.rows)  # one slack for all separation rows stands last
-
-    @property
-    def no_holds(self) -> tuple[Floats, Floats]:
-        """h and p of a frame in which no foot is held."""
-        corners = CORNERS * len(self.problem.feet)
-        return np.zeros(corners), np.zeros(3 * corners)
 
     def ways(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
         """Where descents from several starts end, the cheapest first.
@@ -113,25 +110,25 @@ class FrameSolver:
         return sorted(ends, key=lambda pose: pose.cost)
 
     def descend(self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int) -> Pose:
-        """Steps within ranges, above the floor and apart, until they are small."""
+        """Steps within ranges, above the floor and apart, until they are small or so many were taken."""
         q, damping, status = start, self.options.damping, Status.OUT_OF_ITERATIONS
         model = self._model(q, wished, pull)
-        count = 0
-        while count < iterations and status is Status.OUT_OF_ITERATIONS:
-            count += 1
+        taken = refused = 0
+        while taken < iterations and refused < REFUSALS and status is Status.OUT_OF_ITERATIONS:
             step = self._step(q, model, damping)
             if step is None:
-                status = Status.BLOCKED
-                break
+                return self._lifted(Pose(q, Status.BLOCKED, model.cost, taken))
             trial = integrate(self.robot, q, step)
             there = self._model(trial, wished, pull)
-            small = np.abs(step).max() < self.options.tolerance
+            if np.abs(step).max() < self.options.tolerance:
+                status = Status.CONVERGED
             if there.cost < model.cost + 1e-12 or model.sunk:
                 q, model, damping = trial, there, max(damping / 4, 1e-6)
+                taken += 1
             else:
-                damping = min(damping * 10 + 1e-4, 1e3)
-            status = Status.CONVERGED if small else status
-        return self._lifted(Pose(q, status, model.cost, count))
+                damping = damping * 10 + 1e-2
+                refused += 1
+        return self._lifted(Pose(q, status, model.cost, taken))
 
     def _model(self, q: Floats, wished: tuple[Floats, ...], pull: Pull | None) -> _Model:
         cost, gradient, normal, floor, slope = self.problem.model(q, *wished)

@@ -24,8 +24,6 @@ from robot_retarget.retarget.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import point_function
 
-HOLD = 1e4
-"""Weight of a held corner, over the leg length."""
 MARKER_ARM = 0.1
 """Markers stand this far from their segment's origin [m]; the cost does not depend on it."""
 
@@ -84,7 +82,7 @@ class _Wished:
     def __init__(self, edges: Edges, corners: int):
         self.delta, self.pi = ca.MX.sym("delta", len(edges.pairs)), ca.MX.sym("pi", len(edges.pairs))
         self.u, self.r = ca.MX.sym("u", edges.direction[0].size), ca.MX.sym("r", 3 * 2 * len(edges.segments))
-        self.y, self.h, self.p = ca.MX.sym("y", 3), ca.MX.sym("h", corners), ca.MX.sym("p", 3 * corners)
+        self.y, self.h, self.p = ca.MX.sym("y", 3), ca.MX.sym("h", 3 * corners), ca.MX.sym("p", 3 * corners)
         self.all = [self.delta, self.pi, self.u, self.r, self.y, self.h, self.p]
 
 
@@ -171,6 +169,6 @@ def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tupl
 
 
 def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:
-    """√h (c − p)/ℓ for every sole corner; h is 0 where it is free."""
-    root = ca.kron(ca.sqrt(wished.h), ca.DM.ones(3)) / length
+    """√h (c − p)/ℓ for every coordinate of every sole corner; h is 0 where it is free."""
+    root = ca.sqrt(wished.h) / length
     return root * (x - wished.p), ca.diag(root) @ jacobian

@@ -36,12 +36,17 @@ class Sketching:
     """Cost of a change of pose between frames of the sketch [1/rad²]."""
 
 
-def sketch(solver: FrameSolver, edges: Edges, fps: float, sketching: Sketching | None = None) -> list[Floats]:
-    """A configuration (nq,) for every frame of the clip: the cheapest path through the ways that were found."""
+def sketch(
+    solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, sketching: Sketching | None = None
+) -> list[Floats]:
+    """A configuration (nq,) for every frame of the clip: the cheapest path through the ways that were found.
+
+    Standing soles `held` (T, F, 4) lie on the floor; where they do is left open.
+    """
     chosen = sketching or Sketching()
     step = max(1, round(fps / chosen.rate))
     frames = np.unique(np.append(np.arange(0, len(edges), step), len(edges) - 1))
-    pool = _Pool(solver, edges, frames, chosen)
+    pool = _Pool(solver, edges, held, frames, chosen)
     stride, reach = max(1, round(chosen.every * fps / step)), round(chosen.follow * fps / step)
     for moment in range(0, len(frames), stride):
         pool.seek(moment, reach)
@@ -52,8 +57,8 @@ def sketch(solver: FrameSolver, edges: Edges, fps: float, sketching: Sketching |
 class _Pool:
     """The poses found so far, per frame of the sketch."""
 
-    def __init__(self, solver: FrameSolver, edges: Edges, frames: np.ndarray, sketching: Sketching):
-        self.solver, self.edges, self.frames, self.sketching = solver, edges, frames, sketching
+    def __init__(self, solver: FrameSolver, edges: Edges, held: np.ndarray, frames: np.ndarray, sketching: Sketching):
+        self.solver, self.edges, self.held, self.frames, self.sketching = solver, edges, held, frames, sketching
         self.poses: list[list[Pose]] = [[] for _ in frames]
         self.hinges = solver.robot.qpos_index
 
@@ -105,7 +110,8 @@ class _Pool:
         return True
 
     def _wished(self, moment: int) -> tuple[Floats, ...]:
-        return (*frame_parameters(self.edges, int(self.frames[moment])), *self.solver.no_holds)
+        frame = int(self.frames[moment])
+        return (*frame_parameters(self.edges, frame), *self.solver.grip.lay_down(self.held[frame]))
 
 
 def _between(robot: Robot, frames: np.ndarray, poses: list[Floats], count: int) -> list[Floats]:

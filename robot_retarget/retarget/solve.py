@@ -11,11 +11,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose, Pull
-from robot_retarget.retarget.problem import HOLD, Problem, frame_parameters, leg_length
+from robot_retarget.retarget.problem import Problem, frame_parameters, leg_length
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Solution, Status
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.model import FREE, SLIDE
 from robot_retarget.trajectory import Trajectory
 
 Progress = Callable[[int, int], None]
@@ -26,10 +27,12 @@ Progress = Callable[[int, int], None]
 class Smoothing:
     """How the whole clip is brought to agree with a smooth path (`solve_clip`)."""
 
-    passes: int = 6
-    weight: float = 1.0
+    passes: int = 8
+    weight: float = 3.0
     """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
-    stiffness: float = 0.5
+    root: float = 10.0
+    """How much more the root is drawn, per rad² and per squared leg length [-]."""
+    stiffness: float = 3.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
 
 
@@ -56,7 +59,7 @@ def solve(
     if smoothly.passes == 0 or len(edges) < 3:
         poses, drafted = causal_pass(solver, edges, held, count), time.perf_counter() - began
     else:
-        draft = sketch(solver, edges, fps)
+        draft = sketch(solver, edges, held, fps)
         drafted = time.perf_counter() - began
         poses = clip_passes(solver, edges, held, draft, smoothly, fps, count)
     spent = time.perf_counter() - began
@@ -69,9 +72,9 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, count: "_Co
     for t in range(len(edges)):
         wished = frame_parameters(edges, t)
         if not poses:
-            poses.append(solver.ways((*wished, *solver.no_holds), edges, t)[0])
+            poses.append(solver.ways((*wished, *solver.grip.lay_down(held[t])), edges, t)[0])
         corners = _corners(solver.problem, poses[-1].qpos)
-        holds = _hold(*stepping.at(t, corners))
+        holds = solver.grip.hold(*stepping.at(t, corners))
         pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations)
         poses = [*poses, pose] if t else [pose]
         count.one()
@@ -93,8 +96,8 @@ def clip_passes(
     ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. Ranges, floor, footholds and separation hold in the
     frames, so they hold in what is returned.
     """
-    robot, weight = solver.robot, np.full(solver.robot.model.nv, smoothing.weight)
-    feet = footholds(held, np.array([_corners(solver.problem, q) for q in draft]))
+    robot, weight = solver.robot, _pull_weights(solver, smoothing)
+    places = footholds(held, np.array([_corners(solver.problem, q) for q in draft]))
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
@@ -103,7 +106,7 @@ def clip_passes(
         path = _smooth_path(solver, moved, stiffness)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
-            wished = (*frame_parameters(edges, t), *_hold(feet.held[t], feet.places[t]))
+            wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
             poses[t] = solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1)
             count.one()
     return poses
@@ -116,6 +119,18 @@ def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float) -> list[F
     return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
 
 
+def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:
+    """ρ per tangent direction: the root carries everything, so it is drawn more; its travel counts in leg lengths."""
+    robot = solver.robot
+    weight = np.full(robot.model.nv, smoothing.root * smoothing.weight)
+    for joint in robot.root_joints:
+        first = int(robot.model.jnt_dofadr[joint])
+        slide = robot.model.jnt_type[joint] in (FREE, SLIDE)
+        weight[first : first + 3 if robot.floating else first + 1] *= 1 / solver.leg**2 if slide else 1.0
+    weight[solver.hinges] = smoothing.weight
+    return weight
+
+
 class _Count:
     """Counts frames towards a progress report."""
 
@@ -126,11 +141,6 @@ class _Count:
         self.done += 1
         if self.progress:
             self.progress(self.done, self.total)
-
-
-def _hold(held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
-    """h and p of a frame, as `Problem.model` takes them."""
-    return HOLD * held.ravel().astype(float), places.ravel()
 
 
 def _corners(problem: Problem, qpos: Floats) -> Floats:
