@@ -36,6 +36,10 @@ class GraphError(RobotRetargetError):
     """An edge, vertex or realization that contradicts the definition of the graph."""
 
 
+class ServoError(RobotRetargetError):
+    """A servo map, port or bus that is not as it has to be, or a robot that is not fit to be moved."""
+
+
 class OutputError(RobotRetargetError):
     """A file or folder that cannot be written."""
 

@@ -1,0 +1,260 @@
+"""Dynamixel Protocol 2.0: frames, their checksum and stuffing, fast-read blocks, and a parser that resynchronises.
+
+Pure functions of bytes; nothing here knows a port. Reference: https://emanual.robotis.com/docs/en/dxl/protocol2/
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+HEADER = b"\xff\xff\xfd\x00"
+BROADCAST = 0xFE
+LAST_ID = 252
+LONGEST = 4096
+"""A frame that claims more bytes than this after its length field is noise."""
+
+CLEAR_MULTI_TURN = b"\x01\x44\x58\x4c\x22"
+CLEAR_ERROR = b"\x02\x45\x52\x43\x4c"
+BACKUP_KEY = b"\x43\x54\x52\x4c"
+
+
+class Instruction(IntEnum):
+    """What a frame asks for; STATUS is an answer."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    REG_WRITE = 0x04
+    ACTION = 0x05
+    FACTORY_RESET = 0x06
+    REBOOT = 0x08
+    CLEAR = 0x10
+    BACKUP = 0x20
+    STATUS = 0x55
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
+    BULK_READ = 0x92
+    BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
+
+
+class Error(IntEnum):
+    """The low seven bits of a status' error byte."""
+
+    NONE = 0
+    RESULT_FAIL = 1
+    INSTRUCTION = 2
+    CRC = 3
+    DATA_RANGE = 4
+    DATA_LENGTH = 5
+    DATA_LIMIT = 6
+    ACCESS = 7
+
+
+ALERT = 0x80
+"""The bit of the error byte that says: a hardware error is pending, read register 70."""
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x8005 if crc & 0x8000 else crc << 1) & 0xFFFF
+        table.append(crc)
+    return tuple(table)
+
+
+_CRC = _crc_table()
+
+
+def crc16(data: bytes, crc: int = 0) -> int:
+    """CRC-16/UMTS: polynomial 0x8005, start 0, no reflection. `crc16(b"123456789") == 0xFEE8`."""
+    table = _CRC
+    for byte in data:
+        crc = (crc << 8 & 0xFF00) ^ table[crc >> 8 ^ byte]
+    return crc
+
+
+def stuff(data: bytes) -> bytes:
+    """Break up every FF FF FD by an FD behind it, so that no header can appear inside a frame."""
+    return data.replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
+
+
+def unstuff(data: bytes) -> bytes:
+    """The inverse of `stuff`."""
+    return data.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+
+
+def word(value: int) -> bytes:
+    """Two bytes, low first."""
+    return value.to_bytes(2, "little")
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame as it came off the wire, its checksum already found right."""
+
+    id: int
+    instruction: int
+    stuffed: bytes
+    """What stands between the instruction and the checksum, untouched. Fast replies carry no stuffing."""
+
+    @property
+    def params(self) -> bytes:
+        """The parameters, unstuffed."""
+        return unstuff(self.stuffed)
+
+    @property
+    def error(self) -> int:
+        """The error byte of a status."""
+        return self.stuffed[0] if self.stuffed else 0
+
+    @property
+    def data(self) -> bytes:
+        """What a status carries behind its error byte."""
+        return self.params[1:]
+
+
+def frame(identity: int, instruction: int, params: bytes = b"") -> bytes:
+    """A frame ready to send."""
+    body = stuff(bytes((instruction,)) + params)
+    whole = HEADER + bytes((identity,)) + word(len(body) + 2) + body
+    return whole + word(crc16(whole))
+
+
+def status(identity: int, error: int = 0, data: bytes = b"") -> bytes:
+    """A servo's answer."""
+    return frame(identity, Instruction.STATUS, bytes((error,)) + data)
+
+
+def read(identity: int, address: int, length: int) -> bytes:
+    """Ask one servo for `length` bytes from `address`."""
+    return frame(identity, Instruction.READ, word(address) + word(length))
+
+
+def write(identity: int, address: int, data: bytes) -> bytes:
+    """Write to one servo, with an answer."""
+    return frame(identity, Instruction.WRITE, word(address) + data)
+
+
+def sync_read(address: int, length: int, ids: Iterable[int], fast: bool = False) -> bytes:
+    """Ask several servos for the same bytes: one answer each, or with `fast` one answer of all."""
+    kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
+    return frame(BROADCAST, kind, word(address) + word(length) + bytes(ids))
+
+
+def sync_write(address: int, length: int, values: Iterable[tuple[int, bytes]]) -> bytes:
+    """Write to several servos at once; nobody answers.
+
+    Raises:
+        ValueError: a value has not the announced length.
+    """
+    parts = [word(address) + word(length)]
+    for identity, data in values:
+        if len(data) != length:
+            raise ValueError(f"servo {identity} gets {len(data)} bytes, {length} announced")
+        parts.append(bytes((identity,)) + data)
+    return frame(BROADCAST, Instruction.SYNC_WRITE, b"".join(parts))
+
+
+def fast_status(blocks: Sequence[tuple[int, int, bytes]], missing: bool = False) -> bytes:
+    """One answer of several servos, blocks of (error, id, data), each with the checksum of all that went before.
+
+    With `missing` the chain is announced longer by one block of the last one's length and breaks off after what is
+    given, as on a real bus when a servo does not take its turn.
+    """
+    sizes = [4 + len(data) for _, _, data in blocks]
+    length = 1 + sum(sizes) + (sizes[-1] if missing else 0)
+    whole = HEADER + bytes((BROADCAST,)) + word(length) + bytes((Instruction.STATUS,))
+    for error, identity, data in blocks:
+        whole += bytes((error, identity)) + data
+        whole += word(crc16(whole))
+    return whole
+
+
+def fast_blocks(raw: bytes, sizes: Sequence[int]) -> Iterator[tuple[int, int, bytes]]:
+    """Blocks (error, id, data) of a fast answer that starts at a header, as far as they came whole.
+
+    Args:
+        raw: what was received, whole or broken off.
+        sizes: the length of each block's data, in the order asked for.
+    """
+    crc, place = crc16(raw[:8]), 8
+    for size in sizes:
+        end = place + 2 + size
+        if len(raw) < end + 2:
+            return
+        crc = crc16(raw[place:end], crc)
+        if raw[end : end + 2] != word(crc):
+            return
+        yield raw[place], raw[place + 1], raw[place + 2 : end]
+        crc = crc16(raw[end : end + 2], crc)
+        place = end + 2
+
+
+class Parser:
+    """Frames out of a stream of bytes; noise, broken frames and false headers are passed over.
+
+    Args:
+        strict: drop frames whose content holds an unstuffed FF FF FD, as some hosts send them.
+    """
+
+    def __init__(self, strict: bool = False) -> None:
+        self.strict = strict
+        self.broken = 0
+        """Frames with a wrong checksum so far."""
+        self._buffer = bytearray()
+
+    @property
+    def pending(self) -> bytes:
+        """What has come of a frame that is not whole yet."""
+        return bytes(self._buffer)
+
+    def clear(self) -> None:
+        """Forget what is pending."""
+        self._buffer.clear()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take in bytes; the frames they complete."""
+        self._buffer += data
+        return list(self._frames())
+
+    def give_up(self) -> list[Frame]:
+        """The rest of the pending frame is not coming: look for frames behind its header."""
+        if self._buffer:
+            del self._buffer[0]
+        return list(self._frames())
+
+    def _frames(self) -> Iterator[Frame]:
+        buffer = self._buffer
+        while self._align() and len(buffer) >= 7:
+            end = 7 + (buffer[5] | buffer[6] << 8)
+            if not 10 <= end <= LONGEST or buffer[4] in (0xFD, 0xFF):
+                del buffer[0]
+            elif len(buffer) < end:
+                return
+            elif crc16(memoryview(buffer)[: end - 2].tobytes()) != buffer[end - 2] | buffer[end - 1] << 8:
+                self.broken += 1
+                del buffer[0]
+            else:
+                found = Frame(buffer[4], buffer[7], bytes(buffer[8 : end - 2]))
+                del buffer[:end]
+                if not (self.strict and unstuffed_header(found.stuffed)):
+                    yield found
+
+    def _align(self) -> bool:
+        """Bring the next header to the front; False when there is none yet."""
+        place = self._buffer.find(HEADER)
+        if place < 0:
+            keep = next((n for n in (3, 2, 1) if self._buffer.endswith(HEADER[:n])), 0)
+            del self._buffer[: len(self._buffer) - keep]
+            return False
+        del self._buffer[:place]
+        return True
+
+
+def unstuffed_header(stuffed: bytes) -> bool:
+    """Whether FF FF FD stands somewhere without the FD that belongs behind it."""
+    return b"\xff\xff\xfd" in stuffed.replace(b"\xff\xff\xfd\xfd", b"")

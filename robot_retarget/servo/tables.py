@@ -1,0 +1,263 @@
+"""The datasheet: control tables, model numbers and units of the X series. Behaviour is elsewhere.
+
+Each register is (address, bytes, access, default, lowest, highest); signed where its lowest is negative.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+from robot_retarget.errors import ServoError, known
+
+TICKS_PER_TURN = 4096
+CENTRE = 2048
+VELOCITY_UNIT = 0.0239808
+"""[rad/s]: 0.229 revolutions a minute."""
+ACCELERATION_UNIT = 0.374508
+"""[rad/s²]: 214.577 revolutions a minute squared."""
+VOLTAGE_UNIT = 0.1
+WATCHDOG_UNIT = 0.02
+RETURN_DELAY_UNIT = 2e-6
+FULL_PWM = 885
+BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""By the value of the register `baud_rate`."""
+EEPROM_END = 64
+"""Addresses below keep their values without power and are locked while torque is on."""
+
+HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "encoder", 4: "electrical shock", 5: "overload"}
+"""Bits of `hardware_error_status`."""
+MODES = {
+    0: "current",
+    1: "velocity",
+    3: "position",
+    4: "extended position",
+    5: "current-based position",
+    16: "PWM",
+}
+
+
+class Register(NamedTuple):
+    """One line of a control table."""
+
+    address: int
+    size: int
+    writable: bool
+    default: int
+    low: int
+    high: int
+
+    @property
+    def signed(self) -> bool:
+        return self.low < 0
+
+    def encode(self, value: int) -> bytes:
+        """A value as the bytes of this register; negative values as two's complement.
+
+        Raises:
+            OverflowError: it does not fit.
+        """
+        return int(value).to_bytes(self.size, "little", signed=self.signed or value < 0)
+
+    def decode(self, data: bytes) -> int:
+        """The value in the bytes of this register."""
+        return int.from_bytes(data[: self.size], "little", signed=self.signed)
+
+
+_WORD, _LONG, _TURNS = 32767, 2_147_483_647, 1_048_575
+
+# https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#control-table
+XM430_W350 = {
+    "model_number": Register(0, 2, False, 1020, 0, 65535),
+    "model_information": Register(2, 4, False, 0, 0, _LONG),
+    "firmware_version": Register(6, 1, False, 48, 0, 255),
+    "id": Register(7, 1, True, 1, 0, 252),
+    "baud_rate": Register(8, 1, True, 1, 0, 7),
+    "return_delay_time": Register(9, 1, True, 250, 0, 254),
+    "drive_mode": Register(10, 1, True, 0, 0, 13),
+    "operating_mode": Register(11, 1, True, 3, 0, 16),
+    "secondary_id": Register(12, 1, True, 255, 0, 255),
+    "protocol_type": Register(13, 1, True, 2, 1, 22),
+    "homing_offset": Register(20, 4, True, 0, -1_044_479, 1_044_479),
+    "moving_threshold": Register(24, 4, True, 10, 0, 1023),
+    "temperature_limit": Register(31, 1, True, 80, 0, 100),
+    "max_voltage_limit": Register(32, 2, True, 160, 95, 160),
+    "min_voltage_limit": Register(34, 2, True, 95, 95, 160),
+    "pwm_limit": Register(36, 2, True, FULL_PWM, 0, FULL_PWM),
+    "current_limit": Register(38, 2, True, 1193, 0, 1193),
+    "velocity_limit": Register(44, 4, True, 200, 0, 1023),
+    "max_position_limit": Register(48, 4, True, 4095, 0, 4095),
+    "min_position_limit": Register(52, 4, True, 0, 0, 4095),
+    "startup_configuration": Register(60, 1, True, 0, 0, 3),
+    "shutdown": Register(63, 1, True, 52, 0, 255),
+    "torque_enable": Register(64, 1, True, 0, 0, 1),
+    "led": Register(65, 1, True, 0, 0, 1),
+    "status_return_level": Register(68, 1, True, 2, 0, 2),
+    "registered_instruction": Register(69, 1, False, 0, 0, 1),
+    "hardware_error_status": Register(70, 1, False, 0, 0, 255),
+    "velocity_i_gain": Register(76, 2, True, 1920, 0, 16383),
+    "velocity_p_gain": Register(78, 2, True, 100, 0, 16383),
+    "position_d_gain": Register(80, 2, True, 0, 0, 16383),
+    "position_i_gain": Register(82, 2, True, 0, 0, 16383),
+    "position_p_gain": Register(84, 2, True, 800, 0, 16383),
+    "feedforward_2nd_gain": Register(88, 2, True, 0, 0, 16383),
+    "feedforward_1st_gain": Register(90, 2, True, 0, 0, 16383),
+    "bus_watchdog": Register(98, 1, True, 0, -1, 127),
+    "goal_pwm": Register(100, 2, True, FULL_PWM, -FULL_PWM, FULL_PWM),
+    "goal_current": Register(102, 2, True, 1193, -1193, 1193),
+    "goal_velocity": Register(104, 4, True, 0, -1023, 1023),
+    "profile_acceleration": Register(108, 4, True, 0, 0, 32767),
+    "profile_velocity": Register(112, 4, True, 0, 0, 32767),
+    "goal_position": Register(116, 4, True, 0, -_TURNS, _TURNS),
+    "realtime_tick": Register(120, 2, False, 0, 0, 32767),
+    "moving": Register(122, 1, False, 0, 0, 1),
+    "moving_status": Register(123, 1, False, 0, 0, 255),
+    "present_pwm": Register(124, 2, False, 0, -_WORD, _WORD),
+    "present_current": Register(126, 2, False, 0, -_WORD, _WORD),
+    "present_velocity": Register(128, 4, False, 0, -_LONG, _LONG),
+    "present_position": Register(132, 4, False, 0, -_LONG, _LONG),
+    "velocity_trajectory": Register(136, 4, False, 0, -_LONG, _LONG),
+    "position_trajectory": Register(140, 4, False, 0, -_LONG, _LONG),
+    "present_input_voltage": Register(144, 2, False, 120, 0, 65535),
+    "present_temperature": Register(146, 1, False, 30, 0, 255),
+    "backup_ready": Register(147, 1, False, 0, 0, 1),
+}
+INDIRECT = ((168, 224, 28), (578, 634, 28))
+"""Blocks of indirect addresses: first address register, first data byte, how many."""
+TABLE_END = 662
+
+
+@dataclass(frozen=True)
+class Model:
+    """One servo type: its number on the bus, what its table has, and what its motor can do."""
+
+    name: str
+    number: int
+    table: str = "xm"
+    """`xm` with current control, `xl` without it (register 126 is the load, 0.1 %), `x330` for 5 V."""
+    current_unit: float = 2.69e-3
+    """[A], or 0 where there is no current to read."""
+    current_limit: int = 1193
+    velocity_limit: int = 200
+    voltage: float = 12.0
+    """At which the next three hold [V]."""
+    stall_torque: float = 4.1
+    """[N m]."""
+    stall_current: float = 2.3
+    """[A]."""
+    no_load_speed: float = 4.82
+    """[rad/s]."""
+    fast_from: int | None = 45
+    """First firmware that knows the fast reads, or None."""
+
+    @property
+    def registers(self) -> dict[str, Register]:
+        return _registers(self)
+
+    @property
+    def voltage_range(self) -> tuple[int, int]:
+        """Lowest and highest voltage limit [0.1 V]."""
+        return {"xm": (95, 160), "xl": (60, 140), "x330": (31, 70)}[self.table]
+
+
+# https://emanual.robotis.com/docs/en/dxl/x/ : stall torque, stall current and no-load speed of each page's datasheet
+MODELS = {
+    model.name: model
+    for model in (
+        Model("XM430-W350", 1020),
+        Model("XM430-W210", 1030, velocity_limit=350, stall_torque=3.0, no_load_speed=8.06),
+        Model("XH430-W350", 1000, current_limit=648, stall_torque=3.4, stall_current=1.3, no_load_speed=3.14),
+        Model("XH430-W210", 1010, current_limit=648, stall_torque=2.5, stall_current=1.3, no_load_speed=5.24),
+        Model(
+            "XM540-W270", 1120, current_limit=2047, velocity_limit=128,
+            stall_torque=10.6, stall_current=4.4, no_load_speed=3.14,
+        ),
+        Model(
+            "XM540-W150", 1130, current_limit=2047, velocity_limit=230,
+            stall_torque=7.3, stall_current=4.4, no_load_speed=5.55,
+        ),
+        Model(
+            "XL430-W250", 1060, table="xl", current_unit=0, velocity_limit=265,
+            stall_torque=1.5, stall_current=1.4, no_load_speed=6.39,
+        ),
+        Model(
+            "XC430-W150", 1070, table="xl", current_unit=0, velocity_limit=460,
+            stall_torque=1.6, stall_current=1.4, no_load_speed=11.1,
+        ),
+        Model(
+            "XC430-W240", 1080, table="xl", current_unit=0, velocity_limit=306,
+            stall_torque=1.9, stall_current=1.4, no_load_speed=7.33,
+        ),
+        Model(
+            "2XL430-W250", 1090, table="xl", current_unit=0, velocity_limit=250,
+            stall_torque=1.4, stall_current=1.3, no_load_speed=5.97, fast_from=None,
+        ),
+        Model(
+            "2XC430-W250", 1160, table="xl", current_unit=0, velocity_limit=250,
+            stall_torque=1.8, stall_current=1.4, no_load_speed=6.7, fast_from=None,
+        ),
+        Model(
+            "XL330-M077", 1190, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=1620,
+            voltage=5.0, stall_torque=0.215, stall_current=1.47, no_load_speed=40.1, fast_from=46,
+        ),
+        Model(
+            "XL330-M288", 1200, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=445,
+            voltage=5.0, stall_torque=0.52, stall_current=1.47, no_load_speed=10.8, fast_from=46,
+        ),
+        Model(
+            "XC330-T288", 1220, table="xm", current_unit=1e-3, current_limit=910, velocity_limit=320,
+            voltage=11.1, stall_torque=0.92, stall_current=0.8, no_load_speed=6.8, fast_from=46,
+        ),
+        Model(
+            "XC330-M288", 1240, table="x330", current_unit=1e-3, current_limit=2352, velocity_limit=350,
+            voltage=5.0, stall_torque=0.93, stall_current=1.8, no_load_speed=8.5, fast_from=46,
+        ),
+    )
+}  # fmt: skip
+
+
+def model_named(name: str) -> Model:
+    """A model by its name, as printed on the servo; a trailing -R or -T (its connector) is ignored.
+
+    Raises:
+        ServoError: no such model is known.
+    """
+    plain = name.strip().upper()
+    plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain
+    if plain in MODELS:
+        return MODELS[plain]
+    raise ServoError(f"no servo model {name!r}; {known(MODELS)}")
+
+
+def model_numbered(number: int) -> Model | None:
+    """A model by the number it answers a ping with, or None."""
+    return next((model for model in MODELS.values() if model.number == number), None)
+
+
+@cache
+def _registers(model: Model) -> dict[str, Register]:
+    table = dict(XM430_W350)
+    low, high = model.voltage_range
+    top = model.current_limit
+
+    def alter(name: str, **fields: int) -> None:
+        table[name] = table[name]._replace(**fields)
+
+    alter("model_number", default=model.number)
+    alter("velocity_limit", default=model.velocity_limit, high=2047)
+    alter("goal_velocity", low=-2047, high=2047)
+    alter("max_voltage_limit", default=high, low=low, high=high)
+    alter("min_voltage_limit", default=low, low=low, high=high)
+    alter("present_input_voltage", default=round(model.voltage * 10))
+    alter("current_limit", default=top, high=top)
+    alter("goal_current", default=top, low=-top, high=top)
+    if model.table == "xl":
+        for name in ("current_limit", "goal_current"):
+            del table[name]
+        table["present_load"] = table.pop("present_current")
+    if model.name.startswith("XM540"):
+        for port in range(3):
+            table[f"external_port_mode_{port + 1}"] = Register(56 + port, 1, True, 0, 0, 3)
+            table[f"external_port_data_{port + 1}"] = Register(152 + 2 * port, 2, True, 0, 0, 4095)
+    if "330-" in model.name:
+        table["pwm_slope"] = Register(62, 1, True, 140, 1, 255)
+    return table

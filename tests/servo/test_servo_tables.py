@@ -1,0 +1,45 @@
+"""The datasheet tables agree with the model files that dynamixel-sdk ships."""
+
+from pathlib import Path
+
+import dynamixel_sdk
+import pytest
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.tables import MODELS, TABLE_END, model_named, model_numbered
+
+SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "control_table"
+
+
+def model_file(name: str) -> Path:
+    return SHIPPED / (name.lower().replace("-", "_") + ".model")
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_register_lies_where_the_sdk_s_model_file_puts_it(name: str) -> None:
+    if not model_file(name).is_file():
+        pytest.skip("the SDK ships no such file")
+    rows = model_file(name).read_text().split("[control table]")[1].split("\n")[2:]
+    theirs = {tuple(map(int, row.split("\t")[:2])): row.split("\t")[2] for row in rows if row.strip()}
+    ours = {(r.address, r.size) for r in MODELS[name].registers.values()}
+    named = {place for place, title in theirs.items() if "Indirect" not in title and place[0] < 168}
+    assert named <= ours | {(126, 2)}
+    assert {place for place in ours if place[0] not in (60, 147)} <= named
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_registers_do_not_overlap_and_hold_their_defaults(name: str) -> None:
+    taken: set[int] = set()
+    for register in MODELS[name].registers.values():
+        span = set(range(register.address, register.address + register.size))
+        assert not span & taken and max(span) < TABLE_END
+        taken |= span
+        assert register.decode(register.encode(register.default)) == register.default
+        assert register.low <= register.default <= register.high
+
+
+def test_models_are_known_by_name_with_any_connector_and_by_number() -> None:
+    assert model_named("xm430-w350-R") is model_numbered(1020)
+    assert model_numbered(9999) is None
+    with pytest.raises(ServoError, match=r"no servo model 'AX-12'; known: .*XM430-W350"):
+        model_named("AX-12")
