@@ -257,4 +257,4 @@ class Parser:
 
 def unstuffed_header(stuffed: bytes) -> bool:
     """Whether FF FF FD stands somewhere without the FD that belongs behind it."""
-    return b"\xff\xff\xfd" in stuffed.replace(b"\xff\xff\xfd\xfd", b"")
+    return b"\xff\xff\xfd" in stuffed.replace(b"\xff\xff\xfd\xfd", b".")
