@@ -1,0 +1,144 @@
+"""Which links of a robot may touch each other: the pairs worth watching.
+
+By the model's own rules: contact types, excluded bodies, explicit pairs, no link with itself or with its parent. Left
+out besides: geoms that overlap where the robot rests (they do so by construction), and links few hinges apart that no
+pose within the joint ranges brings together.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.model import Robot
+
+FEW_HINGES = 3
+"""Links so many hinges apart are tried in poses drawn from the joint ranges."""
+POSES = 800
+NEVER = 0.005
+"""A pair that stays farther apart than this in all those poses is left out [m]."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """P pairs of links and, for each, the pairs of geoms that may touch."""
+
+    links: Ints
+    """(P, 2) body ids, the lower first."""
+    geoms: tuple[tuple[tuple[int, int], ...], ...]
+    """P lists of geom pairs."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "links", frozen(np.reshape(self.links, (-1, 2)), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.links)
+
+    def of(self, keep: np.ndarray) -> "Pairs":
+        """Those that a mask (P,) chooses."""
+        return Pairs(self.links[keep], tuple(self.geoms[k] for k in np.flatnonzero(keep)))
+
+    def names(self, robot: Robot) -> list[tuple[str, str]]:
+        """The links' names."""
+        return [(robot.model.body(a).name, robot.model.body(b).name) for a, b in self.links.tolist()]
+
+
+class Clearance:
+    """Distances between the geoms of pairs of links, by MuJoCo."""
+
+    def __init__(self, robot: Robot, pairs: Pairs):
+        self.model, self.data, self.pairs = robot.model, mujoco.MjData(robot.model), pairs
+        self._points = np.zeros(6)
+
+    def place(self, qpos: Floats) -> None:
+        """Take up a configuration (nq,)."""
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def of(self, pair: int, reach: float) -> float:
+        """Distance of a pair as placed [m], negative inside, `reach` for all that is farther."""
+        model, data, points = self.model, self.data, self._points
+        geoms = self.pairs.geoms[pair]
+        return min(mujoco.mj_geomDistance(model, data, a, b, reach, points) for a, b in geoms)
+
+    def all(self, qpos: Floats, reach: float) -> Floats:
+        """Distances (P,) at a configuration (nq,) [m]."""
+        self.place(qpos)
+        return np.array([self.of(pair, reach) for pair in range(len(self.pairs))])
+
+
+def collidable(robot: Robot) -> Pairs:
+    """Pairs of links that may touch."""
+    table = _allowed(robot)
+    for rest in (robot.neutral(), np.array(robot.model.qpos0)):
+        table = _apart(robot, table, rest)
+    links = sorted(table)
+    pairs = Pairs(np.array(links, dtype=int), tuple(tuple(table[pair]) for pair in links))
+    return pairs.of(_ever_near(robot, pairs))
+
+
+def _allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Geom pairs by link pair, as the model's contact filter lets them through."""
+    model = robot.model
+    link = np.asarray(model.body_weldid)
+    carrier = link[model.body_parentid[link]]
+    shut = {tuple(sorted((int(code) >> 16, int(code) & 0xFFFF))) for code in model.exclude_signature}
+    explicit = {tuple(sorted(map(int, pair))) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+    solid = [g for geoms in collision_geoms(robot).values() for g in geoms]
+    listed = explicit | set(itertools.combinations(sorted(solid), 2))
+    table: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for a, b in sorted(listed):
+        bodies = int(model.geom_bodyid[a]), int(model.geom_bodyid[b])
+        first, second = sorted(int(link[body]) for body in bodies)
+        related = carrier[first] == second or carrier[second] == first
+        types = (model.geom_contype[a] & model.geom_conaffinity[b]) | (model.geom_contype[b] & model.geom_conaffinity[a])
+        let_through = types and not related and tuple(sorted(bodies)) not in shut
+        if first != second and first > 0 and (let_through or (a, b) in explicit):
+            table.setdefault((first, second), []).append((a, b))
+    return table
+
+
+def _apart(
+    robot: Robot, table: dict[tuple[int, int], list[tuple[int, int]]], qpos: Floats
+) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """The geom pairs that do not overlap at a configuration."""
+    clearance = Clearance(robot, Pairs(np.zeros((0, 2)), tuple((pair,) for pairs in table.values() for pair in pairs)))
+    clearance.place(qpos)
+    flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
+    kept: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for k, (links, pair) in enumerate(flat):
+        if clearance.of(k, NEVER) >= 0:
+            kept.setdefault(links, []).append(pair)
+    return kept
+
+
+def _ever_near(robot: Robot, pairs: Pairs) -> np.ndarray:
+    """(P,) whether links come near each other in any of many poses; those many hinges apart are taken to."""
+    near = np.array([_hinges_between(robot, a, b) > FEW_HINGES for a, b in pairs.links.tolist()], dtype=bool)
+    clearance, draw = Clearance(robot, pairs), np.random.default_rng(0)
+    qpos = robot.neutral()
+    for _ in range(POSES):
+        # Joints stand at the ends of their ranges as often as not: that is where links meet.
+        share = np.clip(draw.uniform(-0.5, 1.5, len(robot.lower)), 0, 1)
+        qpos[robot.qpos_index] = robot.lower + share * (robot.upper - robot.lower)
+        clearance.place(qpos)
+        for pair in np.flatnonzero(~near):
+            near[pair] = clearance.of(int(pair), 2 * NEVER) < NEVER
+    return near
+
+
+def _hinges_between(robot: Robot, first: int, second: int) -> int:
+    """Joints on the way from one link to another."""
+    model = robot.model
+
+    def way(body: int) -> list[int]:
+        line = [body]
+        while line[-1]:
+            line.append(int(model.body_parentid[line[-1]]))
+        return line
+
+    ends = set(way(first)) ^ set(way(second))
+    return int(sum(model.body_jntnum[body] for body in ends))
