@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget import console
+from robot_retarget.cli_servos import servos_app
 from robot_retarget.errors import RobotRetargetError, UsageError
 
 if TYPE_CHECKING:
@@ -150,6 +151,9 @@ def export(
 
     write(load_trajectory(trajectory), _load_robot(robot, limits), format, output)
     console.say(f"wrote {output}")
+
+
+app.add_typer(servos_app, name="servos")
 
 
 def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_file: Path | None, json: bool) -> str:

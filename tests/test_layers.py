@@ -26,7 +26,7 @@ LIBRARIES = {
     "casadi": ("robot/kinematics.py", "retarget/", "dgp/"),
     "mujoco": ("robot/", "simulate/", "view/", "retarget/separation.py", "servo/twin.py"),
     "dynamixel_sdk": ("servo/bus.py",),
-    "typer": ("cli.py",),
+    "typer": ("cli.py", "cli_servos.py"),
     "rich": ("console.py",),
     "matplotlib": ("view/",),
 }

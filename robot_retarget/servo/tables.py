@@ -11,6 +11,8 @@ from robot_retarget.errors import ServoError, known
 
 TICKS_PER_TURN = 4096
 CENTRE = 2048
+LAST_POSITION = 4095
+"""Of one turn, as position mode has it."""
 VELOCITY_UNIT = 0.0239808
 """[rad/s]: 0.229 revolutions a minute."""
 ACCELERATION_UNIT = 0.374508

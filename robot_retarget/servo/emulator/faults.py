@@ -1,0 +1,127 @@
+"""What goes wrong on request, in words: on the command line, or while the emulator runs.
+
+    silent 3        servo 3 no longer hears or answers; `heard 3` brings it back; `silent all`
+    drop 0.05       so many of the answers are lost
+    corrupt 0.05    so many of the answers have a wrong bit
+    delay 5         answers come so many ms late
+    noise 0.05      so many of the answers follow noise bytes
+    echo 1          the host hears itself, as on an adapter without direction control
+    overload 3      a hardware error of servo 3: overload, encoder, shock
+    heat 3 85       servo 3 is so hot [°C]
+    supply 9.5      voltage of the supply [V]
+    model 3 1060    servo 3 answers with this model number
+    duplicate 3 4   servo 4 gets the id 3, too
+    place 3 2100    the shaft of servo 3 is turned to this position by hand
+    torque 3        torque of servo 3 is switched on by somebody else
+    unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
+
+`after 2.5 silent 3` does it 2.5 s after the start.
+"""
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from robot_retarget.errors import ServoError, known
+from robot_retarget.servo.emulator.device import Device
+from robot_retarget.servo.emulator.network import Network
+from robot_retarget.servo.emulator.world import World
+
+HARDWARE = {"encoder": 3, "shock": 4, "overload": 5}
+
+
+@dataclass
+class Wire:
+    """How bad the cable is."""
+
+    drop: float = 0.0
+    corrupt: float = 0.0
+    noise: float = 0.0
+    delay: float = 0.0
+    """[s]."""
+    echo: bool = False
+    plugged: bool = True
+    chance: random.Random = field(default_factory=lambda: random.Random(1))
+
+    def spoil(self, answer: bytes) -> bytes:
+        """What is left of an answer on the host's side."""
+        if self.drop and self.chance.random() < self.drop:
+            return b""
+        if self.corrupt and self.chance.random() < self.corrupt:
+            place = self.chance.randrange(len(answer))
+            flipped = answer[place] ^ 1 << self.chance.randrange(8)
+            answer = answer[:place] + bytes((flipped,)) + answer[place + 1 :]
+        if self.noise and self.chance.random() < self.noise:
+            answer = self.chance.randbytes(self.chance.randrange(1, 12)) + answer
+        return answer
+
+
+class Faults:
+    """Carries out fault sentences on a network, a world and a wire."""
+
+    def __init__(self, network: Network, world: World, wire: Wire) -> None:
+        self.network, self.world, self.wire = network, world, wire
+        self._later: list[tuple[float, str]] = []
+        self._actions: dict[str, Callable[..., object]] = {
+            "silent": lambda who: self.network.silent.update(self._ids(who)),
+            "heard": lambda who: self.network.silent.difference_update(self._ids(who)),
+            "drop": lambda share: setattr(self.wire, "drop", float(share)),
+            "corrupt": lambda share: setattr(self.wire, "corrupt", float(share)),
+            "noise": lambda share: setattr(self.wire, "noise", float(share)),
+            "delay": lambda ms: setattr(self.wire, "delay", float(ms) / 1000),
+            "echo": lambda on: setattr(self.wire, "echo", bool(int(on))),
+            "heat": lambda who, celsius: [setattr(d.motor, "temperature", float(celsius)) for d in self._devices(who)],
+            "supply": lambda volts: setattr(self.world, "supply", float(volts)),
+            "model": lambda who, number: self._set(who, "model_number", int(number)),
+            "duplicate": lambda who, other: self._set(other, "id", int(who)),
+            "torque": lambda who: [d.write(64, b"\x01") for d in self._devices(who)],
+            "place": lambda who, ticks: [d.place(float(ticks)) for d in self._devices(who)],
+            "unplug": lambda: setattr(self.wire, "plugged", False),
+            "plug": lambda: setattr(self.wire, "plugged", True),
+        }
+        for name, bit in HARDWARE.items():
+            self._actions[name] = lambda who, bit=bit: [d.fail(bit) for d in self._devices(who)]
+
+    def add(self, sentence: str) -> None:
+        """Do what a sentence says, now or after the time it names.
+
+        Raises:
+            ServoError: the sentence means nothing.
+        """
+        words = sentence.split()
+        if words[:1] == ["after"] and len(words) > 2:
+            self._later.append((_number(words[1], sentence), " ".join(words[2:])))
+            return
+        action = self._actions.get(words[0] if words else "")
+        if action is None:
+            raise ServoError(f"no fault {sentence!r}; {known(self._actions)}")
+        try:
+            action(*words[1:])
+        except (TypeError, ValueError) as error:
+            raise ServoError(f"fault {sentence!r}: {error}") from None
+
+    def due(self, now: float) -> None:
+        """Do what was planned until `now` [s]."""
+        for planned in [p for p in self._later if p[0] <= now]:
+            self._later.remove(planned)
+            self.add(planned[1])
+
+    def _ids(self, who: str) -> set[int]:
+        return {device.id for device in self._devices(who)}
+
+    def _devices(self, who: str) -> list[Device]:
+        found = [d for d in self.network.devices if who == "all" or d.id == int(who)]
+        if not found:
+            raise ValueError(f"no servo {who}; {known(str(d.id) for d in self.network.devices)}")
+        return found
+
+    def _set(self, who: str, register: str, value: int) -> None:
+        for device in self._devices(who):
+            device.registers[register] = value
+
+
+def _number(text: str, sentence: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ServoError(f"fault {sentence!r}: {text!r} is no time") from None

@@ -1,0 +1,97 @@
+"""What turns inside a servo: the position, velocity, current and PWM controllers, and a plain motor on a load."""
+
+from dataclasses import dataclass, field
+from math import exp, tau
+
+from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN, Model
+
+RADIANS = tau / TICKS_PER_TURN
+AMBIENT = 30.0
+"""Temperature of the room and of a rested servo [°C]."""
+HEAT_RISE = 9.0
+"""How far a servo warms up per A² in the end [K]."""
+HEAT_TIME = 300.0
+"""How long that takes [s]."""
+
+
+@dataclass
+class Motor:
+    """State of one output shaft in ticks of its own encoder; angle 2048 is the middle of the table."""
+
+    model: Model
+    position: float = 2048.0
+    """Unfolded [ticks]."""
+    velocity: float = 0.0
+    """[ticks/s]."""
+    duty: float = 0.0
+    """Part of the supply on the winding, −1…1."""
+    current: float = 0.0
+    """[A]."""
+    temperature: float = AMBIENT
+    inertia: float = 0.012
+    """Of rotor and load at the output [kg m²]."""
+    friction: float = 0.03
+    """Dry [N m]."""
+    integral: float = field(default=0.0, repr=False)
+
+    def stiffness(self, voltage: float) -> float:
+        """Torque of full duty at standstill [N m]."""
+        return self.model.stall_torque * voltage / self.model.voltage
+
+    @property
+    def back_emf(self) -> float:
+        """Torque lost per speed [N m s/rad]."""
+        return self.model.stall_torque / self.model.no_load_speed
+
+    def torque(self, voltage: float) -> float:
+        """Of the winding, before what speed takes away [N m]."""
+        return self.duty * self.stiffness(voltage)
+
+    def turn(self, voltage: float, dt: float) -> None:
+        """Step the built-in plant: J ω' = τ(duty) − k ω − friction; damping and friction are taken implicitly."""
+        omega = self.velocity * RADIANS + self.torque(voltage) * dt / self.inertia
+        drag = self.friction * dt / self.inertia
+        omega = 0.0 if abs(omega) <= drag else omega - drag * (1 if omega > 0 else -1)
+        if self.duty or omega:
+            omega /= 1 + self.back_emf * dt / self.inertia
+        self.velocity = omega / RADIANS
+        self.position += self.velocity * dt
+
+    def feel(self, voltage: float, dt: float) -> None:
+        """Current and heat from duty and speed."""
+        back = self.velocity * RADIANS / self.model.no_load_speed
+        share = voltage / self.model.voltage
+        self.current = self.model.stall_current * (self.duty * share - back) if self.duty else 0.0
+        goal = AMBIENT + HEAT_RISE * self.current**2
+        self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
+
+    def follow(self, target: float, speed: float, gains: tuple[int, int, int], limit: float, dt: float) -> None:
+        """PID on the position: duty = (Kp e + Ki ∫e + Kd ė) / 885, with the table's scaling of gains."""
+        p, i, d = gains
+        error = target - self.position
+        self.integral = max(-limit, min(limit, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM)) if i else 0.0
+        raw = (p / 128 * error + d / 16 * (speed - self.velocity) / 1000) / FULL_PWM + self.integral
+        self.duty = max(-limit, min(limit, raw))
+
+    def run(self, speed: float, gains: tuple[int, int], limit: float, dt: float) -> None:
+        """PI on the velocity [ticks/s], with the back-EMF fed forward."""
+        p, i = gains
+        unit = 0.229 * TICKS_PER_TURN / 60
+        error = (speed - self.velocity) / unit
+        self.integral = max(-1.0, min(1.0, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM))
+        ahead = speed * RADIANS / self.model.no_load_speed
+        self.duty = max(-limit, min(limit, p / 128 * error / FULL_PWM * 10 + self.integral + ahead))
+
+    def push(self, current: float, limit: float) -> None:
+        """Current control [A]: the duty that gives it at this speed."""
+        back = self.velocity * RADIANS / self.model.no_load_speed
+        self.duty = max(-limit, min(limit, current / self.model.stall_current + back))
+
+    def rest(self) -> None:
+        """Torque off."""
+        self.duty = self.integral = 0.0
+
+
+def folded(ticks: float) -> float:
+    """An angle in one turn, 0…4096 ticks."""
+    return ticks % TICKS_PER_TURN

@@ -1,0 +1,206 @@
+"""All servos on one wire: who answers what to which instruction."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robot_retarget.servo import protocol
+from robot_retarget.servo.emulator.device import Device
+from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, Error, Frame, Instruction
+from robot_retarget.servo.tables import EEPROM_END, RETURN_DELAY_UNIT
+
+ANSWERED_FROM: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
+"""The status return level from which an instruction is answered; all others from 2."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Bytes that one servo (or a chain of them) puts on the wire."""
+
+    data: bytes
+    delay: float
+    """The servo's return delay before them [s]."""
+    turns: int = 1
+    """Servos that took their turn for it."""
+
+
+class Network:
+    """Devices that share a bus. `answer` is all a host ever sees of them."""
+
+    def __init__(self, devices: Sequence[Device]) -> None:
+        self.devices = list(devices)
+        self.silent: set[int] = set()
+        """Ids whose servos have lost their cable."""
+
+    def at(self, identity: int) -> list[Device]:
+        """Who listens to an id: one as a rule, none when missing, two when it was given twice."""
+        if identity in self.silent:
+            return []
+        return [device for device in self.devices if device.powered and device.id == identity]
+
+    def listening(self) -> list[Device]:
+        """Every device whose cable is plugged."""
+        return [device for device in self.devices if device.powered and device.id not in self.silent]
+
+    def answer(self, frame: Frame) -> list[Answer]:
+        """Carry out an instruction; what comes back, in order. Unanswered instructions give an empty list."""
+        if frame.instruction == Instruction.STATUS:
+            return []
+        for device in self.listening():
+            device.feed()
+        group = _GROUPS.get(frame.instruction)
+        if group is not None:
+            return group(self, frame.params) if frame.id == BROADCAST else []
+        if frame.id != BROADCAST:
+            self._by_second_name(frame)
+            return self._merged([a for d in self.at(frame.id) if (a := self._single(d, frame))])
+        answers = [self._single(device, frame) for device in sorted(self.listening(), key=lambda d: d.id)]
+        return [a for a in answers if a] if frame.instruction == Instruction.PING else []
+
+    def _single(self, device: Device, frame: Frame) -> Answer | None:
+        """One device's answer to an instruction of its own."""
+        level = device.registers["status_return_level"]
+        delay = device.registers["return_delay_time"] * RETURN_DELAY_UNIT
+        identity = device.id
+        error, data = _perform(device, frame)
+        needed = ANSWERED_FROM.get(frame.instruction, 2)
+        if level < needed:
+            return None
+        return Answer(protocol.status(identity, error | device.alert, data), delay)
+
+    def _merged(self, answers: list[Answer]) -> list[Answer]:
+        """Two servos on one id talk at once: the wire carries the AND of their bytes."""
+        if len(answers) < 2:
+            return answers
+        longest = max(len(a.data) for a in answers)
+        mixed = bytes(longest * [0xFF])
+        for answer in answers:
+            mixed = bytes(a & b for a, b in zip(mixed, answer.data.ljust(longest, b"\xff"), strict=True))
+        return [Answer(mixed, answers[0].delay)]
+
+    def _read(self, identity: int, address: int, length: int) -> list[Answer]:
+        frame = Frame(identity, Instruction.READ, protocol.word(address) + protocol.word(length))
+        return self._merged([a for d in self.at(identity) if (a := self._single(d, frame))])
+
+    def _sync_read(self, params: bytes) -> list[Answer]:
+        if len(params) < 5:
+            return []
+        address, length = _words(params)
+        return [a for identity in params[4:] for a in self._read(identity, address, length)]
+
+    def _bulk_read(self, params: bytes) -> list[Answer]:
+        return [a for identity, address, length in _triples(params) for a in self._read(identity, address, length)]
+
+    def _fast_sync_read(self, params: bytes) -> list[Answer]:
+        if len(params) < 5:
+            return []
+        address, length = _words(params)
+        return self._chain([(identity, address, length) for identity in params[4:]])
+
+    def _fast_bulk_read(self, params: bytes) -> list[Answer]:
+        return self._chain(_triples(params))
+
+    def _chain(self, wanted: list[tuple[int, int, int]]) -> list[Answer]:
+        """One answer of all; the first servo announces its whole length, each adds its block to what came before."""
+        blocks: list[tuple[int, int, bytes]] = []
+        delay = 0.0
+        for identity, address, length in wanted:
+            devices = [d for d in self.at(identity) if _fast(d)]
+            if not devices:
+                break
+            error, data = devices[0].read(address, length)
+            data = data if not error else bytes(length)
+            blocks.append((error | devices[0].alert, identity, data))
+            delay = delay or devices[0].registers["return_delay_time"] * RETURN_DELAY_UNIT
+        if not blocks:
+            return []
+        whole = protocol.fast_status([*blocks, *((0, i, bytes(n)) for i, _, n in wanted[len(blocks) :])])
+        sent = 8 + sum(4 + len(data) for _, _, data in blocks)
+        return [Answer(whole[:sent], delay, len(blocks))]
+
+    def _sync_write(self, params: bytes) -> list[Answer]:
+        if len(params) < 4:
+            return []
+        address, length = _words(params)
+        for k in range(4, len(params) - length, length + 1):
+            self._write(params[k], address, params[k + 1 : k + 1 + length])
+        return []
+
+    def _bulk_write(self, params: bytes) -> list[Answer]:
+        k = 0
+        while k + 5 <= len(params):
+            address, length = _words(params[k + 1 :])
+            if k + 5 + length <= len(params):
+                self._write(params[k], address, params[k + 5 : k + 5 + length])
+            k += 5 + length
+        return []
+
+    def _write(self, identity: int, address: int, data: bytes) -> None:
+        for device in self.at(identity):
+            device.write(address, data)
+        self._by_second_name(Frame(identity, Instruction.WRITE, protocol.word(address) + data))
+
+    def _by_second_name(self, frame: Frame) -> None:
+        """A secondary id takes writes to RAM, and never answers."""
+        address = int.from_bytes(frame.params[:2], "little")
+        if frame.instruction != Instruction.WRITE or frame.id > LAST_ID or address < EEPROM_END:
+            return
+        for device in self.listening():
+            if device.registers["secondary_id"] == frame.id != device.id:
+                device.write(address, frame.params[2:])
+
+
+def _perform(device: Device, frame: Frame) -> tuple[int, bytes]:
+    """Error code and data of an instruction to one device."""
+    params, kind = frame.params, frame.instruction
+    if kind == Instruction.PING:
+        return 0, protocol.word(device.registers["model_number"]) + bytes((device.registers["firmware_version"],))
+    if kind == Instruction.READ:
+        return device.read(*_words(params)) if len(params) == 4 else (Error.DATA_LENGTH, b"")
+    if kind in (Instruction.WRITE, Instruction.REG_WRITE):
+        if len(params) < 3:
+            return Error.DATA_LENGTH, b""
+        action = device.write if kind == Instruction.WRITE else device.register
+        return action(int.from_bytes(params[:2], "little"), params[2:]), b""
+    return _manage(device, frame, params), b""
+
+
+def _manage(device: Device, frame: Frame, params: bytes) -> int:
+    """Instructions that are neither ping nor read nor write."""
+    kind = frame.instruction
+    if kind == Instruction.ACTION:
+        return device.act()
+    if kind == Instruction.REBOOT:
+        device.boot()
+        return Error.NONE
+    if kind == Instruction.CLEAR:
+        return device.clear(params)
+    if kind == Instruction.FACTORY_RESET:
+        everything = params[:1] == b"\xff" and frame.id == BROADCAST
+        return Error.NONE if everything else device.factory_reset(params[0] if params else 0)
+    if kind == Instruction.BACKUP:
+        return device.store_backup(params[0]) if params[1:] == BACKUP_KEY else Error.DATA_RANGE
+    return Error.INSTRUCTION
+
+
+def _fast(device: Device) -> bool:
+    """Whether a device takes part in fast reads."""
+    start = device.model.fast_from
+    return start is not None and device.registers["firmware_version"] >= start
+
+
+def _words(params: bytes) -> tuple[int, int]:
+    return int.from_bytes(params[:2], "little"), int.from_bytes(params[2:4], "little")
+
+
+def _triples(params: bytes) -> list[tuple[int, int, int]]:
+    return [(params[k], *_words(params[k + 1 :])) for k in range(0, len(params) - 4, 5)]
+
+
+_GROUPS: dict[int, Callable[[Network, bytes], list[Answer]]] = {
+    Instruction.SYNC_READ: Network._sync_read,
+    Instruction.SYNC_WRITE: Network._sync_write,
+    Instruction.FAST_SYNC_READ: Network._fast_sync_read,
+    Instruction.BULK_READ: Network._bulk_read,
+    Instruction.BULK_WRITE: Network._bulk_write,
+    Instruction.FAST_BULK_READ: Network._fast_bulk_read,
+}

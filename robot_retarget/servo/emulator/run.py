@@ -1,0 +1,64 @@
+"""Put an emulator together from a servo map."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.emulator.device import rested
+from robot_retarget.servo.emulator.network import Network
+from robot_retarget.servo.emulator.pace import Pace
+from robot_retarget.servo.emulator.server import Server
+from robot_retarget.servo.emulator.world import World
+from robot_retarget.servo.map import ServoMap
+from robot_retarget.servo.tables import BAUDS, CENTRE
+from robot_retarget.shipped import MODELS
+
+
+def emulator(
+    servo_map: ServoMap,
+    link: Path | None = None,
+    pace: Pace | None = None,
+    physics: Path | None = None,
+    faults: Sequence[str] = (),
+    strict: bool = False,
+    return_delay: int = 0,
+) -> Server:
+    """A server with one device for every servo of a map, on motors of their own or on a robot in MuJoCo.
+
+    Args:
+        servo_map: ids, models, zeros and the baud rate.
+        link: a stable name for the port.
+        pace: the time that bytes take; by default none.
+        physics: MJCF of the robot.
+        faults: sentences of `faults`.
+        strict: drop frames without stuffing, and be silent at a wrong baud rate.
+        return_delay: register 9 of every servo [2 µs].
+    """
+    code = BAUDS.index(servo_map.baud)
+    devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero < 4096 else CENTRE) for s in servo_map.servos]
+    for device in devices:
+        device.registers["return_delay_time"] = return_delay
+    plant = None
+    if physics is not None:
+        from robot_retarget.servo.twin import Twin
+
+        plant = Twin(physics, servo_map)
+    world = World(devices, plant)
+    for device in devices:
+        device.boot()
+    server = Server(Network(devices), world, pace or Pace(), link, strict)
+    for sentence in faults:
+        server.faults.add(sentence)
+    return server
+
+
+def scene_of(robot: str) -> Path:
+    """The scene of a shipped robot: with a floor.
+
+    Raises:
+        ServoError: no such robot ships.
+    """
+    for name in ("scene.xml", f"{robot}.xml"):
+        if (MODELS / robot / name).is_file():
+            return MODELS / robot / name
+    raise ServoError(f"no model ships for robot {robot!r}; give one with --model FILE.xml")

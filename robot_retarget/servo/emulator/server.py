@@ -1,0 +1,200 @@
+"""The emulated bus on a pseudo terminal: bytes in, bytes out, time in between."""
+
+import contextlib
+import ctypes
+import fcntl
+import json
+import os
+import select
+import signal
+import sys
+import termios
+import time
+import tty
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.emulator.faults import Faults, Wire
+from robot_retarget.servo.emulator.network import Network
+from robot_retarget.servo.emulator.pace import Pace
+from robot_retarget.servo.emulator.world import World
+from robot_retarget.servo.protocol import Parser
+from robot_retarget.servo.tables import BAUDS
+
+SILENCE = 0.01
+"""The rest of a frame that has not come after this is not coming [s]."""
+TICK = 0.01
+"""The loop looks after time and torque at least so often [s]."""
+BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
+
+
+class Terminal:
+    """A raw pseudo terminal under a stable name."""
+
+    def __init__(self, link: Path | None) -> None:
+        self.link = link
+        self.master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self.master, False)
+        self.path = os.ttyname(self._slave)
+        if link is not None:
+            self._name(link)
+
+    def _name(self, link: Path) -> None:
+        if link.exists() and not link.is_symlink():
+            self.close()
+            raise ServoError(f"{link} is in the way: it is no link of an emulator")
+        try:
+            link.unlink(missing_ok=True)
+            link.symlink_to(self.path)
+        except OSError as error:
+            self.close()
+            raise ServoError(f"cannot link {link}: {error.strerror}") from error
+
+    @property
+    def baud(self) -> int | None:
+        """What the host has set, where the system has a name for it."""
+        return BAUD_CODES.get(termios.tcgetattr(self._slave)[4])
+
+    def allow_reopening(self) -> None:
+        """Undo a TIOCEXCL that a dead host has left behind; it would lock everybody out."""
+        fcntl.ioctl(self._slave, termios.TIOCNXCL)
+
+    def read(self) -> bytes:
+        with contextlib.suppress(BlockingIOError, OSError):
+            return os.read(self.master, 65536)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        """To the host; what it does not fetch is lost, as on a wire."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self.master, data)
+
+    def close(self) -> None:
+        os.close(self.master)
+        os.close(self._slave)
+        if self.link is not None and self.link.is_symlink() and os.readlink(self.link) == self.path:
+            self.link.unlink()
+
+
+class Server:
+    """Runs a network and its world behind a terminal until it is told to stop."""
+
+    def __init__(self, network: Network, world: World, pace: Pace, link: Path | None, strict: bool = False) -> None:
+        self.network, self.world, self.pace, self.strict = network, world, pace, strict
+        self.wire = Wire()
+        self.faults = Faults(network, world, self.wire)
+        self.terminal: Terminal | None = Terminal(link)
+        self._link = link
+        self._parser = Parser(strict)
+        self._out: deque[tuple[float, bytes]] = deque()
+        self._began = time.monotonic()
+        self._heard = 0.0
+        self._stop = False
+
+    def run(self, commands: bool = False) -> None:
+        """Serve until SIGTERM or SIGINT; `commands` also reads fault sentences, `state` and `stop` from stdin."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._on_signal)
+        precise_timers()
+        assert self.terminal is not None
+        print(f"ready {self._link or self.terminal.path}", flush=True)
+        try:
+            while not self._stop:
+                self._turn(commands)
+        finally:
+            if self.terminal is not None:
+                self.terminal.close()
+
+    def _turn(self, commands: bool) -> None:
+        """One round: wait for bytes, commands or the time, then do what is due."""
+        wanted = [self.terminal.master] if self.terminal else []
+        ready, _, _ = select.select([*wanted, *([sys.stdin] if commands else [])], [], [], self._patience())
+        now = time.monotonic() - self._began
+        self.world.advance(now)
+        self.faults.due(now)
+        if sys.stdin in ready:
+            self._command(sys.stdin.readline())
+        self._follow_plug()
+        if self.terminal is not None:
+            if self.terminal.master in ready:
+                self._listen(self.terminal, now)
+            elif self._parser.pending and now - self._heard > SILENCE:
+                self._answer(self._parser.give_up(), now)
+            self._send(self.terminal)
+
+    def _patience(self) -> float:
+        if not self._out:
+            return TICK
+        return min(TICK, max(0.0, self._out[0][0] - (time.monotonic() - self._began)))
+
+    def _listen(self, terminal: Terminal, now: float) -> None:
+        data = terminal.read()
+        self._heard = now
+        terminal.allow_reopening()
+        if self.strict and terminal.baud not in {BAUDS[d.registers["baud_rate"]] for d in self.network.devices}:
+            return
+        if self.wire.echo:
+            self._out.append((now, data))
+        self._answer(self._parser.feed(data), now)
+
+    def _answer(self, frames: Sequence[Any], now: float) -> None:
+        for frame in frames:
+            self.pace.request(now, 10 + len(frame.stuffed))
+            for answer in self.network.answer(frame):
+                due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
+                self._out.append((due, self.wire.spoil(answer.data)))
+
+    def _send(self, terminal: Terminal) -> None:
+        """Everything that is through by now, in one go."""
+        now, through = time.monotonic() - self._began, []
+        while self._out and self._out[0][0] <= now:
+            through.append(self._out.popleft()[1])
+        if through:
+            terminal.write(b"".join(through))
+
+    def _follow_plug(self) -> None:
+        if self.terminal is not None and not self.wire.plugged:
+            self.terminal.close()
+            self.terminal = None
+            self._parser.clear()
+            self._out.clear()
+        elif self.terminal is None and self.wire.plugged:
+            self.terminal = Terminal(self._link)
+
+    def _command(self, line: str) -> None:
+        """A sentence from stdin; every one is answered by one line of JSON."""
+        words = line.split()
+        if not words or words == ["stop"]:
+            self._stop = True
+            return
+        try:
+            if words != ["state"]:
+                self.faults.add(line)
+            print(json.dumps(self.state()), flush=True)
+        except ServoError as error:
+            print(json.dumps({"error": str(error)}), flush=True)
+
+    def state(self) -> dict[str, Any]:
+        """What a bystander sees."""
+        servos = {}
+        for device in self.network.devices:
+            device.publish()
+            names = ("torque_enable", "goal_position", "present_position", "bus_watchdog", "hardware_error_status")
+            servos[str(device.id)] = {n: device.registers[n] for n in names} | vars(device.witness)
+        body = getattr(self.world.plant, "state", dict)()
+        return {"time": self.world.time, "lost": self.world.lost, "servos": servos, "body": body}
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self._stop = True
+
+
+def precise_timers() -> None:
+    """Ask the kernel to wake this thread on time, where it can be asked (Linux: timer slack of 1 ns, not 50 µs)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(29, 1, 0, 0, 0)
