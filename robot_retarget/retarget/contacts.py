@@ -6,7 +6,6 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.motion import Motion
 from robot_retarget.retarget.match import Match
 
 
@@ -22,23 +21,23 @@ class StanceRule:
     """A stance or a swing shorter than this is taken for noise [s]."""
 
 
-def stances(motion: Motion, match: Match, rule: StanceRule | None = None) -> dict[str, np.ndarray]:
+def stances(x: Floats, match: Match, fps: float, rule: StanceRule | None = None) -> dict[str, np.ndarray]:
     """Per foot (`l`, `r`) a boolean (T, 2): whether the toe, and whether the heel, stands at each frame.
 
     A part stands from when it is slow and low until it is fast or high again. The ankle speaks for the heel.
+
+    Args:
+        x: (T, K, 3) the human's keypoints over level ground [m].
     """
     chosen, found = rule or StanceRule(), {}
-    x = match.human_positions(motion)
-    leg = [match.index(k) for k in ("l_knee", "l_ankle") if k in match.keypoints]
-    if len(leg) < 2:
-        return {}
-    length = float(match.human_bones[leg].sum())
     for part, column in (("toe", 0), ("ankle", 1)):
         present = [f"{s}_{part}" for s in "lr" if f"{s}_{part}" in match.keypoints]
-        points = x[:, [match.index(k) for k in present]] / length
+        if not present:
+            continue
+        points = x[:, [match.index(k) for k in present]] / match.human_leg
         floor = np.quantile(points[:, :, 2], 0.02)
         for k, keypoint in enumerate(present):
-            standing = _standing(points[:, k], points[:, k, 2] - floor, motion.fps, chosen)
+            standing = _standing(points[:, k], points[:, k, 2] - floor, fps, chosen)
             found.setdefault(keypoint[0], np.zeros((len(x), 2), dtype=bool))[:, column] = standing
     return found
 

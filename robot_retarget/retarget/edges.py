@@ -14,20 +14,25 @@ from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.contacts import stances
 from robot_retarget.retarget.frames import facing, human_frames
+from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match
 
 NEAR_REACH = 0.35
 """A pair whose normalised distance is of this size begins to count as near [-]."""
 NEAR_GAIN = 4.0
-"""How much a touching pair outweighs a far one."""
+"""How much a near pair outweighs a far one."""
+TOUCH_REACH = 0.18
+"""A hand this near to another part, over the path between them, is about to touch it [-]."""
 
 
 @dataclass(frozen=True)
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 1.0
+    posture: float = 14.0
     """Pairwise distances over their path length."""
+    touch: float = 40.0
+    """A hand and what it touches, a foot and the other, on top of their posture edge."""
     compass: float = 3.0
     """Bone directions."""
     girdle: float = 1.0
@@ -95,7 +100,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
     bone directions. Path: the pelvis, scaled by leg length, ankles on the robot's ankle height.
     """
     w = weights or Weights()
-    x = match.human_positions(motion)
+    x = grounded(match.human_positions(motion), match, motion.fps)
     pairs, distance, priority, tau = _posture(x, match, w)
     lines, line_weight = _lines(match, w)
     toward = x[:, lines[:, 0]] - x[:, lines[:, 1]]
@@ -118,7 +123,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         stacked,
         root_path(x, match),
         body,
-        stances(motion, match),
+        stances(x, match, motion.fps),
     )
 
 
@@ -130,8 +135,24 @@ def _posture(x: Floats, match: Match, w: Weights) -> tuple[Ints, Floats, Floats,
     keep = (tau > 1e-6) & ~bone  # bones keep their length by construction
     near = np.exp(-((near_or_far / NEAR_REACH) ** 2))
     pi = path_priorities(match.parents)[i, j] * (1 + NEAR_GAIN * near)
-    mean = w.posture / max(int(keep.sum()), 1) * len(match.keypoints)
-    return np.stack([i, j], 1)[keep], (tau * near_or_far)[:, keep], (pi * mean)[:, keep], tau[keep]
+    touching = 1 / (1 + (near_or_far / TOUCH_REACH) ** 8) * _may_touch(match, i, j)
+    mean = len(match.keypoints) / max(int(keep.sum()), 1)
+    pi = w.posture * mean * pi + w.touch * touching
+    return np.stack([i, j], 1)[keep], (tau * near_or_far)[:, keep], pi[:, keep], tau[keep]
+
+
+def _may_touch(match: Match, i: Ints, j: Ints) -> np.ndarray:
+    """(E,) pairs of a hand and anything but its own arm, and of the two feet."""
+
+    def one(a: str, b: str) -> bool:
+        feet = {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]
+        return feet or any(
+            hand.endswith("hand") and not (other[0] == hand[0] and other[2:] in ("shoulder", "elbow"))
+            for hand, other in ((a, b), (b, a))
+        )
+
+    names = match.keypoints
+    return np.array([one(names[a], names[b]) for a, b in zip(i, j, strict=True)])
 
 
 def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:

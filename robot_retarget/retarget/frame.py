@@ -12,6 +12,7 @@ from robot_retarget.retarget.footing import grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.separation import Separation, carrying
 from robot_retarget.retarget.solution import Status
+from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import body_frames, difference, integrate
 
 REACH = 0.03
@@ -20,6 +21,8 @@ MARGIN = 0.006
 """They stay this share of a leg apart."""
 SEPARATION_COST = 1e4
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
+COUPLED = 1e3
+"""Weight of joints that are geared together and chains that close, over the squared leg length."""
 REFUSALS = 6
 """Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
 SUNK = -1e-4
@@ -86,6 +89,7 @@ class FrameSolver:
         self.problem, self.options, self.robot = problem, options, problem.robot
         self.hinges, self.leg = self.robot.dof_index, leg
         self.separation = Separation(self.robot, REACH * leg) if options.separation else None
+        self.coupling = Coupling(self.robot)
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
         self.rows = problem.soles + near
         self.grip = grip_of(self.robot, problem.match.anatomy)
@@ -117,7 +121,7 @@ class FrameSolver:
         while taken < iterations and refused < REFUSALS and status is Status.OUT_OF_ITERATIONS:
             step = self._step(q, model, damping)
             if step is None:
-                return self._lifted(Pose(q, Status.BLOCKED, model.cost, taken))
+                return self._settled(Pose(q, Status.BLOCKED, model.cost, taken))
             trial = integrate(self.robot, q, step)
             there = self._model(trial, wished, pull)
             if np.abs(step).max() < self.options.tolerance:
@@ -128,7 +132,7 @@ class FrameSolver:
             else:
                 damping = damping * 10 + 1e-2
                 refused += 1
-        return self._lifted(Pose(q, status, model.cost, taken))
+        return self._settled(Pose(q, status, model.cost, taken))
 
     def _model(self, q: Floats, wished: tuple[Floats, ...], pull: Pull | None) -> _Model:
         cost, gradient, normal, floor, slope = self.problem.model(q, *wished)
@@ -138,6 +142,11 @@ class FrameSolver:
             total += float(pull.weight @ change**2)
             gradient = gradient + pull.weight * change
             normal = normal + np.diag(pull.weight)
+        if self.coupling.present:
+            violation, tie = self.coupling(q)
+            total += COUPLED * float(violation @ violation) / self.leg**2
+            gradient = gradient + COUPLED * (tie.T @ violation) / self.leg**2
+            normal = normal + COUPLED * (tie.T @ tie) / self.leg**2
         nv = len(gradient)
         rows, least = np.zeros((self.rows, nv + 1)), np.full(self.rows, -np.inf)
         rows[: len(floor), :nv], least[: len(floor)] = slope, -floor
@@ -166,8 +175,15 @@ class FrameSolver:
         step = self.program.solve(hessian, slope, model.rows, model.least, lower, upper)
         return None if step is None else step[:nv]
 
-    def _lifted(self, pose: Pose) -> Pose:
-        """The pose with its root raised by what curvature let a sole sink under the floor."""
+    def _within(self, qpos: Floats) -> Floats:
+        q, hinges = np.array(qpos), self.robot.qpos_index
+        q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
+        return q
+
+    def _settled(self, pose: Pose) -> Pose:
+        """The pose with its chains closed, its root raised by what curvature let a sole sink under the floor."""
+        if self.coupling.present:
+            pose = replace(pose, qpos=self._within(self.coupling.closed(pose.qpos)))
         if not (self.robot.floating and self.problem.soles):
             return pose
         depth = float(self.problem.heights(pose.qpos)[0].min())

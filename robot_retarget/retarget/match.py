@@ -54,11 +54,24 @@ class Match:
         return np.stack([children, self.parents[children]], axis=1)
 
     @property
+    def _leg(self) -> list[int]:
+        """Thigh and shin, or all bones where one of the bodies has no legs."""
+        return [self.index(k) for k in ("l_knee", "l_ankle") if k in self.keypoints] or [*range(len(self.keypoints))]
+
+    @property
+    def human_leg(self) -> float:
+        """Thigh and shin of the human, or all its bones where one of the bodies has no legs [m]."""
+        return float(self.human_bones[self._leg].sum())
+
+    @property
+    def robot_leg(self) -> float:
+        """The same of the robot: the length that makes errors dimensionless [m]."""
+        return float(self.robot_bones[self._leg].sum())
+
+    @property
     def leg_ratio(self) -> float:
-        """Robot leg over human leg; over the whole body's bones where one of them has no legs."""
-        legs = [self.index(k) for k in ("l_knee", "l_ankle", "r_knee", "r_ankle") if k in self.keypoints]
-        picked = legs or list(range(len(self.keypoints)))
-        return float(self.robot_bones[picked].sum() / self.human_bones[picked].sum())
+        """Robot leg over human leg."""
+        return self.robot_leg / self.human_leg
 
     @property
     def notes(self) -> tuple[str, ...]:

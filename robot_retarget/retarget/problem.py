@@ -60,7 +60,7 @@ def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | N
         _compass(x, jacobian, edges, wished.u),
         _markers(x, jacobian, edges, wished.r, w),
         _path(x, jacobian, match, wished.y, w),
-        _holds(x[corner_rows], jacobian[corner_rows, :], wished, leg_length(match)),
+        _holds(x[corner_rows], jacobian[corner_rows, :], wished, match.robot_leg),
     ]
     residual, rows = (ca.vertcat(*[block[k] for block in blocks]) for k in (0, 1))
     outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, x[sole_rows], jacobian[sole_rows, :]]
@@ -95,12 +95,6 @@ def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
         edges.frames[frame][:, :, [0, 2]].transpose(0, 2, 1).ravel(),
         edges.root[frame],
     )
-
-
-def leg_length(match: Match) -> float:
-    """Thigh and shin of the robot [m], or all its bones where it has no legs."""
-    legs = [match.index(k) for k in ("l_knee", "l_ankle") if k in match.keypoints]
-    return float(match.robot_bones[legs].sum() if legs else match.robot_bones.sum())
 
 
 def _all_points(robot: Robot, match: Match, edges: Edges) -> tuple[Points, list[int], list[int], tuple[str, ...]]:
@@ -164,7 +158,7 @@ def _markers(x: ca.MX, jacobian: ca.MX, edges: Edges, r: ca.MX, w: Weights) -> t
 def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
     """√w (x_pelvis − y)/ℓ with ℓ the length of a leg, or of all bones where there are none."""
     k = match.index("pelvis") if "pelvis" in match.keypoints else 0
-    scale = np.sqrt(w.path) / leg_length(match)
+    scale = np.sqrt(w.path) / match.robot_leg
     return (x[3 * k : 3 * k + 3] - y) * scale, jacobian[3 * k : 3 * k + 3, :] * scale
 
 

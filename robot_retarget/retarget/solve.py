@@ -11,7 +11,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose, Pull
-from robot_retarget.retarget.problem import Problem, frame_parameters, leg_length
+from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Solution, Status
@@ -53,7 +53,7 @@ def solve(
     """
     began = time.perf_counter()
     chosen, smoothly = options or Options(), smoothing or Smoothing()
-    solver = FrameSolver(problem, chosen, leg_length(problem.match))
+    solver = FrameSolver(problem, chosen, problem.match.robot_leg)
     held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
     count = _Count(progress, len(edges) * max(smoothly.passes, 1))
     if smoothly.passes == 0 or len(edges) < 3:

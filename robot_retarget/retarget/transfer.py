@@ -14,6 +14,9 @@ from robot_retarget.retarget.solve import Progress, Smoothing, solve
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
+MOST_FPS = 60.0
+"""Motions of a higher rate are solved at this one unless told otherwise: above it lies noise, not motion [1/s]."""
+
 
 @dataclass(frozen=True)
 class Result:
@@ -44,7 +47,7 @@ def retarget(
     """Carry a human motion over to a robot.
 
     Args:
-        fps: frames per second of the trajectory; the motion's own when None.
+        fps: frames per second of the trajectory; None takes the motion's own, `MOST_FPS` at most.
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
         options: how long the solver searches, and what it keeps.
@@ -56,7 +59,7 @@ def retarget(
         UsageError: fps out of range.
     """
     began = time.perf_counter()
-    motion = motion if fps is None else motion.resample(fps)
+    motion = motion.resample(min(motion.fps, MOST_FPS) if fps is None else fps)
     matched = match(motion, robot, overrides)
     edges = build_edges(motion, matched, weights)
     problem = build_problem(robot, matched, edges, weights)
