@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
+from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.contacts import stances
 from robot_retarget.retarget.frames import facing, human_frames
@@ -21,17 +22,17 @@ NEAR_REACH = 0.35
 """A pair whose normalised distance is of this size begins to count as near [-]."""
 NEAR_GAIN = 4.0
 """How much a near pair outweighs a far one."""
-TOUCH_REACH = 0.18
-"""A hand this near to another part, over the path between them, is about to touch it [-]."""
+TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
+"""A hand this near to another part, over the path between them, touches it [-]; to any other part 0.1."""
 
 
 @dataclass(frozen=True)
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 14.0
+    posture: float = 20.0
     """Pairwise distances over their path length."""
-    touch: float = 40.0
+    touch: float = 60.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
     compass: float = 3.0
     """Bone directions."""
@@ -135,24 +136,22 @@ def _posture(x: Floats, match: Match, w: Weights) -> tuple[Ints, Floats, Floats,
     keep = (tau > 1e-6) & ~bone  # bones keep their length by construction
     near = np.exp(-((near_or_far / NEAR_REACH) ** 2))
     pi = path_priorities(match.parents)[i, j] * (1 + NEAR_GAIN * near)
-    touching = 1 / (1 + (near_or_far / TOUCH_REACH) ** 8) * _may_touch(match, i, j)
+    reach = np.array([_touch_reach(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)])
+    touching = np.exp(-((near_or_far / np.maximum(reach, 1e-9)) ** 8)) * (reach > 0)
     mean = len(match.keypoints) / max(int(keep.sum()), 1)
     pi = w.posture * mean * pi + w.touch * touching
     return np.stack([i, j], 1)[keep], (tau * near_or_far)[:, keep], pi[:, keep], tau[keep]
 
 
-def _may_touch(match: Match, i: Ints, j: Ints) -> np.ndarray:
-    """(E,) pairs of a hand and anything but its own arm, and of the two feet."""
-
-    def one(a: str, b: str) -> bool:
-        feet = {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]
-        return feet or any(
-            hand.endswith("hand") and not (other[0] == hand[0] and other[2:] in ("shoulder", "elbow"))
-            for hand, other in ((a, b), (b, a))
-        )
-
-    names = match.keypoints
-    return np.array([one(names[a], names[b]) for a, b in zip(i, j, strict=True)])
+def _touch_reach(a: str, b: str) -> float:
+    """How near two keypoints are when their parts touch, over the path between them; 0 where they cannot."""
+    if {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]:
+        return 0.1
+    for hand, other in ((a, b), (b, a)):
+        own_arm = other[:2] == hand[:2] and other[2:] in ARM
+        if hand.endswith("_hand") and not own_arm:
+            return TOUCH_REACH.get(other.split("_")[-1], 0.1)
+    return 0.0
 
 
 def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:

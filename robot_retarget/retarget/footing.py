@@ -9,8 +9,8 @@ from robot_retarget.retarget.contacts import intervals
 from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Anatomy, Points, Robot
 
-HOLD = 1e5
-"""Weight of a held coordinate, over the squared leg length: it gives way by a hundredth of a millimetre."""
+HOLD = 1e4
+"""Weight of a held coordinate, over the squared leg length: it gives way by a tenth of a millimetre."""
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
 _TOE, _HEEL = [0, 1], [2, 3]
@@ -22,7 +22,7 @@ class Grip:
 
     along: float = HOLD
     across: float = HOLD
-    swing: float = 60.0
+    swing: float = 10.0
     """Of a foot in the air on its way between footholds."""
 
     def hold(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
@@ -46,7 +46,7 @@ def grip_of(robot: Robot, anatomy: Anatomy) -> Grip:
     dofs = carrying(robot.model)
     pelvis = dofs[anatomy.spots["pelvis"].body] if "pelvis" in anatomy.spots else dofs[robot.root_body]
     legs = [int((dofs[sole.bodies[0]] & ~pelvis).sum()) for sole in anatomy.soles.values()]
-    return Grip() if min(legs, default=6) >= 6 else Grip(across=60.0)
+    return Grip() if min(legs, default=6) >= 6 else Grip(across=20.0)
 
 
 def sole_corners(anatomy: Anatomy, foot: str) -> Points:

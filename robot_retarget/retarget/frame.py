@@ -60,6 +60,22 @@ class Pull:
 
 
 @dataclass(frozen=True)
+class Box:
+    """What the hinges may be at a frame: their ranges, cut to what their neighbours in time can reach. (n,) each."""
+
+    lower: Floats
+    upper: Floats
+
+    def around(self, neighbours: list[Floats], reach: Floats) -> "Box":
+        """Angles within `reach` of every neighbour (n,); where two are too far apart, halfway between them."""
+        lower, upper = self.lower, self.upper
+        for angles in neighbours:
+            lower, upper = np.maximum(lower, angles - reach), np.minimum(upper, angles + reach)
+        middle = (lower + upper) / 2
+        return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
+
+
+@dataclass(frozen=True)
 class Pose:
     """Where a descent ended."""
 
@@ -88,6 +104,7 @@ class FrameSolver:
     def __init__(self, problem: Problem, options: Options, leg: float):
         self.problem, self.options, self.robot = problem, options, problem.robot
         self.hinges, self.leg = self.robot.dof_index, leg
+        self.ranges = Box(self.robot.lower, self.robot.upper)
         self.separation = Separation(self.robot, REACH * leg) if options.separation else None
         self.coupling = Coupling(self.robot)
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
@@ -113,20 +130,24 @@ class FrameSolver:
         ends = [self.descend(q, wished, None, 4 * self.options.iterations) for q in placed]
         return sorted(ends, key=lambda pose: pose.cost)
 
-    def descend(self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int) -> Pose:
-        """Steps within ranges, above the floor and apart, until they are small or so many were taken."""
+    def descend(
+        self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int, box: Box | None = None
+    ) -> Pose:
+        """Steps within the box, above the floor and apart, until they are small or so many were taken."""
+        box = box or self.ranges
         q, damping, status = start, self.options.damping, Status.OUT_OF_ITERATIONS
         model = self._model(q, wished, pull)
         taken = refused = 0
         while taken < iterations and refused < REFUSALS and status is Status.OUT_OF_ITERATIONS:
-            step = self._step(q, model, damping)
+            step = self._step(q, model, damping, box)
             if step is None:
                 return self._settled(Pose(q, Status.BLOCKED, model.cost, taken))
             trial = integrate(self.robot, q, step)
             there = self._model(trial, wished, pull)
             if np.abs(step).max() < self.options.tolerance:
                 status = Status.CONVERGED
-            if there.cost < model.cost + 1e-12 or model.sunk:
+            outside = self._outside(q, box) > 1e-6
+            if there.cost < model.cost + 1e-12 or model.sunk or outside:
                 q, model, damping = trial, there, max(damping / 4, 1e-6)
                 taken += 1
             else:
@@ -159,13 +180,13 @@ class FrameSolver:
             total += SEPARATION_COST * float(missing.max(initial=0.0) / self.leg) ** 2
         return _Model(total, gradient, normal, rows, least, sunk)
 
-    def _step(self, q: Floats, model: _Model, damping: float) -> Floats | None:
-        """The step that minimises the quadratic model within ranges, trust region, floor and separation."""
+    def _step(self, q: Floats, model: _Model, damping: float, box: Box) -> Floats | None:
+        """The step that minimises the quadratic model within box, trust region, floor and separation."""
         nv, trust = len(model.gradient), self.options.trust
         lower, upper = np.full(nv + 1, -1.0), np.full(nv + 1, 1.0)
         angle = q[self.robot.qpos_index]
-        lower[self.hinges] = np.clip(self.robot.lower - angle, -trust, 0.0)
-        upper[self.hinges] = np.clip(self.robot.upper - angle, 0.0, trust)
+        lower[self.hinges] = np.clip(box.lower - angle, -trust, trust)
+        upper[self.hinges] = np.clip(box.upper - angle, -trust, trust)
         lower[nv], upper[nv] = 0.0, np.inf
         hessian = np.zeros((nv + 1, nv + 1))
         hessian[:nv, :nv] = model.normal
@@ -174,6 +195,11 @@ class FrameSolver:
         slope = np.append(model.gradient, 0.0)
         step = self.program.solve(hessian, slope, model.rows, model.least, lower, upper)
         return None if step is None else step[:nv]
+
+    def _outside(self, q: Floats, box: Box) -> float:
+        """How far a hinge is out of the box [rad]: then a step into it is taken whatever it costs."""
+        angle = q[self.robot.qpos_index]
+        return float(np.maximum(box.lower - angle, angle - box.upper).max(initial=0.0))
 
     def _within(self, qpos: Floats) -> Floats:
         q, hinges = np.array(qpos), self.robot.qpos_index

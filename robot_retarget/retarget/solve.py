@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Solution, Status
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.model import FREE, SLIDE
 from robot_retarget.trajectory import Trajectory
@@ -23,16 +24,20 @@ Progress = Callable[[int, int], None]
 """Told (frames done, frames in all)."""
 
 
+SETTLED = 0.01
+"""A frame that the last pass moved by less counts as converged [rad or m]."""
+
+
 @dataclass(frozen=True)
 class Smoothing:
     """How the whole clip is brought to agree with a smooth path (`solve_clip`)."""
 
     passes: int = 8
-    weight: float = 3.0
+    weight: float = 10.0
     """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
     root: float = 10.0
     """How much more the root is drawn, per rad² and per squared leg length [-]."""
-    stiffness: float = 3.0
+    stiffness: float = 6.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
 
 
@@ -57,7 +62,7 @@ def solve(
     held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
     count = _Count(progress, len(edges) * max(smoothly.passes, 1))
     if smoothly.passes == 0 or len(edges) < 3:
-        poses, drafted = causal_pass(solver, edges, held, count), time.perf_counter() - began
+        poses, drafted = causal_pass(solver, edges, held, fps, count), time.perf_counter() - began
     else:
         draft = sketch(solver, edges, held, fps)
         drafted = time.perf_counter() - began
@@ -66,7 +71,7 @@ def solve(
     return _solution(problem, edges, poses, fps, source, {"draft": drafted, "refine": spent - drafted, "solve": spent})
 
 
-def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, count: "_Count") -> list[Pose]:
+def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: "_Count") -> list[Pose]:
     """Each frame from the one before; a foot that begins to stand stays where it was."""
     stepping, poses = Stepping(held), []
     for t in range(len(edges)):
@@ -75,7 +80,8 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, count: "_Co
             poses.append(solver.ways((*wished, *solver.grip.lay_down(held[t])), edges, t)[0])
         corners = _corners(solver.problem, poses[-1].qpos)
         holds = solver.grip.hold(*stepping.at(t, corners))
-        pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations)
+        box = solver.ranges.around([poses[-1].qpos[solver.robot.qpos_index]] if t else [], solver.robot.max_speed / fps)
+        pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations, box)
         poses = [*poses, pose] if t else [pose]
         count.one()
     return poses
@@ -106,10 +112,19 @@ def clip_passes(
         path = _smooth_path(solver, moved, stiffness)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
+            neighbours = [p.qpos[robot.qpos_index] for p in poses[max(0, t - 1) : t + 2] if p is not pose]
+            box = solver.ranges.around(neighbours, robot.max_speed / fps)
             wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
-            poses[t] = solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1)
+            poses[t] = _resumed(pose, solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1, box), robot)
             count.one()
     return poses
+
+
+def _resumed(before: Pose, after: Pose, robot: Robot) -> Pose:
+    """A pose after one more pass: converged when that pass hardly moved it; iterations add up."""
+    moved = float(np.abs(difference(robot, before.qpos, after.qpos)).max())
+    status = Status.CONVERGED if moved < SETTLED else after.status
+    return replace(after, status=status, iterations=before.iterations + after.iterations)
 
 
 def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float) -> list[Floats]:
