@@ -94,7 +94,9 @@ def _allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
         bodies = int(model.geom_bodyid[a]), int(model.geom_bodyid[b])
         first, second = sorted(int(link[body]) for body in bodies)
         related = carrier[first] == second or carrier[second] == first
-        types = (model.geom_contype[a] & model.geom_conaffinity[b]) | (model.geom_contype[b] & model.geom_conaffinity[a])
+        types = (model.geom_contype[a] & model.geom_conaffinity[b]) | (
+            model.geom_contype[b] & model.geom_conaffinity[a]
+        )
         let_through = types and not related and tuple(sorted(bodies)) not in shut
         if first != second and first > 0 and (let_through or (a, b) in explicit):
             table.setdefault((first, second), []).append((a, b))
@@ -105,7 +107,7 @@ def _apart(
     robot: Robot, table: dict[tuple[int, int], list[tuple[int, int]]], qpos: Floats
 ) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """The geom pairs that do not overlap at a configuration."""
-    clearance = Clearance(robot, Pairs(np.zeros((0, 2)), tuple((pair,) for pairs in table.values() for pair in pairs)))
+    clearance = Clearance(robot, Pairs(np.zeros((0, 2), dtype=np.int64), tuple((pair,) for pairs in table.values() for pair in pairs)))
     clearance.place(qpos)
     flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
     kept: dict[tuple[int, int], list[tuple[int, int]]] = {}

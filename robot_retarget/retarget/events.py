@@ -1,0 +1,88 @@
+"""Warnings as events: who, since when, and what came of it."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.files import replacing
+
+COLUMNS = ("link_a", "link_b", "first_warning", "predicted_contact", "contact", "lead_s", "depth_m", "last")
+
+
+@dataclass(frozen=True)
+class Event:
+    """One stretch of warning of one pair of links."""
+
+    pair: tuple[str, str]
+    first_warning: int
+    """The frame in which the warning is raised."""
+    predicted_contact: int
+    """The frame in which contact was then expected."""
+    contact: int | None
+    """The frame in which the geoms first touch, None where they do not."""
+    lead_s: float
+    """From the warning to the contact, or to the expected one where none came [s]."""
+    depth_m: float
+    """The deepest overlap that was foreseen [m]."""
+    last: int
+    """The last frame of the warning."""
+
+    def contract(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {**asdict(self), "pair": list(self.pair)}
+
+
+def events_of(
+    pairs: Sequence[tuple[str, str]],
+    flagged: np.ndarray,
+    touching: np.ndarray,
+    time_to_contact: Floats,
+    depth: Floats,
+    fps: float,
+) -> list[Event]:
+    """Every stretch of flagged frames, in order of time; all arrays (T, P)."""
+    edge = np.diff(flagged.astype(np.int8), axis=0, prepend=0, append=0)
+    starts, stops = np.argwhere(edge.T == 1), np.argwhere(edge.T == -1)
+    found = []
+    for (pair, start), (_, stop) in zip(starts.tolist(), stops.tolist(), strict=True):
+        hits = np.flatnonzero(touching[start:stop, pair])
+        contact = start + int(hits[0]) if hits.size else None
+        wait = float(time_to_contact[start, pair])
+        predicted = start + round(wait * fps) if np.isfinite(wait) else start
+        lead = ((predicted if contact is None else contact) - start) / fps
+        deepest = float(depth[start:stop, pair].max())
+        found.append(Event(pairs[pair], start, predicted, contact, round(lead, 4), round(deepest, 5), stop - 1))
+    return sorted(found, key=lambda event: event.first_warning)
+
+
+def figures_of(events: Sequence[Event], frames: int, fps: float) -> dict[str, Any]:
+    """The events in numbers."""
+    hits = [event for event in events if event.contact is not None]
+    return {
+        "frames": frames,
+        "fps": fps,
+        "events": len(events),
+        "contacts": len(hits),
+        "median_lead_s": round(float(np.median([event.lead_s for event in hits])), 4) if hits else None,
+    }
+
+
+def write_csv(events: Sequence[Event], path: str | Path) -> Path:
+    """Write the events as a table, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with replacing(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(COLUMNS)
+        for event in events:
+            contact = "" if event.contact is None else event.contact
+            row = (event.first_warning, event.predicted_contact, contact, event.lead_s, event.depth_m, event.last)
+            writer.writerow((*event.pair, *row))
+    return Path(path)

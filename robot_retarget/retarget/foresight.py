@@ -1,0 +1,136 @@
+"""Where a robot's joints go from here, and what MuJoCo says of its surfaces on the way.
+
+With the last step v = q^t − q^(t−1) of every joint and its change a = v^t − v^(t−1), both taken over one `STEP` of time
+whatever the frame rate, the joints stand k steps ahead at
+
+    q(k) = q + k v + e(k) a,    e(k) = τ(k − (τ − ½)(1 − exp(−k/τ))),
+
+brought within their ranges: the change of pace is kept on and fades over τ steps, so that e(k) → k(k + 1)/2 for k ≪ τ.
+The root is left where it is: it moves no surface against another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot import Robot
+from robot_retarget.robot.collidable import Clearance, Pairs
+from robot_retarget.robot.model import FREE
+
+STEP = 1 / 30
+"""Time over which a step is taken [s]: whole frames, at least one."""
+FADING = 8 / 30
+"""The time over which a change of pace fades, τ steps [s]."""
+REACH = 0.05
+"""Surfaces farther apart than this count as this far [m]."""
+INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
+"""Steps ahead that are looked at; past those every third."""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is foreseen of N pairs, each at one frame."""
+
+    distance: Floats
+    """(N,) between the geoms now [m], negative inside; at most `REACH`."""
+    next: Floats
+    """(N,) the same one step ahead."""
+    contact: Floats
+    """(N,) time to contact [s], 0 in contact, infinite where none is foreseen within the horizon."""
+    depth: Floats
+    """(N,) how deep the surfaces would come to overlap within the horizon [m]."""
+    sure: Floats
+    """(N,) by how much the foreseen overlap exceeds what is asked for at its instant, at best [m]."""
+
+
+class Joints:
+    """The single joints of a robot in qpos: all but a free root."""
+
+    def __init__(self, robot: Robot):
+        model = robot.model
+        single = np.flatnonzero(model.jnt_type != FREE)
+        self.columns = np.asarray(model.jnt_qposadr[single], dtype=np.int64)
+        self.rest = np.array(model.qpos0)
+        self.lower, self.upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
+        self.lower[robot.qpos_index], self.upper[robot.qpos_index] = robot.lower, robot.upper
+
+    def pinned(self, qpos: Floats) -> Floats:
+        """Configurations (…, nq) with a free root put where `qpos0` has it."""
+        still = np.empty_like(qpos)
+        still[:] = self.rest
+        still[..., self.columns] = qpos[..., self.columns]
+        return still
+
+    def path(self, qpos: Floats, step: Floats, change: Floats, k: Floats, e: Floats) -> Floats:
+        """q(k): (K, nq) from one configuration, its step and its change of step (nq,)."""
+        ahead = qpos + k[:, None] * step + e[:, None] * change
+        return np.clip(ahead, np.minimum(self.lower, qpos), np.maximum(self.upper, qpos))
+
+
+class Foresight:
+    """Distances of chosen pairs along the path of the joints."""
+
+    def __init__(self, robot: Robot, pairs: Pairs, horizon: float, step: float, margin: float, doubt: float, slack: float):
+        """Look `horizon` [s] ahead in steps of `step` [s]; `sure` is measured against margin − ½ doubt t²."""
+        self.joints, self.clearance, self.slack = Joints(robot), Clearance(robot, pairs), slack
+        steps, fading = horizon / step, FADING / step
+        self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
+        self.e = fading * (self.k + (fading - 0.5) * np.expm1(-self.k / fading))
+        self.times = np.concatenate([[0.0], self.k]) * step
+        self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
+
+    def look(self, qpos: Floats, step: Floats, change: Floats, pairs: Ints, drop: Floats) -> Floats:
+        """Distances (1 + K, N) of pairs (N,) now and at every instant [m].
+
+        A pair is followed where its distance now less `drop` (N,), by how much its capsules will approach, is within
+        `slack`; elsewhere the distance now is all there is to say.
+        """
+        found = np.empty((1 + len(self.k), len(pairs)))
+        found[:] = self._placed(qpos, pairs)
+        follow = np.flatnonzero(found[0] - drop <= self.slack)
+        if follow.size:
+            path = self.joints.path(qpos, step, change, self.k, self.e)
+            found[1:, follow] = [self._placed(q, pairs[follow]) for q in path]
+        return found
+
+    def outlook(self, distances: Floats) -> Outlook:
+        """What distances (1 + K, N) tell."""
+        now, ahead = distances[0], distances[1:]
+        times = self.times
+        inside = distances <= 0
+        hit = inside.any(0)
+        after = np.where(hit, inside.argmax(0), 1)
+        before = np.maximum(after - 1, 0)
+        columns = np.arange(len(now))
+        outer, inner = distances[before, columns], distances[after, columns]
+        share = np.where(outer > inner, outer / np.where(outer > inner, outer - inner, 1.0), 0.0)
+        contact = np.where(hit, times[before] + share * (times[after] - times[before]), np.inf)
+        contact = np.where(now <= 0, 0.0, contact)
+        depth = np.maximum(0.0, -distances.min(0))
+        return Outlook(now, ahead[0], contact, depth, (self.asked[:, None] - ahead).max(0))
+
+    def _placed(self, qpos: Floats, pairs: Ints) -> list[float]:
+        self.clearance.place(qpos)
+        return [self.clearance.of(pair, REACH) for pair in pairs.tolist()]
+
+
+def span_of(fps: float) -> int:
+    """The frames of one step."""
+    return max(1, round(STEP * fps))
+
+
+def strides(values: Floats, span: int) -> Floats:
+    """How far values (T, …) went over the last `span` frames; near the start over those there are, in proportion."""
+    frames = np.arange(len(values))
+    before = np.maximum(frames - span, 0)
+    share = span / np.maximum(frames - before, 1)
+    return (values - values[before]) * share.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def changes(steps: Floats, span: int) -> Floats:
+    """By how much steps (T, …) differ from those before; 0 where there is no step before."""
+    before = np.arange(len(steps)) - span
+    changed = steps - steps[np.maximum(before, 0)]
+    changed[before <= 0] = 0.0
+    return changed

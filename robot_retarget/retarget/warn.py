@@ -1,0 +1,230 @@
+"""Self-collisions flagged before they happen, by the interaction distance of the links' surfaces.
+
+Every frame, every pair of links that may touch: capsules and the closed form of `approach` give D and α. The few pairs
+that could touch within the horizon are looked at again by `foresight`: MuJoCo's distance of their geoms along the path
+of the joints. A pair is then in one of four states,
+
+    contact      the geoms touch now,
+    imminent     for `confirm` seconds running, an instant t ahead showed an overlap deeper than ½ doubt t² − margin
+                 (or the very next step did),
+    approaching  an overlap is foreseen within the horizon,
+    clear        none of these,
+
+and keeps the highest that any of the last `release` seconds called for, so that a warning does not flicker. A stretch
+of imminent or contact is an event. Everything at a frame depends on that frame and earlier ones only.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.dgp.interaction import Interaction
+from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.retarget.approach import Approach, CapsulePairs
+from robot_retarget.retarget.events import Event, events_of
+from robot_retarget.retarget.foresight import Foresight, Outlook, changes, span_of, strides
+from robot_retarget.retarget.states import State, Windows
+from robot_retarget.robot import Robot
+from robot_retarget.robot.capsules import Capsules, fit_capsules
+from robot_retarget.robot.collidable import Pairs, collidable
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.trajectory import Trajectory
+
+Judge = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class WarnOptions:
+    """When a warning is raised, and how long it holds.
+
+    Raises:
+        UsageError: a negative or NaN option, or no horizon.
+    """
+
+    horizon: float = 0.5
+    """How far ahead is looked [s]."""
+    dead_band: float = 2e-4
+    """Relative steps of 1/30 s up to this length are rest [m]: 6 mm/s, which covers 3 mm in the default horizon."""
+    slack: float = 0.02
+    """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
+    margin: float = 0.008
+    """Surfaces foreseen this near count as touching [m]."""
+    doubt: float = 0.3
+    """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
+    confirm: float = 1 / 30
+    """Time for which a contact must be foreseen before it is called imminent [s]."""
+    release: float = 0.25
+    """Time for which a state is kept after the last frame that called for it [s]."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 <= value < np.inf:
+                raise UsageError(f"{name} must be finite and not negative, got {value}")
+        if self.horizon == 0:
+            raise UsageError("horizon must be above 0 s")
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """What of a robot may touch what: fitted once, used for any number of trajectories."""
+
+    robot: Robot
+    capsules: Capsules
+    pairs: Pairs
+
+    @cached_property
+    def capsule_pairs(self) -> CapsulePairs:
+        """The capsules of every pair."""
+        return CapsulePairs(self.capsules, self.pairs)
+
+    @cached_property
+    def names(self) -> list[tuple[str, str]]:
+        """The links of every pair."""
+        return self.pairs.names(self.robot)
+
+
+def surfaces(robot: Robot) -> Surfaces:
+    """Fit capsules to a robot and list the pairs of links that may touch."""
+    return Surfaces(robot, fit_capsules(robot), collidable(robot))
+
+
+@dataclass(frozen=True, eq=False)
+class Warnings:
+    """T frames (one, when streaming) of P pairs of links."""
+
+    pairs: list[tuple[str, str]]
+    """P pairs of links by name."""
+    fps: float
+    distance: Floats
+    """(T, P) between the links' capsules now [m]."""
+    ahead: Floats
+    """(T, P) the interaction distance D of their capsules [m]."""
+    alpha: Ints
+    """(T, P) α: D is reached α − 1 steps of 1/30 s from now."""
+    state: np.ndarray
+    """(T, P) `State`."""
+    time_to_contact: Floats
+    """(T, P) [s]; 0 in contact, infinite where none is foreseen."""
+    depth: Floats
+    """(T, P) overlap foreseen within the horizon [m]."""
+    touching: np.ndarray
+    """(T, P) whether the geoms touch now."""
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    @property
+    def flagged(self) -> np.ndarray:
+        """(T, P) whether a contact is imminent or there."""
+        return self.state >= State.IMMINENT
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """Every warning with what came of it, in order of time."""
+        return events_of(self.pairs, self.flagged, self.touching, self.time_to_contact, self.depth, self.fps)
+
+
+def warnings_of(
+    trajectory: Trajectory, robot: Robot, options: WarnOptions | None = None, known: Surfaces | None = None
+) -> Warnings:
+    """Flag the self-collisions of a whole trajectory ahead of time, as if it came frame by frame.
+
+    Args:
+        known: the robot's surfaces, where they are at hand (`surfaces`).
+
+    Raises:
+        TrajectoryError: it belongs to another robot, or has a single frame.
+    """
+    require_same_robot(trajectory, robot)
+    if len(trajectory) < 2:
+        raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
+    eye = Eye(known or surfaces(robot), trajectory.fps, options or WarnOptions())
+    qpos = eye.foresight.joints.pinned(trajectory.qpos)
+    ends, steps = eye.known.capsules.world(robot, qpos), strides(qpos, eye.span)
+    near = eye.known.capsule_pairs.approach(ends, strides(ends, eye.span), eye.interaction)
+    outlook = eye.look(near, qpos, steps, changes(steps, eye.span))
+    return eye.warnings(near, outlook, eye.windows.all)
+
+
+class Warner:
+    """Warnings of a stream: give every configuration as it comes."""
+
+    def __init__(self, robot: Robot, fps: float, options: WarnOptions | None = None, known: Surfaces | None = None):
+        """Fit the robot's surfaces, unless they are `known`.
+
+        Raises:
+            UsageError: fps is not positive.
+        """
+        if not (np.isfinite(fps) and fps > 0):
+            raise UsageError(f"frames per second must be positive, got {fps}")
+        self.robot = robot
+        self.eye = Eye(known or surfaces(robot), float(fps), options or WarnOptions())
+        self._past: deque[Floats] = deque(maxlen=2 * self.eye.span + 1)
+        self._ends: deque[Floats] = deque(maxlen=self.eye.span + 1)
+
+    def update(self, qpos: Floats) -> Warnings:
+        """What is to be said of this configuration (nq,), knowing those before.
+
+        Raises:
+            TrajectoryError: it has another length, or a value that is not finite.
+        """
+        nq = self.robot.model.nq
+        if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
+            raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
+        eye, still = self.eye, self.eye.foresight.joints.pinned(np.asarray(qpos, dtype=float))
+        ends = eye.known.capsules.world(self.robot, still[None])
+        self._past.append(still)
+        self._ends.append(ends)
+        steps = strides(np.array(self._past), eye.span)
+        share = eye.span / max(len(self._ends) - 1, 1)
+        near = eye.known.capsule_pairs.approach(ends, (ends - self._ends[0]) * share, eye.interaction)
+        outlook = eye.look(near, still[None], steps[-1:], changes(steps, eye.span)[-1:])
+        return eye.warnings(near, outlook, eye.windows.next)
+
+
+class Eye:
+    """What both ways of watching share: one robot, one frame rate, one set of options."""
+
+    def __init__(self, known: Surfaces, fps: float, options: WarnOptions):
+        self.known, self.fps, self.options = known, fps, options
+        self.span = span_of(fps)
+        step = self.span / fps
+        self.interaction = Interaction(options.horizon / step, options.dead_band)
+        self.foresight = Foresight(known.robot, known.pairs, options.horizon, step, options.margin, options.doubt, options.slack)
+        self.windows = Windows(round(options.confirm * fps) + 1, round(options.release * fps) + 1)
+
+    def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats) -> tuple[np.ndarray, Outlook]:
+        """Which (T, P) come near enough to be looked at, and what is foreseen of them, in that order."""
+        suspect = near.ahead <= self.options.slack
+        drop = near.distance - near.ahead
+        looks = []
+        for t in np.flatnonzero(suspect.any(axis=1)):
+            pairs = np.flatnonzero(suspect[t])
+            looks.append(self.foresight.look(qpos[t], steps[t], changed[t], pairs, drop[t, pairs]))
+        none = np.zeros((1 + len(self.foresight.k), 0))
+        return suspect, self.foresight.outlook(np.concatenate([none, *looks], axis=1))
+
+    def warnings(self, near: Approach, looked: tuple[np.ndarray, Outlook], judge: Judge) -> Warnings:
+        """States from what was foreseen, and everything as full arrays."""
+        suspect, outlook = looked
+        touching = spread(suspect, outlook.distance <= 0, False)
+        contact = spread(suspect, outlook.contact, np.inf)
+        called = np.where(np.isfinite(contact), State.APPROACHING, State.CLEAR)
+        called[spread(suspect, outlook.next <= self.options.margin / 2, False)] = State.IMMINENT
+        called[touching] = State.CONTACT
+        state = judge(spread(suspect, outlook.sure > 0, False), called)
+        depth = spread(suspect, outlook.depth, 0.0)
+        return Warnings(
+            self.known.names, self.fps, near.distance, near.ahead, near.alpha, state, contact, depth, touching
+        )
+
+
+def spread(where: np.ndarray, values: np.ndarray, otherwise: float) -> np.ndarray:
+    """The values at the places of a mask, something else elsewhere."""
+    full = np.full(where.shape, otherwise, dtype=values.dtype)
+    full[where] = values
+    return full
