@@ -94,6 +94,26 @@ def show_report(contract: dict[str, Any]) -> None:
     table("", ("figure", "value"), [(k, _cell(v)) for k, v in rows])
 
 
+def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> None:
+    """Print the events of a trajectory's warnings, a line each."""
+    frames, fps = figures["frames"], figures["fps"]
+    say(f"{figures['events']} warnings in {frames} frames at {fps:g} fps, {figures['contacts']} of them ended in contact")
+    rows = [
+        (
+            " – ".join(event["pair"]),
+            event["first_warning"],
+            event["predicted_contact"],
+            "-" if event["contact"] is None else str(event["contact"]),
+            event["lead_s"],
+            event["depth_m"],
+        )
+        for event in events
+    ]
+    if rows:
+        columns = ("pair", "first warning", "predicted contact", "contact", "lead (s)", "depth foreseen (m)")
+        table("", columns, rows)
+
+
 def dump(value: Any) -> None:
     """Print a value as JSON."""
     print(json.dumps(value, indent=1, ensure_ascii=False))

@@ -134,7 +134,7 @@ def _squared(c: Floats, w: Floats, k: Floats) -> Floats:
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return np.einsum("apf,apf->pf", a, b)
 
 
 def _unit(values: Floats) -> Floats:

@@ -26,6 +26,8 @@ REACH = 0.05
 """Surfaces farther apart than this count as this far [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
 """Steps ahead that are looked at; past those every third."""
+MAIN = np.array([0, 3, 6, 9, 12, 15])
+"""Which of them tell whether the others are worth a look."""
 
 
 @dataclass(frozen=True)
@@ -76,22 +78,26 @@ class Foresight:
         self.joints, self.clearance, self.slack = Joints(robot), Clearance(robot, pairs), slack
         steps, fading = horizon / step, FADING / step
         self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
+        self.main, self.other = MAIN[MAIN < len(self.k)], np.setdiff1d(np.arange(len(self.k)), MAIN)
         self.e = fading * (self.k + (fading - 0.5) * np.expm1(-self.k / fading))
         self.times = np.concatenate([[0.0], self.k]) * step
         self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
 
     def look(self, qpos: Floats, step: Floats, change: Floats, pairs: Ints, drop: Floats) -> Floats:
-        """Distances (1 + K, N) of pairs (N,) now and at every instant [m].
+        """Distances (1 + K, N) of pairs (N,) now and at every instant [m]; `REACH` where it is not worth measuring.
 
-        A pair is followed where its distance now less `drop` (N,), by how much its capsules will approach, is within
-        `slack`; elsewhere the distance now is all there is to say.
+        A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
+        `slack`, and it does not touch already: at the main instants, and at all where those bring it within `slack`.
         """
-        found = np.empty((1 + len(self.k), len(pairs)))
-        found[:] = self._placed(qpos, pairs)
-        follow = np.flatnonzero(found[0] - drop <= self.slack)
+        found = np.full((1 + len(self.k), len(pairs)), REACH)
+        found[0] = self._placed(qpos, pairs)
+        follow = np.flatnonzero((found[0] > 0) & (found[0] - drop <= self.slack))
         if follow.size:
             path = self.joints.path(qpos, step, change, self.k, self.e)
-            found[1:, follow] = [self._placed(q, pairs[follow]) for q in path]
+            for instants in (self.main, self.other):
+                for k in instants:
+                    found[1 + k, follow] = self._placed(path[k], pairs[follow])
+                follow = follow[found[1:, follow].min(axis=0) <= self.slack]
         return found
 
     def outlook(self, distances: Floats) -> Outlook:

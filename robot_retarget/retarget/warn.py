@@ -176,7 +176,8 @@ class Warner:
         if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
             raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
         eye, still = self.eye, self.eye.foresight.joints.pinned(np.asarray(qpos, dtype=float))
-        ends = eye.known.capsules.world(self.robot, still[None])
+        eye.foresight.clearance.place(still)
+        ends = eye.known.capsules.carried(*eye.foresight.clearance.frames())
         self._past.append(still)
         self._ends.append(ends)
         steps = strides(np.array(self._past), eye.span)

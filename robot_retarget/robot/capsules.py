@@ -65,9 +65,13 @@ class Capsules:
 
     def world(self, robot: Robot, qpos: Floats) -> Floats:
         """Ends (T, C, 2, 3) at configurations (T, nq) [m]."""
-        positions, rotations = body_frames(robot, qpos)
-        turned = np.matmul(self.ends, rotations[:, self.links].swapaxes(-1, -2))
-        return turned + positions[:, self.links, None]
+        return self.carried(*body_frames(robot, qpos))
+
+    def carried(self, positions: Floats, rotations: Floats) -> Floats:
+        """Ends (T, C, 2, 3) where bodies have these positions (T, B, 3) and rotations (T, B, 3, 3)."""
+        turned = np.einsum("tcij,cej->tcei", rotations[:, self.links], self.ends)
+        turned += positions[:, self.links, None]
+        return turned
 
 
 def collision_geoms(robot: Robot) -> dict[int, list[int]]:

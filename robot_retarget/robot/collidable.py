@@ -58,6 +58,10 @@ class Clearance:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
 
+    def frames(self) -> tuple[Floats, Floats]:
+        """Positions (1, B, 3) [m] and rotations (1, B, 3, 3) of the bodies as placed."""
+        return self.data.xpos[None], self.data.xmat.reshape(1, -1, 3, 3)
+
     def of(self, pair: int, reach: float) -> float:
         """Distance of a pair as placed [m], negative inside, `reach` for all that is farther."""
         model, data, points = self.model, self.data, self._points
