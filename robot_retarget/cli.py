@@ -16,6 +16,7 @@ from robot_retarget.errors import RobotRetargetError, UsageError
 if TYPE_CHECKING:
     from robot_retarget.motion import Motion
     from robot_retarget.retarget.transfer import Result
+    from robot_retarget.retarget.warn import Warnings
     from robot_retarget.robot import Robot
 
 app = typer.Typer(
@@ -137,6 +138,39 @@ def simulate(
     raise typer.Exit(0 if report.verdict == "pass" else 1)
 
 
+@app.command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
+def warn(
+    trajectory: TrajectoryFile,
+    robot: RobotName,
+    horizon: Annotated[float, typer.Option(help="How far ahead to look [s].")] = 0.5,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The table of events to write (.csv).")] = Path(
+        "warnings.csv"
+    ),
+    plot: Annotated[Path | None, typer.Option(help="A picture to draw: D, distance and α of the pairs flagged.")] = None,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
+    from robot_retarget.files import require_writable
+    from robot_retarget.retarget.events import figures_of, write_csv
+    from robot_retarget.retarget.warn import WarnOptions, warnings_of
+    from robot_retarget.trajectory import load_trajectory
+
+    for path in filter(None, (output, plot)):
+        require_writable(path)
+    options = WarnOptions(horizon=horizon)
+    found = warnings_of(load_trajectory(trajectory), _load_robot(robot, limits), options)
+    write_csv(found.events, output)
+    figures = figures_of(found.events, len(found), found.fps)
+    if json:
+        console.dump({"events": [event.contract() for event in found.events], "figures": figures})
+    else:
+        console.show_warnings([event.contract() for event in found.events], figures)
+        console.say(f"wrote {output}")
+    if plot is not None:
+        _plot_warnings(found, plot)
+
+
 @app.command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
 def export(
     trajectory: TrajectoryFile,
@@ -192,6 +226,15 @@ def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
         film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
     for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
         console.note(sentence)
+
+
+def _plot_warnings(warnings: "Warnings", path: Path) -> None:
+    """Draw the pairs that were flagged; what cannot be drawn is said."""
+    from robot_retarget.view import Unavailable
+    from robot_retarget.view.approaches import plot_warnings
+
+    drawn = plot_warnings(warnings, path)
+    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
 
 
 def _retarget(motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, quiet: bool) -> "Result":
