@@ -97,7 +97,7 @@ def show_report(contract: dict[str, Any]) -> None:
 def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> None:
     """Print the events of a trajectory's warnings, a line each."""
     frames, fps = figures["frames"], figures["fps"]
-    say(f"{figures['events']} warnings in {frames} frames at {fps:g} fps, {figures['contacts']} of them ended in contact")
+    say(f"{figures['events']} warnings in {frames} frames at {fps:g} fps, {figures['contacts']} ended in contact")
     rows = [
         (
             " – ".join(event["pair"]),
