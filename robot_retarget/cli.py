@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget import console
-from robot_retarget.cli_servos import servos_app
+from robot_retarget.cli_servos import play, servos_app
 from robot_retarget.errors import RobotRetargetError, UsageError
 
 if TYPE_CHECKING:
@@ -34,7 +34,9 @@ RobotName = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Frames = Annotated[str | None, typer.Option(help="Part of the clip, START:STOP in frames of the file.")]
-Fps = Annotated[float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 60 at most.")]
+Fps = Annotated[
+    float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 60 at most.")
+]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 
@@ -146,7 +148,7 @@ def warn(
     output: Annotated[Path, typer.Option("-o", "--output", help="The table of events to write (.csv).")] = Path(
         "warnings.csv"
     ),
-    plot: Annotated[Path | None, typer.Option(help="A picture to draw: D, distance and α of the pairs flagged.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
@@ -188,6 +190,7 @@ def export(
 
 
 app.add_typer(servos_app, name="servos")
+app.command(epilog="Example: robot-retarget play dance.npz --servos op3 --port /dev/ttyUSB0")(play)
 
 
 def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_file: Path | None, json: bool) -> str:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robot_retarget.errors import UsageError
+from robot_retarget import console
+from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.servo.emulator.pace import Pace
@@ -13,6 +14,10 @@ if TYPE_CHECKING:
 servos_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated.")
 
 MapName = Annotated[str, typer.Option("--map", "-m", help="A shipped robot's name (op3) or a servo map (.toml).")]
+
+Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
+Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @servos_app.command(epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
@@ -36,6 +41,170 @@ def emulate(
     body = (model or scene_of(servo_map.robot)) if physics else None
     server = emulator(servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay)
     server.run(control)
+
+
+@servos_app.command(epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
+def scan(
+    port: Port,
+    baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
+    json: Json = False,
+) -> None:
+    """Find the servos on a port, at every baud rate."""
+    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.tables import model_numbered
+
+    found = []
+    for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
+        with Bus(port, rate) as bus:
+            for identity, number, firmware in bus.scan():
+                model = model_numbered(number)
+                name = model.name if model else f"model {number}"
+                found.append({"id": identity, "model": name, "firmware": firmware, "baud": rate})
+        if found:
+            break
+    if json:
+        console.dump(found)
+    else:
+        console.table("Servos", ("id", "model", "firmware", "baud"), [tuple(row.values()) for row in found])
+    if not found:
+        raise ServoError(f"no servo answers on {port} (power, cable, --baud)")
+
+
+@servos_app.command(epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
+def check(
+    map_name: MapName,
+    port: Port,
+    baud: Baud = None,
+    fix: Annotated[bool, typer.Option("--fix", help="Write what can be put right, where torque is off.")] = False,
+    json: Json = False,
+) -> None:
+    """Compare the servos with the map; every difference at once. Exit code 1 when playing would be refused."""
+    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.check import check as ask
+    from robot_retarget.servo.check import fix as put_right
+    from robot_retarget.servo.map import load_map
+
+    servo_map = load_map(map_name)
+    with Bus(port, baud or servo_map.baud) as bus:
+        conditions, findings = ask(bus, servo_map)
+        done = put_right(bus, servo_map, findings) if fix else []
+        if done:
+            conditions, findings = ask(bus, servo_map)
+    if json:
+        rows = {c.servo.joint: {"angle_rad": round(c.angle, 4), **c.values} for c in conditions}
+        console.dump({"servos": rows, "findings": [str(f) for f in findings], "fixed": done})
+    else:
+        for sentence in (*done, *map(str, findings)):
+            console.say(sentence)
+        console.say(
+            f"{len(conditions)} of {len(servo_map.servos)} servos answer as they should; {len(findings)} differences"
+        )
+    raise typer.Exit(1 if any(f.grave for f in findings) else 0)
+
+
+@servos_app.command(epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
+def calibrate(
+    map_name: MapName,
+    port: Port,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    baud: Baud = None,
+    joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
+) -> None:
+    """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
+    from robot_retarget.servo.bus import Bus
+    from robot_retarget.servo.calibrate import record_zeros
+    from robot_retarget.servo.map import dump_map, load_map
+
+    servo_map = load_map(map_name)
+    with Bus(port, baud or servo_map.baud) as bus:
+        new = record_zeros(bus, servo_map, joint or servo_map.joints)
+    _write(output, dump_map(new))
+    for old, now in zip(servo_map.servos, new.servos, strict=True):
+        if old.zero != now.zero:
+            console.say(f"{now.joint}: zero {old.zero} -> {now.zero}")
+    console.say(f"wrote {output}")
+
+
+@servos_app.command(
+    "import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml"
+)
+def import_map(
+    file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    offsets: Annotated[Path | None, typer.Option(help="offset.yaml beside an OP3.robot.")] = None,
+    model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
+) -> None:
+    """Make a servo map from another project's configuration."""
+    from robot_retarget.servo.foreign import read_foreign
+    from robot_retarget.servo.map import dump_map
+
+    servo_map = read_foreign(file, offsets, model)
+    _write(output, dump_map(servo_map))
+    console.say(f"wrote {output}: {len(servo_map.servos)} servos; look over signs, zeros and ranges before playing")
+
+
+def play(
+    trajectory: Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")],
+    servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
+    port: Port = "",
+    report: Annotated[Path | None, typer.Option(help="report.json of the trajectory; beside it by default.")] = None,
+    unsafe: Annotated[bool, typer.Option("--unsafe", help="Play without a passing report.")] = False,
+    rate: Annotated[float, typer.Option(min=10, max=1000, help="Ticks a second.")] = 100.0,
+    speed: Annotated[float, typer.Option(help="Times the trajectory's own speed.")] = 1.0,
+    loop: Annotated[int, typer.Option(help="So many times over.")] = 1,
+    start: Annotated[float, typer.Option("--from", help="Begin here [s].")] = 0.0,
+    stop: Annotated[float | None, typer.Option("--to", help="End here [s].")] = None,
+    baud: Baud = None,
+    log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("play.npz"),
+    end_pose: Annotated[bool, typer.Option(help="Go to the map's stop pose at the end.")] = True,
+    release: Annotated[bool, typer.Option("--release", help="Switch torque off at the end.")] = False,
+    grace: Annotated[
+        float, typer.Option(help="After Ctrl-C: hold so long for a second one, which lets go [s].")
+    ] = 10.0,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
+    json: Json = False,
+) -> None:
+    """Play a trajectory that passed on Dynamixel servos. Exit code 1 when it was stopped."""
+    from dataclasses import replace
+
+    from robot_retarget.files import require_writable
+    from robot_retarget.servo.map import load_map
+    from robot_retarget.servo.plan import make_plan, require_pass
+    from robot_retarget.servo.play import Options, rehearse
+    from robot_retarget.servo.play import play as perform
+    from robot_retarget.trajectory import load_trajectory
+
+    servo_map = load_map(servos)
+    servo_map = replace(servo_map, baud=baud) if baud else servo_map
+    plan = make_plan(load_trajectory(trajectory), servo_map, speed, loop, start, stop)
+    if not unsafe:
+        require_pass(trajectory, report)
+    if dry_run:
+        facts = rehearse(plan, servo_map, port or None)
+        console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
+        return
+    if not port:
+        raise UsageError("play needs --port (or --dry-run)")
+    require_writable(log)
+    say = (lambda text: None) if json else console.say
+    outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace), log, say)
+    facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
+    if json:
+        console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})
+    else:
+        for sentence in outcome.warnings:
+            console.note(sentence)
+        rows = [(k, str(v)) for k, v in outcome.figures.items()]
+        console.table("Played", ("figure", "value"), rows)
+        console.say(f"{outcome.ended.value}: {outcome.reason} ({outcome.state}); log in {log}")
+    raise typer.Exit(outcome.exit_code)
+
+
+def _write(path: Path, text: str) -> None:
+    from robot_retarget.files import replacing
+
+    with replacing(path) as scratch:
+        scratch.write_text(text, encoding="utf-8")
 
 
 def _pace(baud: int | None, usb_latency: float) -> "Pace":

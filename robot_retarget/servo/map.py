@@ -76,6 +76,8 @@ class Limits:
     """Of a goal [rad/s]."""
     approach_speed: float = 0.8
     """Of the way to the first frame [rad/s]."""
+    approach_time: float = 2.0
+    """It takes at least so long [s]."""
     jump: float = 0.5
     """Between a goal and where the joint is [rad]."""
     temperature: float = 70.0

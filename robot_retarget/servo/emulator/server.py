@@ -1,7 +1,6 @@
 """The emulated bus on a pseudo terminal: bytes in, bytes out, time in between."""
 
 import contextlib
-import ctypes
 import fcntl
 import json
 import os
@@ -18,6 +17,7 @@ from types import FrameType
 from typing import Any
 
 from robot_retarget.errors import ServoError
+from robot_retarget.servo.clock import precise_timers
 from robot_retarget.servo.emulator.faults import Faults, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
@@ -192,9 +192,3 @@ class Server:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self._stop = True
-
-
-def precise_timers() -> None:
-    """Ask the kernel to wake this thread on time, where it can be asked (Linux: timer slack of 1 ns, not 50 µs)."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(29, 1, 0, 0, 0)

@@ -1,0 +1,289 @@
+"""The open bus: dynamixel-sdk's port as the wire, with its faults mended here and nowhere else.
+
+Frames are made and read by `protocol`, which stuffs on sending and loses nothing on receipt. The port is opened for
+one owner, waits in `select` and not in a loop, measures time on a clock that does not jump, and reports a pulled cable
+as one error. Sync reads give what came, servo by servo, with each servo's own error byte.
+"""
+
+import contextlib
+import fcntl
+import os
+import select
+import termios
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import serial
+from dynamixel_sdk import PortHandler
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo import protocol
+from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, Error, Frame, Instruction, Parser
+from robot_retarget.servo.tables import Register
+
+PATIENCE = 0.01
+"""How long after its time on the wire an answer may still come [s]; covers a USB adapter and a busy host."""
+TRIES = 4
+"""So often a request that must not fail is repeated."""
+TURN = 0.6e-3
+"""What a servo may need before it answers, its longest return delay among it [s]."""
+
+WIRE_ERRORS = (OSError, serial.SerialException, termios.error)
+
+
+class PortLostError(ServoError):
+    """The cable was pulled or the adapter is gone."""
+
+
+class NoAnswerError(ServoError):
+    """A servo is missing, or what it says is garbled."""
+
+
+class StatusError(ServoError):
+    """A servo refused what it was asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What one servo answered."""
+
+    id: int
+    error: int
+    """The error code, without the alert bit."""
+    alert: bool
+    """A hardware error is pending."""
+    data: bytes
+
+
+class Port(PortHandler):
+    """The SDK's port, opened exclusively and without its long fixed timeout."""
+
+    def setupPort(self, cflag_baud: int) -> Literal[True]:
+        """Open with an exclusive lock; a second owner is refused."""
+        if self.is_open:
+            self.closePort()
+        self.ser = serial.Serial(self.port_name, self.baudrate, timeout=0, write_timeout=1.0, exclusive=True)
+        self.is_open = True
+        self.tx_time_per_byte = 1e4 / self.baudrate
+        del cflag_baud
+        return True
+
+
+class Bus:
+    """Servos on one port; used as a context manager and from one thread.
+
+    Args:
+        path: the serial port, or an emulator's.
+        baud: one of those the SDK's port knows [1/s].
+
+    Raises:
+        ServoError: the port is not there, is in use, or does not know the baud rate.
+    """
+
+    def __init__(self, path: str | Path, baud: int) -> None:
+        self.path, self.baud = str(path), baud
+        self._port = Port(self.path)
+        self._parser = Parser()
+        self._owner = threading.get_ident()
+        try:
+            opened = self._port.setBaudRate(baud)
+        except WIRE_ERRORS as error:
+            raise ServoError(f"cannot open {path}: {_reason(error)}") from error
+        if not opened:
+            raise ServoError(f"{path}: no baud rate {baud}")
+        self._fd: int = self._port.ser.fileno()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the port back; a second time does nothing."""
+        if self._port.is_open:
+            with contextlib.suppress(*WIRE_ERRORS):
+                fcntl.flock(self._fd, fcntl.LOCK_UN)
+            with contextlib.suppress(*WIRE_ERRORS):
+                self._port.closePort()
+
+    # One servo
+
+    def ping(self, identity: int, tries: int = 1) -> tuple[int, int] | None:
+        """Model number and firmware, or None when nobody answers."""
+        request = protocol.frame(identity, Instruction.PING)
+        for _ in range(tries):
+            reply = self._ask(request, identity, 3)
+            if reply is not None and len(reply.data) == 3:
+                return int.from_bytes(reply.data[:2], "little"), reply.data[2]
+        return None
+
+    def read(self, identity: int, address: int, length: int, tries: int = TRIES) -> Reply:
+        """Bytes of one servo.
+
+        Raises:
+            NoAnswerError: it does not answer, or garbled.
+            StatusError: it refuses.
+        """
+        request = protocol.read(identity, address, length)
+        reply = self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
+        if len(reply.data) != length:
+            raise NoAnswerError(f"servo {identity} gave {len(reply.data)} of {length} bytes at {address}")
+        return reply
+
+    def value(self, identity: int, register: Register) -> int:
+        """The value of one register."""
+        return register.decode(self.read(identity, register.address, register.size).data)
+
+    def write(self, identity: int, register: Register, value: int, tries: int = TRIES) -> Reply:
+        """Set one register, and hear that it was done.
+
+        Raises:
+            NoAnswerError: it does not answer.
+            StatusError: it refuses: the register is locked, or the value out of range.
+        """
+        request = protocol.write(identity, register.address, register.encode(value))
+        return self._insist(request, identity, 0, tries, f"write {value} at {register.address}")
+
+    def reboot(self, identity: int) -> Reply:
+        """Start one servo anew: hardware errors go, torque is off."""
+        return self._insist(protocol.frame(identity, Instruction.REBOOT), identity, 0, 1, "reboot")
+
+    def scan(self, ids: Iterable[int] = range(LAST_ID + 1)) -> Iterator[tuple[int, int, int]]:
+        """Id, model number and firmware of everyone who answers."""
+        for identity in ids:
+            found = self.ping(identity)
+            if found is not None:
+                yield identity, *found
+
+    # All servos
+
+    def sync_write(self, address: int, length: int, table: bytes) -> None:
+        """The same registers of many servos; `table` is id and data, id and data, … Nobody answers.
+
+        Raises:
+            ValueError: the table is not made of ids and data of that length.
+        """
+        if len(table) % (length + 1):
+            raise ValueError(f"{len(table)} bytes are no table of ids and {length} bytes each")
+        head = protocol.word(address) + protocol.word(length)
+        self._send(protocol.frame(BROADCAST, Instruction.SYNC_WRITE, head + table))
+
+    def sync_read(
+        self, address: int, length: int, ids: Sequence[int], fast: bool = False, patience: float = PATIENCE
+    ) -> dict[int, Reply]:
+        """The same bytes of many servos: whatever came whole, by id. `fast` asks for one answer of all."""
+        request = protocol.sync_read(address, length, ids, fast)
+        self._send(request)
+        size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
+        until = self._deadline(len(request) + size, len(ids), patience)
+        if fast:
+            return self._chain(size, length, len(ids), until)
+        replies: dict[int, Reply] = {}
+        for frame in self._frames(until):
+            if frame.id in ids and len(frame.params) == 1 + length:
+                replies[frame.id] = _reply(frame)
+                if len(replies) == len(ids):
+                    break
+        return replies
+
+    def _chain(self, size: int, length: int, count: int, until: float) -> dict[int, Reply]:
+        raw = bytearray()
+        while len(raw) < size and (data := self._fetch(until)):
+            raw += data
+            start = raw.find(HEADER)
+            if start > 0:
+                del raw[:start]
+        blocks = protocol.fast_blocks(bytes(raw), [length] * count) if raw.startswith(HEADER) else ()
+        return {identity: Reply(identity, e & ~ALERT, bool(e & ALERT), data) for e, identity, data in blocks}
+
+    # The wire
+
+    def _insist(self, request: bytes, identity: int, length: int, tries: int, what: str) -> Reply:
+        for _ in range(tries):
+            reply = self._ask(request, identity, length)
+            if reply is not None and reply.error != Error.CRC:
+                break
+        else:
+            raise NoAnswerError(f"servo {identity} does not answer ({what}, {tries} tries)")
+        if reply.error:
+            name = Error(reply.error).name.lower().replace("_", " ") if reply.error <= 7 else str(reply.error)
+            raise StatusError(f"servo {identity}: {what}: {name} error")
+        return reply
+
+    def _ask(self, request: bytes, identity: int, length: int) -> Reply | None:
+        self._send(request)
+        for frame in self._frames(self._deadline(len(request) + 11 + length, 1, PATIENCE)):
+            if frame.id == identity:
+                return _reply(frame)
+        return None
+
+    def _deadline(self, size: int, servos: int, patience: float) -> float:
+        return time.monotonic() + size * 10 / self.baud + servos * TURN + patience
+
+    def _frames(self, until: float) -> Iterator[Frame]:
+        """Status frames as they come, until nothing came in time."""
+        while data := self._fetch(until):
+            for frame in self._parser.feed(data):
+                if frame.instruction == Instruction.STATUS and frame.stuffed:
+                    yield frame
+
+    def _fetch(self, until: float) -> bytes:
+        """Some bytes, or none when the time is over.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+        try:
+            ready, _, _ = select.select([self._fd], [], [], max(0.0, until - time.monotonic()))
+            if not ready:
+                return b""
+            data = os.read(self._fd, 4096)
+        except (*WIRE_ERRORS, ValueError) as error:
+            raise PortLostError(f"{self.path} is gone: {_reason(error)}") from error
+        if not data:
+            raise PortLostError(f"{self.path} is gone: the other end was closed")
+        return data
+
+    def _send(self, data: bytes) -> None:
+        """Forget what came late, then send."""
+        if threading.get_ident() != self._owner:
+            raise ServoError(f"{self.path} belongs to another thread")
+        try:
+            termios.tcflush(self._fd, termios.TCIFLUSH)
+            self._parser.clear()
+            sent = os.write(self._fd, data)
+            while sent < len(data):
+                select.select([], [self._fd], [], 1.0)
+                sent += os.write(self._fd, data[sent:])
+        except (*WIRE_ERRORS, ValueError) as error:
+            raise PortLostError(f"{self.path} is gone: {_reason(error)}") from error
+
+
+def slow_adapter(path: str | Path) -> str | None:
+    """A sentence when a USB adapter holds answers back longer than 1 ms; None for everything else."""
+    name = Path(os.path.realpath(path)).name
+    timer = Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
+    with contextlib.suppress(OSError, ValueError):
+        wait = int(timer.read_text())
+        if wait > 1:
+            return f"{path}: the adapter waits {wait} ms before it hands on answers; write 1 to {timer}"
+    return None
+
+
+def _reply(frame: Frame) -> Reply:
+    return Reply(frame.id, frame.error & ~ALERT, bool(frame.error & ALERT), frame.data)
+
+
+def _reason(error: BaseException) -> str:
+    strerror = getattr(error, "strerror", None)
+    if isinstance(error, BlockingIOError) or "exclusively lock" in str(error):
+        return "another program has it"
+    return strerror or str(error)

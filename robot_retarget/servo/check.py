@@ -1,0 +1,144 @@
+"""Servos as they are against servos as the map has them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from robot_retarget.servo.bus import Bus, NoAnswerError, StatusError
+from robot_retarget.servo.map import Servo, ServoMap
+from robot_retarget.servo.tables import HARDWARE_ERRORS, model_numbered
+
+TABLE_SPAN = 147
+"""Bytes from 0 that are read of each servo, up to its temperature."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing about one servo that is not as it should be."""
+
+    joint: str
+    id: int
+    what: str
+    grave: bool = True
+    """Playing is refused."""
+    fix: tuple[str, int] | None = None
+    """Register and value that would put it right."""
+
+    def __str__(self) -> str:
+        return f"{self.joint} (servo {self.id}): {self.what}"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a servo said about itself, by register name."""
+
+    servo: Servo
+    values: dict[str, int]
+
+    @property
+    def angle(self) -> float:
+        """Of the joint [rad]."""
+        return self.servo.radians(self.values["present_position"])
+
+
+def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[Finding]]:
+    """Ask every servo of a map; all differences at once, the grave ones first."""
+    conditions, findings = [], []
+    for servo in servo_map.servos:
+        condition, found = _ask(bus, servo)
+        findings += found
+        if condition is not None:
+            conditions.append(condition)
+            findings += _differences(condition)
+            findings += _state(condition, servo_map)
+    return conditions, sorted(findings, key=lambda f: not f.grave)
+
+
+def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
+    """Write what the findings propose, with torque off only; sentences of what was done."""
+    done = []
+    for finding in findings:
+        if finding.fix is None:
+            continue
+        name, value = finding.fix
+        registers = servo_map[finding.joint].type.registers
+        if bus.value(finding.id, registers["torque_enable"]):
+            done.append(f"{finding.joint}: torque is on, {name} left as it is")
+            continue
+        bus.write(finding.id, registers[name], value)
+        done.append(f"{finding.joint}: {name} = {value}")
+    return done
+
+
+def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
+    """The registers of one servo, after it has said what it is."""
+
+    def grave(what: str) -> tuple[None, list[Finding]]:
+        return None, [Finding(servo.joint, servo.id, what)]
+
+    answer = bus.ping(servo.id, tries=5)
+    if answer is None:
+        return grave("does not answer, or garbled (power, cable, baud rate, two servos with one id)")
+    number, _ = answer
+    if number != servo.type.number:
+        other = model_numbered(number)
+        return grave(f"is a {other.name if other else f'model {number}'}, the map says {servo.type.name}")
+    try:
+        data = bus.read(servo.id, 0, TABLE_SPAN, tries=10).data
+    except NoAnswerError:
+        return grave("answers a ping but garbles its registers: are there two servos with this id?")
+    except StatusError as error:
+        return grave(f"refuses to be read: {error}")
+    registers = servo.type.registers.items()
+    return Condition(
+        servo, {n: r.decode(data[r.address :]) for n, r in registers if r.address + r.size <= TABLE_SPAN}
+    ), []
+
+
+def _differences(condition: Condition) -> Iterator[Finding]:
+    """EEPROM against what playback needs."""
+    servo, values = condition.servo, condition.values
+    low, high = servo.tick_range
+    for name, wanted, grave in (
+        ("operating_mode", 3, True),
+        ("drive_mode", 0, True),
+        ("homing_offset", 0, True),
+        ("status_return_level", 2, True),
+        ("return_delay_time", 0, False),
+    ):
+        if values[name] != wanted:
+            yield Finding(servo.joint, servo.id, f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
+    if values["min_position_limit"] > low:
+        what = f"min_position_limit {values['min_position_limit']} cuts off its range from {low}"
+        yield Finding(servo.joint, servo.id, what, False, ("min_position_limit", low))
+    if values["max_position_limit"] < high:
+        what = f"max_position_limit {values['max_position_limit']} cuts off its range to {high}"
+        yield Finding(servo.joint, servo.id, what, False, ("max_position_limit", high))
+
+
+def _state(condition: Condition, servo_map: ServoMap) -> Iterator[Finding]:
+    """Hardware errors, supply, heat, and whether the joint is where the map allows it."""
+    servo, values, limits = condition.servo, condition.values, servo_map.limits
+    bits = values["hardware_error_status"]
+    if bits:
+        yield Finding(
+            servo.joint, servo.id, f"hardware error: {hardware_errors(bits)}; reboot it when the cause is gone"
+        )
+    volts = values["present_input_voltage"] / 10
+    if not limits.min_voltage <= volts <= limits.max_voltage:
+        yield Finding(
+            servo.joint,
+            servo.id,
+            f"supply is {volts:.1f} V, allowed {limits.min_voltage:g} to {limits.max_voltage:g} V",
+        )
+    if values["present_temperature"] >= limits.temperature:
+        yield Finding(
+            servo.joint, servo.id, f"is {values['present_temperature']} °C hot, {limits.temperature:g} at most"
+        )
+    if not servo.lower - 0.05 <= condition.angle <= servo.upper + 0.05:
+        what = f"stands at {condition.angle:.2f} rad, outside {servo.lower:.2f} to {servo.upper:.2f}: turn it by hand"
+        yield Finding(servo.joint, servo.id, what)
+
+
+def hardware_errors(bits: int) -> str:
+    """The names of the bits of register 70."""
+    return ", ".join(name for bit, name in HARDWARE_ERRORS.items() if bits >> bit & 1) or f"bits {bits:#x}"

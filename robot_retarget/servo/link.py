@@ -1,0 +1,102 @@
+"""All servos of a map as arrays: goals out, readings in, with the age of what was lost."""
+
+import time
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.check import Condition
+from robot_retarget.servo.guard import Scale
+from robot_retarget.servo.map import ServoMap
+from robot_retarget.servo.tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
+
+GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
+READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
+FROM = XM430_W350["present_current"].address
+SENSORS = XM430_W350["present_input_voltage"].address
+CYCLE_PATIENCE = 0.004
+"""An answer that comes later after its time than this is lost for this tick [s]."""
+
+
+class Link:
+    """The servos of one map on a bus, as seen by the player."""
+
+    def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
+        self.bus, self.map, self.scale = bus, servo_map, Scale(servo_map)
+        self.ids = list(servo_map.ids)
+        firmware = [c.values["firmware_version"] for c in conditions]
+        starts = [s.type.fast_from for s in servo_map.servos]
+        self.fast = all(s is not None and f >= s for s, f in zip(starts, firmware, strict=True))
+        sign = np.array([s.sign for s in servo_map.servos])
+        self._current_unit = sign * [s.type.current_unit for s in servo_map.servos]
+        self._velocity_unit = sign * [VELOCITY_UNIT / s.gear for s in servo_map.servos]
+        self.present = np.array([c.angle for c in conditions])
+        self.velocity = np.zeros(len(self.ids))
+        self.current = np.zeros(len(self.ids))
+        self.error = np.zeros(len(self.ids), dtype=np.int64)
+        self.voltage = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
+        self.temperature = np.array([float(c.values["present_temperature"]) for c in conditions])
+        self._heard = np.full(len(self.ids), time.monotonic())
+        self._missed = np.zeros(len(self.ids), dtype=np.int64)
+        self._place = {identity: k for k, identity in enumerate(self.ids)}
+        self._turn = self._short = 0
+
+    @property
+    def age(self) -> Floats:
+        """(n,) since each servo's reading [s]; 0 for those of this tick."""
+        return np.where(self._missed > 0, time.monotonic() - self._heard, 0.0)
+
+    @property
+    def missed(self) -> np.ndarray:
+        """(n,) ticks in a row without an answer."""
+        return self._missed
+
+    def command(self, goal: Floats) -> None:
+        """Send goals [rad]."""
+        table = np.empty(len(self.ids), dtype=GOAL)
+        table["id"], table["goal"] = self.scale.ids, self.scale.ticks(goal)
+        self.bus.sync_write(XM430_W350["goal_position"].address, 4, table.tobytes())
+
+    def set_all(self, name: str, value: int) -> None:
+        """The same value into a RAM register of all servos; nobody answers."""
+        register = XM430_W350[name]
+        data = register.encode(value)
+        self.bus.sync_write(register.address, register.size, b"".join(bytes((i,)) + data for i in self.ids))
+
+    def watchdog(self, seconds: float) -> None:
+        """Have the servos stop after so long without a word; 0 switches that off."""
+        self.set_all("bus_watchdog", 0)
+        if seconds:
+            self.set_all("bus_watchdog", max(1, min(127, round(seconds / WATCHDOG_UNIT))))
+
+    def listen(self, patience: float = CYCLE_PATIENCE) -> None:
+        """Read all servos; what is lost keeps its value and grows old."""
+        replies = self.bus.sync_read(FROM, READING.itemsize, self.ids, self.fast, patience)
+        now = time.monotonic()
+        self._missed += 1
+        self._mistrust_fast(len(replies) < len(self.ids))
+        if not replies:
+            return
+        places = [self._place[identity] for identity in replies]
+        rows = np.frombuffer(b"".join(reply.data for reply in replies.values()), dtype=READING)
+        self.present[places] = self.scale.radians_of(places, rows["position"])
+        self.velocity[places] = rows["velocity"] * self._velocity_unit[places]
+        self.current[places] = rows["current"] * self._current_unit[places]
+        self.error[places] = [reply.error | reply.alert << 7 for reply in replies.values()]
+        self._heard[places], self._missed[places] = now, 0
+
+    def _mistrust_fast(self, short: bool) -> None:
+        """A chain that breaks takes every servo behind the break with it: after two, ask one by one."""
+        self._short = self._short + 1 if short else 0
+        if self._short >= 2:
+            self.fast = False
+
+    def sense(self) -> None:
+        """Voltage and temperature of the next servo in turn."""
+        k = self._turn
+        self._turn = (k + 1) % len(self.ids)
+        reply = self.bus.sync_read(SENSORS, 3, [self.ids[k]], patience=CYCLE_PATIENCE).get(self.ids[k])
+        if reply is not None:
+            self.voltage[k] = int.from_bytes(reply.data[:2], "little") / 10
+            self.temperature[k] = reply.data[2]

@@ -1,0 +1,219 @@
+"""The fault matrix: whatever goes wrong, whenever, no goal leaves the limits, and the end is the right one.
+
+Every case plays against an emulator process over a pseudo terminal.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from emulated import ARM, Emulated, emulated, until
+from shared_files import ROOT
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.guard import Scale
+from robot_retarget.servo.link import Link
+from robot_retarget.servo.map import TICKS_PER_RADIAN, dump_map
+from robot_retarget.servo.plan import Plan
+from robot_retarget.servo.play import Ended, Options, Outcome, Player, play
+from robot_retarget.servo.record import Record
+
+START = (0.2, -0.3, 0.1, 0.4)
+RATE = 200.0
+TIME = np.arange(0, 0.301, 0.01)[:, None]
+PLAN = Plan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.array([1, -1, 1, 1]), 100.0)
+PHASE = {"approach": "approaching", "play": "playing", "end": "going"}
+OPTIONS = Options(RATE, grace=0.2)
+
+STOPPED = {
+    "silent 2": r"j2 \(servo 2\) no longer answers",
+    "silent all": "no servo answers any more",
+    "supply 9.7": r"supply is 9\.\d V",
+    "supply 9": "hardware error: input voltage",
+    "heat 2 75": r"j2 \(servo 2\) is 75 °C hot",
+    "overload 2": r"j2 \(servo 2\): hardware error: overload",
+    "shock 3": r"j3 \(servo 3\): hardware error: electrical shock",
+}
+ENDURED = ("corrupt 0.05", "corrupt 0.2", "drop 0.2", "noise 0.3", "delay 1")
+
+
+def perform(emulator: Emulated, folder: Path, phase: str, act: Any) -> tuple[Outcome, float]:
+    """Play, and do something as a phase begins; the outcome, and how long after that it came [s]."""
+    began = [0.0]
+
+    def say(text: str) -> None:
+        if text.startswith(PHASE[phase]):
+            began[0] = time.monotonic()
+            act()
+
+    outcome = play(PLAN, ARM, emulator.port, OPTIONS, folder / "play.npz", say)
+    return outcome, time.monotonic() - began[0]
+
+
+def require_harmless(emulator: Emulated, folder: Path) -> None:
+    """No goal outside the limits, no step over the cap, a log of every tick."""
+    cap = ARM.limits.jump * TICKS_PER_RADIAN + 1
+    for servo in ARM.servos:
+        seen = emulator.servos()[servo.id]
+        low, high = servo.tick_range
+        if seen["goals"]:
+            assert low <= seen["lowest_goal"] and seen["highest_goal"] <= high
+        assert seen["largest_step"] <= cap
+    with np.load(folder / "play.npz") as log:
+        assert {"time", "goal", "present", "current", "error", "late", "events"} <= set(log.files)
+        assert len({len(log[name]) for name in ("time", "goal", "plan", "present", "current", "age", "error")}) == 1
+        assert len(log["events"]) == 1
+        assert np.isfinite(log["goal"]).all()
+
+
+@pytest.mark.parametrize("phase", PHASE)
+@pytest.mark.parametrize("fault", STOPPED)
+def test_a_fault_on_the_way_stops_with_everybody_holding(tmp_path: Path, fault: str, phase: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        outcome, took = perform(emulator, tmp_path, phase, lambda: emulator.do(fault))
+        assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FAULT, "hold", 1)
+        assert_match(STOPPED[fault], outcome.reason)
+        assert took < 0.15 + 0.1, "held late"  # the fault itself takes a round trip over stdin
+        require_harmless(emulator, tmp_path)
+        if fault != "silent all":
+            dead = {2, 3} if fault[:2] in ("ov", "sh") else set()
+            assert all(s["torque_enable"] for k, s in emulator.servos().items() if k not in dead)
+            time.sleep(0.15)
+            free = {k for k, s in emulator.servos().items() if s["bus_watchdog"] == 0}
+            assert free >= ({1, 2, 3, 4} - ({2} if fault == "silent 2" else set()))
+
+
+@pytest.mark.parametrize("phase", PHASE)
+@pytest.mark.parametrize("fault", ENDURED)
+def test_a_bad_cable_is_lived_through(tmp_path: Path, fault: str, phase: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        outcome, _ = perform(emulator, tmp_path, phase, lambda: emulator.do(fault))
+        assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FINISHED, "hold", 0), outcome.reason
+        require_harmless(emulator, tmp_path)
+
+
+@pytest.mark.parametrize("phase", PHASE)
+def test_a_pulled_cable_leaves_the_servos_to_their_watchdog(tmp_path: Path, phase: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        outcome, took = perform(emulator, tmp_path, phase, lambda: emulator.do("unplug"))
+        assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.LOST, "watchdog", 1)
+        assert "is gone" in outcome.reason and took < 0.25
+        waited = until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
+        assert waited < 0.15
+        require_harmless(emulator, tmp_path)
+        emulator.do("plug")
+        again = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
+        assert again.ended is Ended.FINISHED
+        require_harmless(emulator, tmp_path)
+
+
+@pytest.mark.parametrize("phase", PHASE)
+@pytest.mark.parametrize(("signals", "state"), [((2,), "hold"), ((15,), "hold"), ((2, 2), "release")])
+def test_one_ctrl_c_holds_and_a_second_lets_go(tmp_path: Path, phase: str, signals: Any, state: str) -> None:
+    def act() -> None:
+        for k, number in enumerate(signals):
+            subprocess.Popen(["sh", "-c", f"sleep {0.05 + 0.06 * k}; kill -{number} {os.getpid()}"])
+
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        outcome, _ = perform(emulator, tmp_path, phase, act)
+        assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.INTERRUPTED, state, 1)
+        assert all(s["torque_enable"] == (state == "hold") for s in emulator.servos().values())
+        assert all(s["bus_watchdog"] == 0 for s in emulator.servos().values())
+        require_harmless(emulator, tmp_path)
+
+
+REFUSED = {
+    "silent 3": "j3 .* does not answer",
+    "silent all": "j1 .* does not answer.*j4 .* does not answer",
+    "model 2 1060": "j2 .* is a XL430-W250, the map says XM430-W350",
+    "supply 9.2": "supply is 9.2 V, allowed 10",
+    "heat 4 72": "j4 .* is 72 °C hot, 70 at most",
+    "overload 1": "j1 .* hardware error: overload",
+    "place 1 4000": "j1 .* stands at .* outside .* turn it by hand",
+    "duplicate 2 3": "j2 .*two servos|j3 .* does not answer",
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_a_robot_that_is_not_fit_is_not_moved(tmp_path: Path, fault: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        emulator.do(fault)
+        before = emulator.servos()
+        with pytest.raises(ServoError, match=REFUSED[fault]):
+            play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
+        after = emulator.servos()
+        assert all(after[k]["goals"] == before[k]["goals"] and not after[k]["torque_enable"] for k in after)
+
+
+@pytest.mark.parametrize("fault", [*ENDURED, "torque 2", "far away"])
+def test_what_can_be_lived_with_before_the_start_is(tmp_path: Path, fault: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, (1.4, -1.4, -1.4, 1.4) if fault == "far away" else START)
+        if fault != "far away":
+            emulator.do(fault)
+        before = emulator.servos()[2]
+        outcome = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
+        assert outcome.ended is Ended.FINISHED, outcome.reason
+        if fault == "torque 2":
+            assert before["torque_enable"]
+            return
+        require_harmless(emulator, tmp_path)
+
+
+def test_a_port_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(ServoError, match=r"cannot open .*tty"):
+        play(PLAN, ARM, tmp_path / "tty", OPTIONS)
+
+
+@pytest.mark.parametrize("phase", ["approach", "play"])
+def test_when_the_player_is_killed_the_servos_stop_by_themselves(tmp_path: Path, phase: str) -> None:
+    with emulated(tmp_path) as emulator:
+        emulator.spread(ARM, START)
+        (tmp_path / "arm.toml").write_text(dump_map(ARM), encoding="utf-8")
+        code = (
+            "import sys; sys.path.insert(0, 'tests/servo'); sys.path.insert(0, 'tests')\n"
+            "from test_servo_play import *\n"
+            f"play(PLAN, ARM, {emulator.port!r}, OPTIONS, say=lambda text: print(text, flush=True))"
+        )
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT) as player:
+            assert player.stdout
+            while not player.stdout.readline().startswith(PHASE[phase]):
+                pass
+            time.sleep(0.1)
+            player.send_signal(signal.SIGKILL)
+            killed = time.monotonic()
+            until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
+            assert time.monotonic() - killed < 0.15
+        assert all(s["torque_enable"] for s in emulator.servos().values())
+
+
+def test_taking_hold_moves_nothing_from_a_thousand_random_poses(tmp_path: Path) -> None:
+    """The largest step at torque on is at most what the cap allows; here it is a tick of rounding."""
+    rng = np.random.default_rng(5)
+    scale = Scale(ARM)
+    with emulated(tmp_path) as emulator, Bus(emulator.port, ARM.baud) as bus:
+        player = Player(bus, ARM, OPTIONS, Record(ARM.joints))
+        link = Link(bus, ARM, player.examine())
+        for _ in range(1000):
+            emulator.spread(ARM, rng.uniform(scale.lower + 0.01, scale.upper - 0.01).tolist())
+            player.engage(link)
+            link.set_all("torque_enable", 0)
+        seen = emulator.servos()
+    assert max(s["largest_step"] for s in seen.values()) <= 2
+
+
+def assert_match(pattern: str, text: str) -> None:
+    with pytest.raises(ServoError, match=pattern):
+        raise ServoError(text)
