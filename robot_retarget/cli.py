@@ -35,7 +35,7 @@ RobotName = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Frames = Annotated[str | None, typer.Option(help="Part of the clip, START:STOP in frames of the file.")]
 Fps = Annotated[
-    float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 60 at most.")
+    float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
 ]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]

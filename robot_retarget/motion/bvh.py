@@ -34,10 +34,16 @@ def read_bvh(path: str | Path) -> Capture:
         hierarchy.skeleton,
         positions,
         rotations if spoken else None,
-        1 / rows.frame_time,
+        _rate(rows.frame_time),
         str(path),
         (*hierarchy.notes, *rows.notes, *notes),
     )
+
+
+def _rate(frame_time: float) -> float:
+    """Frames per second; a whole number where the frame time is that number's, rounded to six digits as is usual."""
+    whole = round(1 / frame_time)
+    return float(whole) if whole and abs(1 / whole - frame_time) < 6e-7 else 1 / frame_time
 
 
 def parse_bvh(text: str, path: str | Path) -> tuple[Hierarchy, Rows]:

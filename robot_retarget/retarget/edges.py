@@ -30,7 +30,7 @@ TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 20.0
+    posture: float = 4.0
     """Pairwise distances over their path length."""
     touch: float = 60.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""

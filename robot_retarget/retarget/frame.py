@@ -21,7 +21,7 @@ MARGIN = 0.006
 """They stay this share of a leg apart."""
 SEPARATION_COST = 1e4
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
-COUPLED = 1e3
+COUPLED = 30.0
 """Weight of joints that are geared together and chains that close, over the squared leg length."""
 REFUSALS = 6
 """Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
@@ -173,10 +173,10 @@ class FrameSolver:
         rows[: len(floor), :nv], least[: len(floor)] = slope, -floor
         sunk = bool(floor.min(initial=0.0) < SUNK)
         if self.separation is not None:
-            distance, apart = self.separation.near(q)
+            distance, apart, rest = self.separation.near(q)
             near = slice(len(floor), len(floor) + len(distance))
-            rows[near, :nv], rows[near, nv], least[near] = apart, 1.0, MARGIN * self.leg - distance
-            missing = np.maximum(0.0, MARGIN * self.leg - distance)
+            missing = np.minimum(MARGIN * self.leg, rest) - distance  # links that rest nearer may stay so
+            rows[near, :nv], rows[near, nv], least[near] = apart, 1.0, missing
             total += SEPARATION_COST * float(missing.max(initial=0.0) / self.leg) ** 2
         return _Model(total, gradient, normal, rows, least, sunk)
 

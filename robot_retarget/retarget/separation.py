@@ -26,11 +26,12 @@ class Separation:
         self.carried = carrying(self.model).astype(float)
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
+        self.rest = np.full(self.counts.shape, np.inf)
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
-            self._leave_out_overlaps(rest)
+            self._learn(rest)
 
-    def near(self, qpos: Floats) -> tuple[Floats, Floats]:
-        """Distances (C,) [m], negative inside, and their slopes by v (C, nv), nearest first."""
+    def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         distance, pair, place, normal = self._contacts(qpos)
         order = np.argsort(distance)[: self.most]
         first, second = self.model.geom_bodyid[pair[order]].T
@@ -38,7 +39,8 @@ class Separation:
         turn, travel = self.data.cdof[:, :3], self.data.cdof[:, 3:]
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         slope = normal[order] @ travel.T + np.cross(arm, normal[order]) @ turn.T
-        return distance[order], slope * (self.carried[second] - self.carried[first])
+        slope = slope * (self.carried[second] - self.carried[first])
+        return distance[order], slope, self.rest[pair[order, 0], pair[order, 1]]
 
     def depth(self, qpos: Floats) -> float:
         """How deep the deepest two links are inside each other [m], 0 when none touch."""
@@ -55,10 +57,12 @@ class Separation:
         keep = np.flatnonzero(self.counts[pair[:, 0], pair[:, 1]])
         return found.dist[keep], pair[keep], found.pos[keep], found.frame[keep, :3]
 
-    def _leave_out_overlaps(self, qpos: Floats) -> None:
-        distance, pair, *_ = self._contacts(qpos)
-        for a, b in pair[distance < 0]:
-            self.counts[a, b] = self.counts[b, a] = False
+    def _learn(self, rest: Floats) -> None:
+        """Leave out pairs that overlap at rest; remember how near the others are."""
+        distance, pair, *_ = self._contacts(rest)
+        for gap, (a, b) in zip(distance, pair, strict=True):
+            self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap >= 0
+            self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 
 
 def carrying(model: mujoco.MjModel) -> np.ndarray:

@@ -14,8 +14,8 @@ from robot_retarget.retarget.solve import Progress, Smoothing, solve
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
-MOST_FPS = 60.0
-"""Motions of a higher rate are solved at this one unless told otherwise: above it lies noise, not motion [1/s]."""
+MOST_FPS = 30.0
+"""Motions of a higher rate are solved at this one unless told otherwise, as reference motions are by custom [1/s]."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,162 @@
+"""The command line as a user meets it: what it prints, what it writes, and what bad input gets."""
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_files import ROOT, SHARED, needs_shared
+
+WAVE = ROOT / "samples/wave.bvh"
+
+
+def run(*words: str | Path, cwd: Path | None = None, file_size: int | None = None) -> subprocess.CompletedProcess[str]:
+    def limit() -> None:
+        if file_size is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
+
+    command = [sys.executable, "-m", "robot_retarget", *map(str, words)]
+    env = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "HOME": "/tmp"}
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, preexec_fn=limit)
+
+
+def assert_refused(done: subprocess.CompletedProcess[str], *parts: str) -> None:
+    """Exit code 2, one or two lines on stderr that hold the parts, no traceback."""
+    assert done.returncode == 2, done.stderr
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note:")]
+    assert 1 <= len(lines) <= 2 and lines[0].startswith("error: "), done.stderr
+    assert "Traceback" not in done.stderr
+    for part in parts:
+        assert part in done.stderr, done.stderr
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("solved") / "wave.npz"
+    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:12", "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def test_solve_writes_the_trajectory_of_the_contract(solved: Path) -> None:
+    with np.load(solved, allow_pickle=False) as archive:
+        assert archive["qpos"].shape == (12, 27) and archive["qpos"].dtype == np.float64
+        assert float(archive["fps"]) == 30.0 and archive["joint_names"].shape == (20,)
+        assert {"robot", "source", "format_version"} <= {*archive.files}
+
+
+def test_info_prints_the_map_of_a_motion_and_of_a_robot() -> None:
+    motion, robot = run("info", WAVE), run("info", "op3")
+    assert motion.returncode == robot.returncode == 0
+    assert "RightWrist" in motion.stdout and "a human of 1.7" in motion.stdout
+    assert "r_el_link" in robot.stdout and "20 hinges, free joint" in robot.stdout
+
+
+def test_info_as_json_holds_every_keypoint_with_its_confidence() -> None:
+    facts = json.loads(run("info", WAVE, "--json").stdout)
+    assert facts["human"] and len(facts["keypoints"]) == 18
+    assert all(0 <= v["confidence"] <= 1 for v in facts["keypoints"].values())
+
+
+def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
+    done = run("simulate", solved, "--robot", "op3", "--json")
+    report = json.loads(done.stdout)
+    assert {"verdict", "reasons", "figures", "trajectory_sha256", "robot", "version"} == {*report}
+    assert done.returncode == (0 if report["verdict"] == "pass" else 1)
+
+
+def test_export_writes_names_and_units(solved: Path, tmp_path: Path) -> None:
+    done = run("export", solved, "--robot", "op3", "--format", "csv", "-o", tmp_path / "wave.csv")
+    assert done.returncode == 0, done.stderr
+    header = (tmp_path / "wave.csv").read_text().splitlines()[0]
+    assert "root_x [m]" in header and "r_el [rad]" in header
+
+
+def test_explain_names_the_edges_that_lost_most(tmp_path: Path) -> None:
+    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:6", "-o", tmp_path / "w.npz", "--explain")
+    assert done.returncode == 0 and "Edges that lost most" in done.stdout and " – " in done.stdout
+
+
+def test_run_fills_the_folder(tmp_path: Path) -> None:
+    done = run("run", WAVE, "--robot", "op3", "--frames", "0:6", "--out", tmp_path / "out")
+    assert done.returncode in (0, 1), done.stderr
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"trajectory.npz", "report.json"} <= names
+
+
+def test_every_command_shows_an_example() -> None:
+    for command in ("info", "solve", "run", "demo", "simulate", "export"):
+        assert f"Example: robot-retarget {command}" in run(command, "--help").stdout
+
+
+HEAD = (
+    "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n"
+)
+BAD_BVH = {
+    "empty file": ("", ()),
+    "no HIERARCHY": ("hello", ("HIERARCHY",)),
+    "truncated MOTION": (HEAD + "MOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0\n", ("bad.bvh:15",)),
+    "NaN": (HEAD + "MOTION\nFrames: 1\nFrame Time: 0.1\n0 nan 0\n", ("bad.bvh:14",)),
+    "infinite": (HEAD + "MOTION\nFrames: 1\nFrame Time: 0.1\n0 inf 0\n", ("bad.bvh:14",)),
+    "zero frame time": (HEAD + "MOTION\nFrames: 1\nFrame Time: 0\n0 0 0\n", ("Frame Time", "bad.bvh:13")),
+}
+
+
+@pytest.mark.parametrize("case", BAD_BVH, ids=str)
+def test_a_broken_motion_is_refused_by_file_and_line(case: str, tmp_path: Path) -> None:
+    text, parts = BAD_BVH[case]
+    (tmp_path / "bad.bvh").write_text(text)
+    assert_refused(run("solve", "bad.bvh", "--robot", "op3", "-o", "out.npz", cwd=tmp_path), "bad.bvh", *parts)
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.bvh"]
+
+
+def test_bad_names_and_frames_are_refused_with_what_is_known(tmp_path: Path) -> None:
+    (tmp_path / "clip.txt").write_text("x")
+    (tmp_path / "robot.xml").write_text("<mujoco><worldbody><body></worldbody></mujoco>")
+    out = ("-o", tmp_path / "out.npz")
+    assert_refused(run("solve", "clip.txt", "--robot", "op3", *out, cwd=tmp_path), "'.txt'", ".bvh, .npy, .npz")
+    assert_refused(run("solve", WAVE, "--robot", "op4", *out), "unknown robot 'op4'", "known: op3")
+    assert_refused(run("solve", WAVE, "--robot", tmp_path / "robot.xml", *out), "robot.xml", "MuJoCo does not load it")
+    assert_refused(run("solve", WAVE, "--robot", "op3", "--frames", "10:9999", *out), "frames 10:9999", "0:169")
+    assert_refused(run("solve", WAVE, "--robot", "op3", "--frames", "a:b", *out), "--frames takes START:STOP")
+    assert_refused(run("solve", tmp_path / "none.bvh", "--robot", "op3", *out), "no such file")
+    assert_refused(run("demo", "--clip", "jump", "--out", tmp_path / "d"), "no shipped clip 'jump'", "wave")
+    assert {p.name for p in tmp_path.iterdir()} == {"clip.txt", "robot.xml"}
+
+
+def test_an_unwritable_place_is_refused_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    for place in (tmp_path / "none/out.npz", tmp_path / "file/out.npz", tmp_path):
+        assert_refused(run("solve", WAVE, "--robot", "op3", "-o", place), "cannot write")
+    assert_refused(run("run", WAVE, "--robot", "op3", "--out", tmp_path / "file/out"), "cannot make the folder")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_disk_that_fills_up_leaves_nothing_half_written(tmp_path: Path) -> None:
+    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:12", "-o", tmp_path / "out.npz", file_size=1000)
+    assert_refused(done, "cannot write", "out.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_broken_trajectory_and_a_foreign_one_are_refused(solved: Path, tmp_path: Path) -> None:
+    (tmp_path / "t.npz").write_bytes(b"no archive")
+    assert_refused(run("simulate", tmp_path / "t.npz", "--robot", "op3"), "not a trajectory file")
+    assert_refused(run("export", solved, "--robot", "op3", "-f", "xyz", "-o", tmp_path / "o"), "xyz", "csv", "unitree")
+    assert not (tmp_path / "o").exists()
+
+
+@needs_shared
+def test_a_dog_is_described_and_not_solved(tmp_path: Path) -> None:
+    dog = SHARED / "motions/bvh/nonhuman_negative/dog_walk_Bip01.bvh"
+    told = run("info", dog)
+    assert told.returncode == 0 and "not a human" in told.stdout and "quadruped" in told.stdout
+    assert_refused(run("solve", dog, "--robot", "op3", "-o", tmp_path / "out.npz"), "quadruped")
+
+
+@needs_shared
+def test_a_trajectory_of_another_robot_is_refused(solved: Path) -> None:
+    other = SHARED / "robots/unitree_g1/unitree_g1.xml"
+    assert_refused(run("simulate", solved, "--robot", other), "unitree_g1")
