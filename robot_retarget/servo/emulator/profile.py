@@ -46,7 +46,8 @@ class Profile:
         if time >= self.total:
             return 0.0
         sign = 1 if self.distance >= 0 else -1
-        return sign * self.speed * min(1.0, *([time / self.ramp, (self.total - time) / self.ramp] if self.ramp else []))
+        share = min(1.0, time / self.ramp, (self.total - time) / self.ramp) if self.ramp else 1.0
+        return sign * self.speed * share
 
 
 def velocity_based(start: float, goal: float, velocity: int, acceleration: int) -> Profile:

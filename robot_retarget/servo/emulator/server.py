@@ -175,6 +175,7 @@ class Server:
         try:
             if words != ["state"]:
                 self.faults.add(line)
+                self._follow_plug()
             print(json.dumps(self.state()), flush=True)
         except ServoError as error:
             print(json.dumps({"error": str(error)}), flush=True)

@@ -1,0 +1,152 @@
+"""Servo maps out of other projects' configuration files: OP3.robot, lerobot, pypot, ToddlerBot."""
+
+import json
+from collections.abc import Callable
+from math import pi, radians
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.errors import ServoError, known
+from robot_retarget.servo.map import TICKS_PER_RADIAN, Servo, ServoMap
+from robot_retarget.servo.tables import CENTRE, MODELS
+
+TODDLERBOT = {
+    "XM430": "XM430-W210",
+    "XC330": "XC330-T288",
+    "XC430": "XC430-W240",
+    "2XC430": "2XC430-W250",
+    "2XL430": "2XL430-W250",
+    "XL330": "XL330-M288",
+}
+"""Full names of the models that its configuration abbreviates."""
+
+
+def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str | None = None) -> ServoMap:
+    """A servo map from a file of another project, recognised by what is in it.
+
+    Args:
+        path: OP3.robot; lerobot calibration JSON; pypot JSON; ToddlerBot config.json (its joints) .
+        offsets: the `offset.yaml` [rad] that belongs to an OP3.robot.
+        model: of servos whose file names none (lerobot).
+
+    Raises:
+        ServoError: the file cannot be read, or is none of these.
+    """
+    text = _text(path)
+    try:
+        if not text.lstrip().startswith("{"):
+            return _op3(text, _offsets(offsets), Path(path).stem.lower())
+        table = json.loads(text)
+        for holds, reader in _READERS:
+            if holds(table):
+                return reader(table, Path(path).stem, model)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ServoError(f"{path}: an entry lacks {error}") from error
+    except ValueError as error:
+        raise ServoError(f"{path}: {error}") from error
+    except ServoError as error:
+        raise ServoError(f"{path}: {error}") from None
+    raise ServoError(f"{path}: neither OP3.robot nor a JSON file of lerobot, pypot or ToddlerBot")
+
+
+def _op3(text: str, offsets: dict[str, float], name: str) -> ServoMap:
+    """[ device info ]: type | port | id | model | protocol | joint | items. A joint's zero is 2048 + its offset."""
+    servos, baud, section = [], 1_000_000, ""
+    for line in (line.split("#")[0].strip() for line in text.splitlines()):
+        if line.startswith("["):
+            section = line.strip("[] ")
+        elif line and section == "port info":
+            baud = int(line.split("|")[1])
+        elif line.startswith("dynamixel") and section == "device info":
+            _, _, identity, model, _, joint = (part.strip() for part in line.split("|")[:6])
+            zero = CENTRE + round(offsets.get(joint, 0.0) * TICKS_PER_RADIAN)
+            servos.append(Servo(joint, int(identity), _model(model), zero=zero))
+    if not servos:
+        raise ServoError("no dynamixel stands under [ device info ]")
+    strange = sorted(set(offsets) - {servo.joint for servo in servos})
+    if strange:
+        raise ServoError(f"the offsets name {strange[0]!r}; {known(servo.joint for servo in servos)}")
+    return ServoMap(name, tuple(servos), baud)
+
+
+def _lerobot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
+    """drive_mode 1 turns the sense round; the homing offset h moves the middle: raw = 2048 − h reads as 2048."""
+    if model is None:
+        raise ServoError("lerobot's calibration names no servo model; say it with --model")
+    servos = []
+    for joint, entry in table.items():
+        sign, zero = (-1 if entry["drive_mode"] else 1), CENTRE - int(entry["homing_offset"])
+        ends = sorted(sign * (int(entry[k]) - CENTRE) / TICKS_PER_RADIAN for k in ("range_min", "range_max"))
+        servos.append(Servo(joint, int(entry["id"]), _model(model), sign, zero, lower=ends[0], upper=ends[1]))
+    return ServoMap(name, tuple(servos))
+
+
+def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
+    """Degrees; `indirect` turns the sense round, `offset` is the joint's angle away from the servo's middle."""
+    servos = []
+    for joint, entry in table["motors"].items():
+        sign = -1 if entry["orientation"] == "indirect" else 1
+        zero = CENTRE + round(sign * radians(float(entry["offset"])) * TICKS_PER_RADIAN)
+        low, high = sorted(radians(float(angle)) for angle in entry["angle_limit"])
+        servos.append(
+            Servo(joint, int(entry["id"]), _model(model or str(entry["type"])), sign, zero, lower=low, upper=high)
+        )
+    return ServoMap(name, tuple(servos))
+
+
+def _toddlerbot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
+    """`joints` with id, spec, init_pos and limits [rad]; a gear ratio is turns of the joint for one of the servo."""
+    servos = []
+    for joint, entry in table["joints"].items():
+        if entry.get("type", "dynamixel") != "dynamixel":
+            continue
+        zero = round(float(entry["init_pos"]) * TICKS_PER_RADIAN)
+        gear = 1 / float(entry.get("gear_ratio", 1.0)) if entry.get("transmission") == "spur_gear" else 1.0
+        low, high = float(entry["lower_limit"]), float(entry["upper_limit"])
+        spec = model or TODDLERBOT.get(str(entry["spec"]), str(entry["spec"]))
+        servos.append(Servo(joint, int(entry["id"]), _model(spec), 1, zero, gear, max(low, -2 * pi), min(high, 2 * pi)))
+    return ServoMap(name, tuple(servos), 2_000_000)
+
+
+_READERS: tuple[tuple[Callable[[Any], bool], Callable[[dict[str, Any], str, str | None], ServoMap]], ...] = (
+    (lambda table: "motors" in table and "controllers" in table, _pypot),
+    (lambda table: "joints" in table, _toddlerbot),
+    (lambda table: bool(table) and all(isinstance(v, dict) and "homing_offset" in v for v in table.values()), _lerobot),
+)
+
+
+def _offsets(path: str | Path | None) -> dict[str, float]:
+    """The block `offset:` of an offset.yaml: lines `joint: radians`, deeper than its heading."""
+    if path is None:
+        return {}
+    found: dict[str, float] = {}
+    inside = False
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        bare = line.split("#")[0].rstrip()
+        if not bare:
+            continue
+        if not bare[0].isspace():
+            inside = bare.partition(":")[0] == "offset"
+            continue
+        if inside:
+            joint, colon, value = bare.strip().partition(":")
+            try:
+                found[joint] = float(value) if colon else float("nan")
+            except ValueError:
+                raise ServoError(f"{path}:{number}: {bare.strip()!r} is no joint with an angle") from None
+    if not found:
+        raise ServoError(f"{path}: no block `offset:` with joints")
+    return found
+
+
+def _model(name: str) -> str:
+    """The name without what only says how it is plugged."""
+    plain = name.strip().upper()
+    return next((known_name for known_name in MODELS if plain.startswith(known_name)), plain)
+
+
+def _text(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ServoError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error

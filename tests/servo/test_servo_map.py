@@ -1,0 +1,149 @@
+"""Ticks and radians agree, a map survives its file, and other projects' files become maps."""
+
+import json
+from math import pi
+from pathlib import Path
+
+import pytest
+from emulated import ARM
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.foreign import read_foreign
+from robot_retarget.servo.map import Servo, dump_map, load_map, shipped_maps
+
+SERVOS = st.builds(
+    Servo,
+    st.just("joint"),
+    st.integers(0, 252),
+    st.just("XM430-W350"),
+    st.sampled_from([-1, 1]),
+    st.integers(0, 4095),
+    st.floats(0.2, 5),
+    st.floats(-3, -0.1),
+    st.floats(0.1, 3),
+)
+
+
+@given(SERVOS, st.integers(-8192, 8192))
+def test_a_tick_becomes_an_angle_and_the_same_tick(servo: Servo, ticks: int) -> None:
+    assert servo.ticks(servo.radians(ticks)) == ticks
+
+
+@given(SERVOS, st.floats(-3, 3))
+def test_rounding_loses_at_most_half_a_tick(servo: Servo, angle: float) -> None:
+    assert abs(servo.radians(servo.ticks(angle)) - angle) <= pi / 4096 / servo.gear + 1e-12
+
+
+@given(SERVOS)
+def test_a_turn_is_4096_ticks_times_the_gear_in_the_servo_s_sense(servo: Servo) -> None:
+    assert servo.ticks(0) == servo.zero
+    assert servo.ticks(2 * pi) - servo.zero == servo.sign * round(4096 * servo.gear)
+
+
+@given(SERVOS)
+def test_the_tick_range_is_inside_the_joint_s_and_one_turn(servo: Servo) -> None:
+    low, high = servo.tick_range
+    assert low >= 0 and high <= 4095
+    for ticks in {low, high} if low <= high else ():
+        assert servo.lower - 0.001 / servo.gear <= servo.radians(ticks) <= servo.upper + 0.001 / servo.gear
+
+
+def test_a_map_comes_back_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text(dump_map(ARM), encoding="utf-8")
+    assert load_map(path) == ARM
+
+
+def test_the_shipped_maps_load_and_name_their_robot() -> None:
+    assert "op3" in shipped_maps()
+    for name in shipped_maps():
+        assert load_map(name).robot == name
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "at least one servo"),
+        ("[servo.a]\nid = 1", "a: missing 1 required positional argument: 'model'"),
+        ("[servo.a]\nid = 1\nmodel = 'XM430-W350'\nspin = 2", "a: no key 'spin'; known: .*zero"),
+        ("[servo.a]\nid = 1\nmodel = 'AX-12'", "no servo model 'AX-12'"),
+        ("[servo.a]\nid = 300\nmodel = 'XM430-W350'", "id 300 is not in"),
+        ("[servo.a]\nid = 1\nmodel = 'XM430-W350'\n[servo.b]\nid = 1\nmodel = 'XM430-W350'", "id 1 stands twice"),
+        ("[servo.a]\nid = '1'\nmodel = 'XM430-W350'", "a: id cannot be '1'"),
+        ("[stop.pose]\nb = 1.0\n[servo.a]\nid = 1\nmodel = 'XM430-W350'", "names 'b', which has no servo; known: a"),
+        ("baud = 31250\n[servo.a]\nid = 1\nmodel = 'XM430-W350'", "baud 31250 is none"),
+        ("[servo.a\n", "Expected"),
+    ],
+)
+def test_a_map_that_means_nothing_is_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ServoError, match=message) as caught:
+        load_map(path)
+    assert str(path) in str(caught.value)
+
+
+OP3 = """[ control info ]
+control_cycle = 8   # [ms]
+[ port info ]
+/dev/ttyUSB0 | 2000000 | r_sho_pitch
+[ device info ]
+# TYPE | PORT | ID | MODEL | PROTOCOL | DEV NAME | BULK READ ITEMS
+dynamixel | /dev/ttyUSB0 | 1 | XM430-W350 | 2.0 | r_sho_pitch | present_position, position_p_gain
+dynamixel | /dev/ttyUSB0 | 2 | XM430-W350 | 2.0 | l_sho_pitch | present_position
+sensor | /dev/ttyUSB0 | 200 | OPEN-CR | 2.0 | open-cr | button
+"""
+
+
+def test_an_op3_robot_file_with_offsets_becomes_a_map(tmp_path: Path) -> None:
+    (tmp_path / "OP3.robot").write_text(OP3)
+    (tmp_path / "offset.yaml").write_text("offset:\n  r_sho_pitch: 0.1  # rad\n  l_sho_pitch: 0\ninit:\n  x: 3\n")
+    read = read_foreign(tmp_path / "OP3.robot", tmp_path / "offset.yaml")
+    assert (read.baud, read.ids, read.joints) == (2_000_000, (1, 2), ("r_sho_pitch", "l_sho_pitch"))
+    assert [s.zero for s in read.servos] == [2048 + 65, 2048]
+
+
+def test_a_lerobot_calibration_becomes_a_map(tmp_path: Path) -> None:
+    path = tmp_path / "arm.json"
+    entry = {"id": 1, "drive_mode": 1, "homing_offset": -100, "range_min": 1024, "range_max": 3048}
+    path.write_text(json.dumps({"shoulder_pan": entry}))
+    with pytest.raises(ServoError, match="names no servo model"):
+        read_foreign(path)
+    (servo,) = read_foreign(path, model="XL430-W250").servos
+    assert (servo.sign, servo.zero, servo.type.name) == (-1, 2148, "XL430-W250")
+    assert servo.lower == pytest.approx(-1000 * 2 * pi / 4096) and servo.upper == pytest.approx(pi / 2)
+
+
+def test_a_pypot_configuration_becomes_a_map(tmp_path: Path) -> None:
+    path = tmp_path / "poppy.json"
+    motor = {"id": 11, "type": "XM430-W350-T", "orientation": "indirect", "offset": 90.0, "angle_limit": [-30, 28]}
+    path.write_text(json.dumps({"controllers": {}, "motorgroups": {}, "motors": {"r_hip_x": motor}}))
+    (servo,) = read_foreign(path).servos
+    assert (servo.id, servo.sign, servo.zero, servo.model) == (11, -1, 1024, "XM430-W350")
+    assert servo.lower == pytest.approx(-30 * pi / 180)
+
+
+def test_a_toddlerbot_configuration_becomes_a_map(tmp_path: Path) -> None:
+    path = tmp_path / "toddler.json"
+    joint = {"id": 3, "type": "dynamixel", "spec": "XC330", "init_pos": pi, "lower_limit": -1, "upper_limit": 1.5}
+    path.write_text(json.dumps({"general": {}, "joints": {"neck": joint, "soft": {"type": "passive"}}}))
+    (servo,) = read_foreign(path).servos
+    assert (servo.joint, servo.zero, servo.upper, servo.type.name) == ("neck", 2048, 1.5, "XC330-T288")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{}", "neither OP3"),
+        ("{", "Expecting"),
+        ("hello", "no dynamixel stands"),
+        ('{"joints": {"a": {}}}', "'init_pos'"),
+    ],
+)
+def test_what_is_none_of_these_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "strange.json"
+    path.write_text(text)
+    with pytest.raises(ServoError, match=message):
+        read_foreign(path)
