@@ -1,0 +1,99 @@
+"""Links apart and chains closed: distances and slopes against MuJoCo and finite differences."""
+
+import mujoco
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.motion import read_motion
+from robot_retarget.retarget.frame import Options
+from robot_retarget.retarget.separation import Separation, carrying
+from robot_retarget.retarget.transfer import retarget
+from robot_retarget.robot import load_robot
+from robot_retarget.robot.coupling import Coupling
+from robot_retarget.robot.kinematics import integrate
+from robot_retarget.shipped import SAMPLES
+
+TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
+
+
+def crossed_arms() -> tuple[Separation, np.ndarray]:
+    robot = load_robot("op3")
+    pose = robot.standing()
+    for side, sign in (("l", 1), ("r", -1)):
+        index = robot.qpos_index[robot.joint_names.index(f"{side}_sho_pitch")]
+        pose[index] = -1.2 * sign
+        pose[robot.qpos_index[robot.joint_names.index(f"{side}_el")]] = -1.2 * sign
+    return Separation(robot, 0.05), pose
+
+
+def test_slopes_agree_with_central_differences() -> None:
+    separation, pose = crossed_arms()
+    robot, step = load_robot("op3"), 1e-6
+    distance, slope, _ = separation.near(pose)
+    assert len(distance) > 3
+    checked = 0
+    for column, direction in enumerate(np.eye(robot.model.nv)):
+        ahead, behind = (separation.near(integrate(robot, pose, s * step * direction))[0] for s in (1, -1))
+        if len(ahead) == len(behind) == len(distance):
+            smooth = np.abs(ahead + behind - 2 * distance) < 1e-9  # the nearest points did not leap
+            assert np.allclose(slope[smooth, column], ((ahead - behind) / (2 * step))[smooth], atol=2e-3)
+            checked += int(smooth.sum())
+    assert checked > 20 * len(distance)
+
+
+def test_what_overlaps_at_rest_is_left_out() -> None:
+    robot = load_robot("op3")
+    separation = Separation(robot, 0.02)
+    assert separation.depth(robot.neutral()) == separation.depth(np.array(robot.model.qpos0)) == 0.0
+
+
+def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:
+    robot = load_robot("op3")
+    table, data = carrying(robot.model), mujoco.MjData(robot.model)
+    for dof, direction in enumerate(np.eye(robot.model.nv)):
+        moved = []
+        for pose in (robot.standing(), integrate(robot, robot.standing(), 0.3 * direction)):
+            data.qpos[:] = pose
+            mujoco.mj_kinematics(robot.model, data)
+            moved.append((data.xipos.copy(), data.ximat.copy()))
+        differs = (np.abs(moved[0][1] - moved[1][1]).max(1) > 1e-9) | (np.abs(moved[0][0] - moved[1][0]).max(1) > 1e-9)
+        assert (differs == table[:, dof]).all()
+
+
+def deepest(options: Options) -> float:
+    robot = load_robot("op3")
+    motion = read_motion(SAMPLES / "hips_and_bow.bvh").resample(15)
+    qpos = retarget(motion, robot, options=options).trajectory.qpos
+    separation = Separation(robot, 0.0)
+    return max(separation.depth(q) for q in qpos)
+
+
+def test_separation_keeps_links_from_entering_each_other() -> None:
+    assert deepest(Options(separation=False)) > 0.002
+    assert deepest(Options()) < 0.001
+
+
+@needs_shared
+def test_coupled_joints_and_closed_chains_hold() -> None:
+    robot = load_robot(TODDLER)
+    qpos = retarget(read_motion(SAMPLES / "clap.bvh").resample(10), robot).trajectory.qpos
+    coupling = Coupling(robot)
+    assert coupling.present
+    assert max(np.abs(coupling(q)[0]).max() for q in qpos) < 1e-4
+
+
+@needs_shared
+def test_coupling_slopes_agree_with_central_differences() -> None:
+    robot, step = load_robot(TODDLER), 1e-6
+    coupling = Coupling(robot)
+    pose = integrate(robot, robot.neutral(), 0.1 * np.random.default_rng(0).normal(size=robot.model.nv))
+    slope = coupling(pose)[1]
+    for column, direction in enumerate(np.eye(robot.model.nv)):
+        ahead, behind = (coupling(integrate(robot, pose, s * step * direction))[0] for s in (1, -1))
+        assert slope[:, column] == pytest.approx((ahead - behind) / (2 * step), abs=1e-5)
+
+
+def test_a_robot_without_equalities_has_no_coupling() -> None:
+    coupling, pose = Coupling(load_robot("op3")), load_robot("op3").standing()
+    assert not coupling.present and (coupling.closed(pose) == pose).all()
