@@ -8,7 +8,7 @@ OMP_NUM_THREADS=1 to keep everything on one core.
 import argparse
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,7 @@ class Score:
     foreseen: int = 0
     alarms: int = 0
     right: int = 0
-    leads: list[float] | None = None
+    leads: list[float] = field(default_factory=list)
 
     @property
     def recall(self) -> float:
@@ -96,7 +96,7 @@ def judge(cases: Sequence[Case], alarms: Sequence[np.ndarray], horizon: float) -
     An alarm is right when its pair touches, or comes within `NEAR_MISS`, before the horizon after it is over. Those
     under way in a trajectory's first frames (no step is known) count for neither.
     """
-    score = Score(leads=[])
+    score = Score()
     for case, alarm in zip(cases, alarms, strict=True):
         fps, last = case.trajectory.fps, len(case.distance)
         ahead, gap, touch = round(horizon * fps), round(GAP * fps), case.distance <= 0

@@ -19,6 +19,8 @@ from robot_retarget.dgp.interaction import Interaction, steps_ahead
 from robot_retarget.robot.capsules import Capsules
 from robot_retarget.robot.collidable import Pairs
 
+REST = Interaction(horizon=0)
+"""Looks at no step ahead: D is the distance now."""
 BLOCK = 32
 """Frames handled at once: the working arrays stay in the processor's cache."""
 _POINT = 1e-12
@@ -35,6 +37,10 @@ class Approach:
     """(T, P) the interaction distance D [m]: the same at its least within the horizon."""
     alpha: Ints
     """(T, P) α: D is reached α − 1 steps from now."""
+
+    def at(self, frames: Ints) -> "Approach":
+        """Those of some frames."""
+        return Approach(self.distance[frames], self.ahead[frames], self.alpha[frames])
 
 
 class CapsulePairs:

@@ -22,12 +22,14 @@ STEP = 1 / 30
 """Time over which a step is taken [s]: whole frames, at least one."""
 FADING = 8 / 30
 """The time over which a change of pace fades, τ steps [s]."""
-REACH = 0.05
+REACH = 0.2
 """Surfaces farther apart than this count as this far [m]."""
+CLOSING = 5e-4
+"""A pair that comes no nearer than this within the horizon stays where it is [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
 """Steps ahead that are looked at; past those every third."""
-MAIN = np.array([0, 3, 6, 9, 12, 15])
-"""Which of them tell whether the others are worth a look."""
+MAIN = 3
+"""Every so many instants, and the last, are looked at to tell whether the others are worth it."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +39,13 @@ class Outlook:
     distance: Floats
     """(N,) between the geoms now [m], negative inside; at most `REACH`."""
     next: Floats
-    """(N,) the same one step ahead."""
+    """(N,) the same one step ahead, where the pair closes."""
     contact: Floats
     """(N,) time to contact [s], 0 in contact, infinite where none is foreseen within the horizon."""
     depth: Floats
     """(N,) how deep the surfaces would come to overlap within the horizon [m]."""
     sure: Floats
-    """(N,) by how much the foreseen overlap exceeds what is asked for at its instant, at best [m]."""
+    """(N,) by how much the foreseen overlap exceeds what is asked for at its instant, at best [m]; −∞ unless closing."""
 
 
 class Joints:
@@ -73,12 +75,15 @@ class Joints:
 class Foresight:
     """Distances of chosen pairs along the path of the joints."""
 
-    def __init__(self, robot: Robot, pairs: Pairs, horizon: float, step: float, margin: float, doubt: float, slack: float):
+    def __init__(
+        self, robot: Robot, pairs: Pairs, horizon: float, step: float, margin: float, doubt: float, slack: float
+    ):
         """Look `horizon` [s] ahead in steps of `step` [s]; `sure` is measured against margin − ½ doubt t²."""
         self.joints, self.clearance, self.slack = Joints(robot), Clearance(robot, pairs), slack
         steps, fading = horizon / step, FADING / step
         self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
-        self.main, self.other = MAIN[MAIN < len(self.k)], np.setdiff1d(np.arange(len(self.k)), MAIN)
+        self.main = np.union1d(range(0, len(self.k), MAIN), len(self.k) - 1)
+        self.other = np.setdiff1d(np.arange(len(self.k)), self.main)
         self.e = fading * (self.k + (fading - 0.5) * np.expm1(-self.k / fading))
         self.times = np.concatenate([[0.0], self.k]) * step
         self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
@@ -114,7 +119,9 @@ class Foresight:
         contact = np.where(hit, times[before] + share * (times[after] - times[before]), np.inf)
         contact = np.where(now <= 0, 0.0, contact)
         depth = np.maximum(0.0, -distances.min(0))
-        return Outlook(now, ahead[0], contact, depth, (self.asked[:, None] - ahead).max(0))
+        closing = ahead.min(0) < now - CLOSING
+        sure = np.where(closing, (self.asked[:, None] - ahead).max(0), -np.inf)
+        return Outlook(now, np.where(closing, ahead[0], REACH), contact, depth, sure)
 
     def _placed(self, qpos: Floats, pairs: Ints) -> list[float]:
         self.clearance.place(qpos)

@@ -11,7 +11,8 @@ of the joints. A pair is then in one of four states,
     clear        none of these,
 
 and keeps the highest that any of the last `release` seconds called for, so that a warning does not flicker. A stretch
-of imminent or contact is an event. Everything at a frame depends on that frame and earlier ones only.
+of imminent or contact is an event. States are looked at every 1/30 s, whatever the frame rate, and stand in between.
+Everything at a frame depends on that frame and earlier ones only.
 """
 
 from collections import deque
@@ -26,7 +27,7 @@ from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.retarget.approach import Approach, CapsulePairs
 from robot_retarget.retarget.events import Event, events_of
-from robot_retarget.retarget.foresight import Foresight, Outlook, changes, span_of, strides
+from robot_retarget.retarget.foresight import Foresight, changes, span_of, strides
 from robot_retarget.retarget.states import State, Windows
 from robot_retarget.robot import Robot
 from robot_retarget.robot.capsules import Capsules, fit_capsules
@@ -146,8 +147,9 @@ def warnings_of(
     qpos = eye.foresight.joints.pinned(trajectory.qpos)
     ends, steps = eye.known.capsules.world(robot, qpos), strides(qpos, eye.span)
     near = eye.known.capsule_pairs.approach(ends, strides(ends, eye.span), eye.interaction)
-    outlook = eye.look(near, qpos, steps, changes(steps, eye.span))
-    return eye.warnings(near, outlook, eye.windows.all)
+    looks = np.arange(0, len(qpos), eye.span)
+    seen = eye.look(near.at(looks), qpos[looks], steps[looks], changes(steps, eye.span)[looks], eye.windows.all)
+    return eye.warnings(near, seen, np.arange(len(qpos)))
 
 
 class Warner:
@@ -165,6 +167,8 @@ class Warner:
         self.eye = Eye(known or surfaces(robot), float(fps), options or WarnOptions())
         self._past: deque[Floats] = deque(maxlen=2 * self.eye.span + 1)
         self._ends: deque[Floats] = deque(maxlen=self.eye.span + 1)
+        self._count = 0
+        self._seen: Seen | None = None
 
     def update(self, qpos: Floats) -> Warnings:
         """What is to be said of this configuration (nq,), knowing those before.
@@ -183,44 +187,63 @@ class Warner:
         steps = strides(np.array(self._past), eye.span)
         share = eye.span / max(len(self._ends) - 1, 1)
         near = eye.known.capsule_pairs.approach(ends, (ends - self._ends[0]) * share, eye.interaction)
-        outlook = eye.look(near, still[None], steps[-1:], changes(steps, eye.span)[-1:])
-        return eye.warnings(near, outlook, eye.windows.next)
+        since = self._count % eye.span
+        if self._seen is None or since == 0:
+            changed = changes(steps, eye.span)[-1:]
+            self._seen = eye.look(near, still[None], steps[-1:], changed, eye.windows.next)
+        self._count += 1
+        return eye.warnings(near, self._seen, np.array([since]))
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What L looks made of P pairs, (L, P) each; the fields are those of `Warnings`."""
+
+    state: np.ndarray
+    time_to_contact: Floats
+    depth: Floats
+    touching: np.ndarray
 
 
 class Eye:
-    """What both ways of watching share: one robot, one frame rate, one set of options."""
+    """What both ways of watching share: one robot, one frame rate, one set of options.
+
+    It looks once in every step, so that other frame rates see the same.
+    """
 
     def __init__(self, known: Surfaces, fps: float, options: WarnOptions):
         self.known, self.fps, self.options = known, fps, options
         self.span = span_of(fps)
         step = self.span / fps
         self.interaction = Interaction(options.horizon / step, options.dead_band)
-        self.foresight = Foresight(known.robot, known.pairs, options.horizon, step, options.margin, options.doubt, options.slack)
-        self.windows = Windows(round(options.confirm * fps) + 1, round(options.release * fps) + 1)
+        self.foresight = Foresight(
+            known.robot, known.pairs, options.horizon, step, options.margin, options.doubt, options.slack
+        )
+        self.windows = Windows(round(options.confirm / step) + 1, round(options.release / step) + 1)
 
-    def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats) -> tuple[np.ndarray, Outlook]:
-        """Which (T, P) come near enough to be looked at, and what is foreseen of them, in that order."""
-        suspect = near.ahead <= self.options.slack
-        drop = near.distance - near.ahead
-        looks = []
+    def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats, judge: Judge) -> Seen:
+        """States at L looks, from configurations (L, nq), their steps and changes of step."""
+        suspect, drop = near.ahead <= self.options.slack, near.distance - near.ahead
+        distances = [np.zeros((1 + len(self.foresight.k), 0))]
         for t in np.flatnonzero(suspect.any(axis=1)):
             pairs = np.flatnonzero(suspect[t])
-            looks.append(self.foresight.look(qpos[t], steps[t], changed[t], pairs, drop[t, pairs]))
-        none = np.zeros((1 + len(self.foresight.k), 0))
-        return suspect, self.foresight.outlook(np.concatenate([none, *looks], axis=1))
-
-    def warnings(self, near: Approach, looked: tuple[np.ndarray, Outlook], judge: Judge) -> Warnings:
-        """States from what was foreseen, and everything as full arrays."""
-        suspect, outlook = looked
+            distances.append(self.foresight.look(qpos[t], steps[t], changed[t], pairs, drop[t, pairs]))
+        outlook = self.foresight.outlook(np.concatenate(distances, axis=1))
         touching = spread(suspect, outlook.distance <= 0, False)
         contact = spread(suspect, outlook.contact, np.inf)
         called = np.where(np.isfinite(contact), State.APPROACHING, State.CLEAR)
         called[spread(suspect, outlook.next <= self.options.margin / 2, False)] = State.IMMINENT
         called[touching] = State.CONTACT
         state = judge(spread(suspect, outlook.sure > 0, False), called)
-        depth = spread(suspect, outlook.depth, 0.0)
+        return Seen(state, contact, spread(suspect, outlook.depth, 0.0), touching)
+
+    def warnings(self, near: Approach, seen: Seen, frames: Ints) -> Warnings:
+        """What was seen, said at frames counted from the first look; the time to contact runs on between looks."""
+        look, since = frames // self.span, (frames % self.span) / self.fps
+        contact = np.maximum(seen.time_to_contact[look] - since[:, None], 0.0)
+        near_fields = near.distance, near.ahead, near.alpha
         return Warnings(
-            self.known.names, self.fps, near.distance, near.ahead, near.alpha, state, contact, depth, touching
+            self.known.names, self.fps, *near_fields, seen.state[look], contact, seen.depth[look], seen.touching[look]
         )
 
 

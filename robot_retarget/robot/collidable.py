@@ -111,7 +111,9 @@ def _apart(
     robot: Robot, table: dict[tuple[int, int], list[tuple[int, int]]], qpos: Floats
 ) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """The geom pairs that do not overlap at a configuration."""
-    clearance = Clearance(robot, Pairs(np.zeros((0, 2), dtype=np.int64), tuple((pair,) for pairs in table.values() for pair in pairs)))
+    clearance = Clearance(
+        robot, Pairs(np.zeros((0, 2), dtype=np.int64), tuple((pair,) for pairs in table.values() for pair in pairs))
+    )
     clearance.place(qpos)
     flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
     kept: dict[tuple[int, int], list[tuple[int, int]]] = {}
@@ -122,8 +124,10 @@ def _apart(
 
 
 def _ever_near(robot: Robot, pairs: Pairs) -> np.ndarray:
-    """(P,) whether links come near each other in any of many poses; those many hinges apart are taken to."""
-    near = np.array([_hinges_between(robot, a, b) > FEW_HINGES for a, b in pairs.links.tolist()], dtype=bool)
+    """(P,) whether links come near each other in any of many poses; those many hinges or a slide apart are taken to."""
+    hinges = set(robot.joint_ids.tolist())
+    between = [_joints_between(robot, a, b) for a, b in pairs.links.tolist()]
+    near = np.array([len(joints) > FEW_HINGES or not joints <= hinges for joints in between], dtype=bool)
     clearance, draw = Clearance(robot, pairs), np.random.default_rng(0)
     qpos = robot.neutral()
     for _ in range(POSES):
@@ -136,15 +140,15 @@ def _ever_near(robot: Robot, pairs: Pairs) -> np.ndarray:
     return near
 
 
-def _hinges_between(robot: Robot, first: int, second: int) -> int:
-    """Joints on the way from one link to another."""
+def _joints_between(robot: Robot, first: int, second: int) -> set[int]:
+    """Joints that move one link against another."""
     model = robot.model
 
-    def way(body: int) -> list[int]:
+    def way(body: int) -> set[int]:
         line = [body]
         while line[-1]:
             line.append(int(model.body_parentid[line[-1]]))
-        return line
+        return set(line)
 
-    ends = set(way(first)) ^ set(way(second))
-    return int(sum(model.body_jntnum[body] for body in ends))
+    apart = way(first) ^ way(second)
+    return {joint for joint in range(model.njnt) if model.jnt_bodyid[joint] in apart}
