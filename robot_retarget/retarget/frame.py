@@ -19,7 +19,7 @@ REACH = 0.03
 """Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
 MARGIN = 0.006
 """They stay this share of a leg apart."""
-SEPARATION_COST = 1e4
+SEPARATION_COST = 1e6
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
 COUPLED = 30.0
 """Weight of joints that are geared together and chains that close, over the squared leg length."""

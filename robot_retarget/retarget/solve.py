@@ -28,6 +28,10 @@ SETTLED = 0.01
 """A frame that the last pass moved by less counts as converged [rad or m]."""
 
 
+OVERLAP = 5e-4
+"""Links inside each other by more are not accepted without a full descent [m]."""
+
+
 @dataclass(frozen=True)
 class Smoothing:
     """How the whole clip is brought to agree with a smooth path (`solve_clip`)."""
@@ -107,6 +111,7 @@ def clip_passes(
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
+    path = draft
     for _ in range(smoothing.passes):
         moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
         path = _smooth_path(solver, moved, stiffness)
@@ -117,6 +122,9 @@ def clip_passes(
             wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
             poses[t] = _resumed(pose, solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1, box), robot)
             count.one()
+    for t in _still_overlapping(solver, poses):
+        wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
+        poses[t] = solver.descend(poses[t].qpos, wished, Pull(path[t], -dual[t], weight), solver.options.iterations)
     return poses
 
 
@@ -132,6 +140,13 @@ def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float) -> list[F
     speed = np.array([difference(solver.robot, a, b) for a, b in pairwise(moved)])
     offsets = smooth_offsets(speed, stiffness)
     return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
+
+
+def _still_overlapping(solver: FrameSolver, poses: list[Pose]) -> list[int]:
+    """Frames whose links the passes left inside each other; they get a full descent."""
+    if solver.separation is None:
+        return []
+    return [t for t, pose in enumerate(poses) if solver.separation.depth(pose.qpos) > OVERLAP]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:
