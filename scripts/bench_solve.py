@@ -1,0 +1,300 @@
+"""Measure the solver: `python scripts/bench_solve.py --robots op3 … --clips FILE …` prints Markdown tables. One core.
+
+Frames per second frame by frame and of the whole clip, next to a differential inverse kinematics built on mink [Zakka]
+in the same run, and where our time goes. Set OMP_NUM_THREADS=1 to keep the linear algebra on one core too.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import mujoco
+import numpy as np
+from retarget_figures import figures
+
+import robot_retarget as rr
+from robot_retarget.arrays import Floats
+from robot_retarget.retarget import frame as frame_module
+from robot_retarget.retarget import solve as solve_module
+from robot_retarget.retarget.compiled import Compiled, QuadraticProgram
+from robot_retarget.retarget.edges import Edges, build_edges
+from robot_retarget.retarget.frame import FrameSolver, place_root
+from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.problem import Problem, build_problem
+from robot_retarget.retarget.separation import Separation
+from robot_retarget.retarget.solve import Smoothing, solve
+from robot_retarget.retarget.transfer import MOST_FPS
+from robot_retarget.robot.coupling import Coupling
+from robot_retarget.shipped import SAMPLES
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
+WALK = SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/02_01_walk.bvh"
+WHOLE, PEER = "whole clip", "mink"
+MODES = {"frame by frame": Smoothing(passes=0), WHOLE: Smoothing()}
+IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
+"""mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
+PROGRAM = "quadratic program"
+PARTS: dict[str, list[tuple[object, str]]] = {
+    "kinematics and normal equations": [(Compiled, "__call__")],
+    "separation of links": [(Separation, "near")],
+    PROGRAM: [(QuadraticProgram, "solve")],
+    "closed chains, gears": [(Coupling, "__call__"), (Coupling, "closed")],
+    "configurations q ⊕ v, q ⊖ p": [(m, f) for m in (frame_module, solve_module) for f in ("integrate", "difference")],
+    "Python around the quadratic model": [(FrameSolver, "_model"), (FrameSolver, "_step")],
+    "Python of the descent": [(FrameSolver, "descend")],
+}
+"""What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A clip on a robot, prepared: what the solver is given."""
+
+    motion: rr.Motion
+    match: Match
+    edges: Edges
+    problem: Problem
+
+    @property
+    def name(self) -> str:
+        return f"{self.problem.robot.name}, {Path(self.motion.source).stem} ({len(self.edges)} frames)"
+
+
+def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> Case:
+    """Match, describe by edges and compile; not part of any figure."""
+    motion = motion.resample(fps or min(motion.fps, MOST_FPS))
+    matched = rr.match(motion, robot)
+    edges = build_edges(motion, matched)
+    return Case(motion, matched, edges, build_problem(robot, matched, edges))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of a solver."""
+
+    qpos: Floats
+    """(T, nq)."""
+    seconds: float
+    first: float
+    """Seconds until the first frame was done, its several starts among them."""
+    steps: float
+    """Steps a frame, in the mean."""
+    draft: float = 0.0
+    """Seconds until the passes over the clip began."""
+
+    @property
+    def rate(self) -> float:
+        """Frames per second."""
+        return len(self.qpos) / self.seconds
+
+    @property
+    def rate_after_first(self) -> float:
+        """Frames per second once the first frame is there."""
+        return (len(self.qpos) - 1) / (self.seconds - self.first)
+
+
+class Stopwatch:
+    """Notes when the first frame is done."""
+
+    def __init__(self) -> None:
+        self.began, self.first = time.perf_counter(), np.nan
+
+    def tick(self, done: int, _: int) -> None:
+        """As a `Progress`."""
+        if done == 1:
+            self.first = self.now()
+
+    def now(self) -> float:
+        """Seconds since it was made."""
+        return time.perf_counter() - self.began
+
+
+def ours(case: Case, smoothing: Smoothing) -> Run:
+    """Our solver, its starts, sketch and final check included."""
+    watch = Stopwatch()
+    solution = solve(case.problem, case.edges, case.motion.fps, smoothing=smoothing, progress=watch.tick)
+    steps, draft = float(solution.iterations.mean()), solution.timings["draft"]
+    return Run(solution.trajectory.qpos, watch.now(), watch.first, steps, draft)
+
+
+def inverse_kinematics(case: Case) -> Run:
+    """The same by mink, one frame after the other: the human posture rebuilt with the robot's bones is tracked point
+    by point, segments in their orientation, within joint ranges; no floor, footholds or separation.
+    """
+    import mink
+
+    robot, edges = case.problem.robot, case.edges
+    model = _with_sites(case.problem)
+    places = [mink.FrameTask(f"point {k}", "site", 1.0, 0.0) for k in edges.keypoints]
+    turns = [mink.FrameTask(f"segment {s}", "site", 0.0, 0.1) for s in edges.segments]
+    posture = mink.PostureTask(model, cost=1e-3)
+    start = place_root(case.problem, robot.standing(), edges.root[0], edges.facing[0])
+    posture.set_target(start)
+    limits, configuration, dt = [mink.ConfigurationLimit(model)], mink.Configuration(model, start), 1 / case.motion.fps
+    points, qpos, steps = rebuilt(case), [], 0
+    watch = Stopwatch()
+    for t in range(len(edges)):
+        for task, place in zip(places, points[t], strict=True):
+            task.set_target(mink.SE3.from_translation(place))
+        for task, turn in zip(turns, edges.frames[t], strict=True):
+            task.set_target(mink.SE3.from_rotation(mink.SO3.from_matrix(turn)))
+        for _ in range(IK_STEPS if t else FIRST_STEPS):
+            velocity = mink.solve_ik(configuration, [*places, *turns, posture], dt, "daqp", 1e-3, limits=limits)
+            configuration.integrate_inplace(velocity, dt)
+            steps += 1
+            if np.abs(velocity * dt).max() < IK_TOLERANCE:
+                break
+        qpos.append(configuration.q.copy())
+        watch.tick(t + 1, len(edges))
+    return Run(np.array(qpos), watch.now(), watch.first, steps / len(edges))
+
+
+def rebuilt(case: Case) -> Floats:
+    """(T, K, 3) the human posture with the robot's bones, one after the other from the pelvis's path [m]."""
+    human, matched = case.match.human_positions(case.motion), case.match
+    points = np.empty_like(human)
+    for k, parent in enumerate(matched.parents):
+        along = human[:, k] - human[:, parent]
+        length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+        points[:, k] = case.edges.root if parent < 0 else points[:, parent] + matched.robot_bones[k] * along / length
+    return points
+
+
+def _with_sites(problem: Problem) -> mujoco.MjModel:
+    """The robot's model with a site at every keypoint, and one turned as every segment."""
+    anatomy, spec = problem.match.anatomy, mujoco.MjSpec.from_file(str(problem.robot.path))
+    body_names = [problem.robot.model.body(b).name for b in range(problem.robot.model.nbody)]
+    for keypoint in problem.match.keypoints:
+        spot = anatomy.spots[keypoint]
+        spec.body(body_names[spot.body]).add_site(name=f"point {keypoint}", pos=spot.offset)
+    for segment, (body, axes) in anatomy.frames.items():
+        turn = np.empty(4)
+        mujoco.mju_mat2Quat(turn, np.ascontiguousarray(axes).ravel())
+        spec.body(body_names[body]).add_site(name=f"segment {segment}", quat=turn)
+    return spec.compile()
+
+
+@dataclass
+class Spent:
+    """On one part of the solver."""
+
+    seconds: float = 0.0
+    calls: int = 0
+
+
+@contextmanager
+def clocked() -> Iterator[dict[str, Spent]]:
+    """What every part takes while the block runs."""
+    spent, inner = {part: Spent() for part in PARTS}, [0.0]
+    running: list[str] = []
+
+    def watched(part: str, function: Callable[..., object]) -> Callable[..., object]:
+        def run(*args: object, **named: object) -> object:
+            if running and running[-1] == PROGRAM:
+                return function(*args, **named)
+            running.append(part)
+            inner.append(0.0)
+            began = time.perf_counter()
+            result = function(*args, **named)
+            took = time.perf_counter() - began
+            spent[part].seconds += took - inner.pop()
+            spent[part].calls += 1
+            inner[-1] += took
+            running.pop()
+            return result
+
+        return run
+
+    with ExitStack() as stack:
+        for part, places in PARTS.items():
+            for owner, name in places:
+                stack.enter_context(patch.object(owner, name, watched(part, getattr(owner, name))))
+        yield spent
+
+
+def speeds(case: Case, repeats: int, peer: bool) -> list[str]:
+    """Rows of the table of speeds, each with what came out."""
+    runs: dict[str, Callable[[], Run]] = {mode: partial(ours, case, smoothing) for mode, smoothing in MODES.items()}
+    if peer:
+        runs[PEER] = partial(inverse_kinematics, case)
+    found = {name: [run() for _ in range(repeats)] for name, run in runs.items()}
+    rate = {name: float(np.median([run.rate for run in several])) for name, several in found.items()}
+    human, rows = case.match.human_positions(case.motion), []
+    for name, several in found.items():
+        judged = figures(case.problem.robot, case.match, human, several[0].qpos, case.motion.fps)
+        cells = [
+            f"{rate[name]:.0f}",
+            f"{np.median([run.rate_after_first for run in several]):.0f}" if name != WHOLE else "",
+            f"{rate[name] / rate[PEER]:.2f}" if peer else "",
+            f"{several[0].steps:.1f}",
+            f"{judged.limb_deg:.1f}",
+            f"{judged.distance_err:.3f}",
+            f"{judged.overlap_pct:.1f}",
+            f"{judged.skate_cm_s:.1f}",
+            f"{judged.jerk:.0f}",
+        ]
+        rows.append(f"| {case.name} | {name} | " + " | ".join(cells) + " |")
+    return rows
+
+
+def shares(case: Case) -> list[str]:
+    """Rows of the table of where the time goes, in both modes."""
+    rows = []
+    for mode, smoothing in MODES.items():
+        with clocked() as parts:
+            run = ours(case, smoothing)
+        parts = {part: spent for part, spent in parts.items() if spent.calls}
+        for part, spent in parts.items():
+            each, per_call = spent.calls / len(case.edges), 1e6 * spent.seconds / spent.calls
+            percent = 100 * spent.seconds / run.seconds
+            rows.append(f"| {case.name} | {mode} | {part} | {each:.1f} | {per_call:.0f} | {percent:.0f} |")
+        rest = 100 * (1 - sum(spent.seconds for spent in parts.values()) / run.seconds)
+        rows.append(f"| {case.name} | {mode} | everything else | | | {rest:.0f} |")
+        if mode == WHOLE:
+            rows.append(f"| {case.name} | {mode} | of all that, the sketch | | | {100 * run.draft / run.seconds:.0f} |")
+    return rows
+
+
+def has_mink() -> bool:
+    """Whether the peer can be measured."""
+    try:
+        import mink  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+SPEED_HEAD = (
+    "| case | solver | frames/s | after the first frame | × mink | steps a frame | limb_deg | distance_err | overlap_pct | "
+    "skate_cm_s | jerk |"
+)
+SHARE_HEAD = "| case | mode | part | calls a frame | µs a call | share [%] |"
+
+
+def main() -> None:
+    """Print both tables."""
+    there = G1.is_file() and WALK.is_file()
+    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ask.add_argument("--robots", nargs="+", default=[str(G1)] if there else ["op3"], help="shipped names or MJCF files")
+    ask.add_argument("--clips", nargs="+", type=Path, default=[WALK] if there else sorted(SAMPLES.glob("*.bvh")))
+    ask.add_argument("--fps", type=float, default=None, help="frames per second of the trajectories")
+    ask.add_argument("--repeats", type=int, default=5, help="runs of which the median counts")
+    given = ask.parse_args()
+    peer = has_mink()
+    cases = [prepare(rr.read_motion(c), rr.load_robot(r), given.fps) for r in given.robots for c in given.clips]
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" + ("" if peer else "; mink is not installed"))
+    for head, rows in ((SPEED_HEAD, lambda case: speeds(case, given.repeats, peer)), (SHARE_HEAD, shares)):
+        print(f"\n{head}\n" + "|---" * (head.count("|") - 1) + "|")
+        for case in cases:
+            print(*rows(case), sep="\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()
