@@ -32,7 +32,7 @@ class Weights:
 
     posture: float = 4.0
     """Pairwise distances over their path length."""
-    touch: float = 60.0
+    touch: float = 200.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
     compass: float = 3.0
     """Bone directions."""
