@@ -105,7 +105,7 @@ def run(
     limits: Limits = None,
     json: Json = False,
 ) -> None:
-    """Retarget, simulate and report: trajectory.npz, report.json, strip.png and video.mp4 in a folder."""
+    """Retarget, warn, simulate, report: trajectory.npz, report.json, warnings.csv, strip.png, video.mp4 in a folder."""
     verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, fps, map_file, json)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
@@ -197,6 +197,7 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     """Solve, simulate, show: fill a folder and say how it went. Returns the verdict."""
     from robot_retarget.describe import describe_solution
     from robot_retarget.files import folder
+    from robot_retarget.retarget.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     target = folder(out)
@@ -204,6 +205,8 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     result.trajectory.save(target / "trajectory.npz")
     report = roll_out(result.trajectory, robot)
     report.save(target / "report.json")
+    if len(result.trajectory) > 1:
+        write_csv(result.warnings.events, target / "warnings.csv")
     _show(result, robot, target, quiet=json)
     solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
     if json:

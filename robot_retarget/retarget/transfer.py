@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from robot_retarget.motion import Motion
@@ -11,6 +12,7 @@ from robot_retarget.retarget.match import Match, match
 from robot_retarget.retarget.problem import build_problem
 from robot_retarget.retarget.solution import Solution
 from robot_retarget.retarget.solve import Progress, Smoothing, solve
+from robot_retarget.retarget.warn import Warnings, warnings_of
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
@@ -26,11 +28,21 @@ class Result:
     match: Match
     motion: Motion
     """The motion as it was solved: cut and resampled."""
+    robot: Robot
 
     @property
     def trajectory(self) -> Trajectory:
         """The robot's configurations over time."""
         return self.solution.trajectory
+
+    @cached_property
+    def warnings(self) -> Warnings:
+        """Self-collisions foreseen along the trajectory; looked for when first asked.
+
+        Raises:
+            TrajectoryError: a single frame has no next one.
+        """
+        return warnings_of(self.trajectory, self.robot)
 
 
 def retarget(
@@ -65,4 +77,5 @@ def retarget(
     problem = build_problem(robot, matched, edges, weights)
     prepared = time.perf_counter() - began
     solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
-    return Result(replace(solution, timings={"prepare": prepared, **solution.timings}), matched, motion)
+    timed = replace(solution, timings={"prepare": prepared, **solution.timings})
+    return Result(timed, matched, motion, robot)
