@@ -1,4 +1,4 @@
-"""Measure the warnings: `python scripts/bench_warn.py --robot NAME … --clips FOLDER` prints tables.
+"""Measure the warnings: `python scripts/bench_warn.py --robot NAME … --clips FILES` prints tables.
 
 Truth is what MuJoCo says: frames in which geoms of two links overlap, less the pairs that do so where the robot rests.
 The trajectories collide: clips retargeted without separation, and smooth random motions of all joints. Set
@@ -8,7 +8,7 @@ OMP_NUM_THREADS=1 to keep everything on one core.
 import argparse
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,15 @@ from scipy.interpolate import CubicSpline
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
+from robot_retarget.dgp.interaction import Interaction
+from robot_retarget.retarget.foresight import Joints, strides
 from robot_retarget.retarget.frame import Options
-from robot_retarget.retarget.warn import Surfaces, Warner, WarnOptions, Warnings, surfaces, warnings_of
+from robot_retarget.retarget.guard import Guard
+from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
+from robot_retarget.robot import Points, recognise, world_points
 from robot_retarget.robot.collidable import Clearance
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.trajectory import Trajectory
 
 NEAR_MISS = 0.01
@@ -76,9 +82,10 @@ def random_motion(robot: rr.Robot, seed: int, seconds: float = 4.0, fps: float =
     return Trajectory(qpos, fps, robot.joint_names, robot.name, f"random {seed}")
 
 
-def clips_of(robot: rr.Robot, folder: Path | None) -> Iterator[Trajectory]:
-    """The clips of a folder carried over without separation."""
-    for path in sorted(folder.rglob("*.bvh")) if folder else ():
+def clips_of(robot: rr.Robot, where: Sequence[Path]) -> Iterator[Trajectory]:
+    """Clips carried over without separation."""
+    paths = [path for place in where for path in (sorted(place.rglob("*.bvh")) if place.is_dir() else [place])]
+    for path in paths:
         yield rr.retarget(rr.read_motion(path), robot, fps=30, options=Options(separation=False)).trajectory
 
 
@@ -130,3 +137,190 @@ def by_distance(cases: Sequence[Case], precision: float, horizon: float) -> tupl
         if score.precision >= precision:
             best = float(threshold), score
     return best
+
+
+def measured(robot: rr.Robot, known: Surfaces, kind: str, trajectories: Sequence[Trajectory]) -> list[Case]:
+    """Trajectories with what MuJoCo says of them."""
+    clearance = Clearance(robot, known.pairs)
+    return [Case(kind, one, np.array([clearance.all(q, FAR) for q in one.qpos])) for one in trajectories]
+
+
+def timing_errors(cases: Sequence[Case], found: Sequence[Warnings]) -> list[float]:
+    """By how many frames the time to contact is off, three frames before each contact; infinite where none is given."""
+    errors = []
+    for case, warnings in zip(cases, found, strict=True):
+        fps, touch = case.trajectory.fps, case.distance <= 0
+        for pair in np.flatnonzero(touch.any(axis=0)):
+            for start, _ in stretches(touch[:, pair], round(GAP * fps)):
+                if start >= 6:
+                    errors.append(abs(float(warnings.time_to_contact[start - 3, pair]) * fps - 3))
+    return errors
+
+
+def accuracy(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> tuple[list[Score], list[float]]:
+    """A line per kind of trajectory: the warnings, and the alarm by distance that is as precise."""
+    scores, errors = [], []
+    for kind, cases in groups.items():
+        options = WarnOptions()
+        found = [warnings_of(case.trajectory, robot, options, known) for case in cases]
+        score = judge(cases, [one.flagged for one in found], options.horizon)
+        threshold, plain = by_distance(cases, score.precision, options.horizon)
+        off = timing_errors(cases, found)
+        print(
+            f"| {robot.name} | {kind} | {score.contacts} | {score.recall:.3f} | {score.precision:.3f} | {score.lead:.3f} "
+            f"| {threshold * 100:.1f} | {plain.recall:.3f} | {plain.lead:.3f} | {np.median(off):.2f} |",
+            flush=True,
+        )
+        scores.append(score)
+        errors += off
+    return scores, errors
+
+
+def pooled(scores: Sequence[Score]) -> Score:
+    """All of them together."""
+    counts = [sum(getattr(one, name) for one in scores) for name in ("contacts", "foreseen", "alarms", "right")]
+    return Score(*counts, leads=[lead for one in scores for lead in one.leads])
+
+
+def over_horizons(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> None:
+    """A line per horizon and kind."""
+    for kind, cases in groups.items():
+        for horizon in HORIZONS:
+            options = WarnOptions(horizon=horizon)
+            alarms = [warnings_of(case.trajectory, robot, options, known).flagged for case in cases]
+            score = judge(cases, alarms, horizon)
+            print(
+                f"| {robot.name} | {kind} | {horizon} | {score.recall:.3f} | {score.precision:.3f} | {score.lead:.3f} |",
+                flush=True,
+            )
+
+
+def speed(robot: rr.Robot, known: Surfaces, trajectory: Trajectory) -> None:
+    """Frames per second of the capsules alone and of whole warnings; one update of a stream."""
+    qpos = np.concatenate([trajectory.qpos] * 4)
+    interaction = Interaction(15, WarnOptions().dead_band)
+    still = Joints(robot).pinned(qpos)
+
+    def capsules() -> None:
+        ends = known.capsules.world(robot, still)
+        known.capsule_pairs.approach(ends, strides(ends, 1), interaction)
+
+    bare = best_time(capsules) / len(qpos)
+    whole = best_time(lambda: warnings_of(trajectory, robot, known=known), 3) / len(trajectory)
+    warner, spent = Warner(robot, trajectory.fps, known=known), []
+    for q in trajectory.qpos:
+        began = time.perf_counter()
+        warner.update(q)
+        spent.append(time.perf_counter() - began)
+    print(
+        f"| {robot.name} | {len(known.pairs)} | {1 / bare:,.0f} | {1 / whole:,.0f} | {np.median(spent) * 1e3:.2f} "
+        f"| {np.percentile(spent, 95) * 1e3:.2f} |",
+        flush=True,
+    )
+
+
+def best_time(run: Callable[[], object], repeats: int = 7) -> float:
+    """The shortest of several wall times [s]."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def guarded(robot: rr.Robot, known: Surfaces, kind: str, cases: Sequence[Case]) -> None:
+    """Penetration before and after the guard, and what it costs in joint angles and limb directions."""
+    before = after = frames = 0
+    deepest, angles, limbs = 0.0, [], []
+    skeleton = match_bones(robot)
+    for case in cases:
+        wanted, guard = case.trajectory.qpos, Guard(robot, case.trajectory.fps, known=known)
+        safe = np.array([guard.update(q).qpos for q in wanted])
+        for qpos, is_wanted in ((wanted, True), (safe, False)):
+            contacts = replay_contacts(robot, qpos)
+            contacts = contacts.without(known_overlaps(robot))
+            deep = len(np.unique(contacts.frame[contacts.depth > 0.001]))
+            before, after = before + deep * is_wanted, after + deep * (not is_wanted)
+            deepest = deepest if is_wanted else max(deepest, float(contacts.depth.max(initial=0)))
+        frames += len(wanted)
+        angles.append(np.abs(safe - wanted)[:, robot.qpos_index].mean())
+        limbs.append(turned(robot, skeleton, wanted, safe))
+    print(
+        f"| {robot.name} | {kind} | {frames} | {before} | {after} | {deepest * 1000:.2f} | {np.mean(angles):.3f} "
+        f"| {np.mean(limbs):.1f} |",
+        flush=True,
+    )
+
+
+def match_bones(robot: rr.Robot) -> list[tuple[Points, Points]]:
+    """Upper arms, forearms, thighs and shanks, as two points each."""
+    spots = recognise(robot).spots
+    names = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
+    limbs = [(f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in names]
+    return [
+        tuple(Points(np.array([spots[k].body]), spots[k].offset[None]) for k in limb)  # pyright: ignore
+        for limb in limbs
+        if all(k in spots for k in limb)
+    ]
+
+
+def turned(robot: rr.Robot, limbs: list[tuple[Points, Points]], first: Floats, second: Floats) -> float:
+    """Mean angle between the limbs' directions in two sequences of configurations [°]."""
+    angles = []
+    for a, b in limbs:
+        ways = [world_points(robot, b, qpos) - world_points(robot, a, qpos) for qpos in (first, second)]
+        u, v = (way[:, 0] / np.linalg.norm(way[:, 0], axis=1, keepdims=True) for way in ways)
+        angles.append(np.degrees(np.arccos(np.clip((u * v).sum(1), -1, 1))))
+    return float(np.mean(angles))
+
+
+def known_overlaps(robot: rr.Robot) -> set[tuple[int, int]]:
+    """Pairs of bodies that overlap where the robot rests, hinges within their ranges."""
+    return replay_contacts(robot, robot.neutral()[None]).pairs()
+
+
+def heading(title: str, *columns: str) -> None:
+    print(f"\n{title}\n\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robot", nargs="+", default=["op3"], help="names or MJCF files")
+    parser.add_argument("--clips", type=Path, nargs="*", default=[SAMPLES], help="BVH files, or folders of them")
+    parser.add_argument("--random", type=int, default=200, help="random motions per robot")
+    parser.add_argument("--some", type=int, default=20, help="of these, how many for horizons and guard")
+    chosen = parser.parse_args()
+    robots = [rr.load_robot(name) for name in chosen.robot]
+    watched = [surfaces(robot) for robot in robots]
+    sets = []
+    for robot, known in zip(robots, watched, strict=True):
+        clips = measured(robot, known, "clips", list(clips_of(robot, chosen.clips)))
+        motions = measured(robot, known, "random", [random_motion(robot, seed) for seed in range(chosen.random)])
+        sets.append({"clips": clips, "random": motions})
+    both = list(zip(robots, watched, sets, strict=True))
+    few = [(r, k, {"clips": g["clips"], "random": g["random"][: chosen.some]}) for r, k, g in both]
+
+    columns = ("recall", "precision", "lead [s]")
+    plain = ("distance as precise [cm]", "its recall", "its lead [s]")
+    heading("Warnings", "robot", "trajectories", "contacts", *columns, *plain, "time to contact off [frames]")
+    results = [accuracy(*one) for one in both]
+    total, off = pooled([s for scores, _ in results for s in scores]), [e for _, errors in results for e in errors]
+    print(
+        f"| all | | {total.contacts} | {total.recall:.3f} | {total.precision:.3f} | {total.lead:.3f} | | | | {np.median(off):.2f} |"
+    )
+    heading("Horizons", "robot", "trajectories", "horizon [s]", *columns)
+    for one in few:
+        over_horizons(*one)
+    heading("Speed", "robot", "pairs", "capsules [frames/s]", "all [frames/s]", "update [ms]", "95 % [ms]")
+    for robot, known, groups in both:
+        speed(robot, known, max((case.trajectory for case in groups["clips"]), key=len))
+    penetrated = "frames deeper than 1 mm", "guarded", "deepest, guarded [mm]"
+    heading("Guard", "robot", "trajectories", "frames", *penetrated, "joints off [rad]", "limbs off [°]")
+    for robot, known, groups in few:
+        for kind, cases in groups.items():
+            guarded(robot, known, kind, cases)
+
+
+if __name__ == "__main__":
+    main()
