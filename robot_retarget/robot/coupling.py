@@ -8,8 +8,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.model import Robot
 
-_FLAGS = mujoco.mjtDisableBit
-_OTHERS = _FLAGS.mjDSBL_CONTACT | _FLAGS.mjDSBL_LIMIT | _FLAGS.mjDSBL_FRICTIONLOSS
+_BIT = mujoco.mjtDisableBit
+_OTHERS = sum(int(bit) for bit in (_BIT.mjDSBL_CONTACT, _BIT.mjDSBL_LIMIT, _BIT.mjDSBL_FRICTIONLOSS))
 
 
 class Coupling:
@@ -17,7 +17,7 @@ class Coupling:
 
     def __init__(self, robot: Robot):
         self.model = copy.deepcopy(robot.model)
-        self.model.opt.disableflags |= int(_OTHERS)
+        self.model.opt.disableflags |= _OTHERS
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)
         self.present = bool(self.model.neq and self.data.eq_active.any())
