@@ -69,12 +69,13 @@ class CapsulePairs:
 
     def _block(self, ends: Floats, steps: Floats, options: Interaction) -> tuple[Floats, Floats, Floats]:
         """Distance, D and k, each (P, frames)."""
-        places, strides = (np.ascontiguousarray(array.transpose(3, 1, 2, 0)) for array in (ends, steps))
-        base, along = _segments(places)
-        base_step, along_step = _segments(strides)
-        now = _Rods(base, along, self.first, self.second)
+        both = np.concatenate([ends, steps], axis=-1).transpose(3, 1, 2, 0)
+        rows = np.ascontiguousarray(np.concatenate([both[:, :, 0], both[:, :, 1] - both[:, :, 0]]))
+        first, second = rows.take(self.first, axis=1), rows.take(self.second, axis=1)
+        gap = second[:6] - first[:6]
+        now = _Rods(gap[:3], first[6:9], second[6:9])
+        step = _Rods(gap[3:], first[9:], second[9:])
         s, t = now.nearest()
-        step = _Rods(base_step, along_step, self.first, self.second)
         c, w = now.between(s, t), step.between(s, t)
         square = _dot(w, w)
         k = steps_ahead(_dot(c, w), square, options)
@@ -98,18 +99,17 @@ class CapsulePairs:
         return np.minimum.reduceat(distance, self.starts), least, at
 
 
+@dataclass(frozen=True, eq=False)
 class _Rods:
-    """Pairs of segments base + u · along, u in [0, 1]."""
+    """Pairs of segments: from the one base to the other, and along each; (3, N, frames)."""
 
-    def __init__(self, base: Floats, along: Floats, first: Ints, second: Ints):
-        self.gap = base[:, second] - base[:, first]
-        self.u, self.v = along[:, first], along[:, second]
+    gap: Floats
+    u: Floats
+    v: Floats
 
     def moved(self, step: "_Rods", k: Floats) -> "_Rods":
         """The same k steps later."""
-        later = object.__new__(_Rods)
-        later.gap, later.u, later.v = self.gap + k * step.gap, self.u + k * step.u, self.v + k * step.v
-        return later
+        return _Rods(self.gap + k * step.gap, self.u + k * step.u, self.v + k * step.v)
 
     def between(self, s: Floats, t: Floats) -> Floats:
         """From the point at s on the first to the point at t on the second."""
@@ -145,11 +145,6 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def _unit(values: Floats) -> Floats:
     return np.minimum(np.maximum(values, 0.0), 1.0)
-
-
-def _segments(ends: Floats) -> tuple[Floats, Floats]:
-    """Base and along (3, C, frames) of ends (3, C, 2, frames)."""
-    return ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0]
 
 
 def _products(first: list[int], second: list[int]) -> Ints:

@@ -51,7 +51,6 @@ class Clearance:
 
     def __init__(self, robot: Robot, pairs: Pairs):
         self.model, self.data, self.pairs = robot.model, mujoco.MjData(robot.model), pairs
-        self._points = np.zeros(6)
 
     def place(self, qpos: Floats) -> None:
         """Take up a configuration (nq,)."""
@@ -64,9 +63,10 @@ class Clearance:
 
     def of(self, pair: int, reach: float) -> float:
         """Distance of a pair as placed [m], negative inside, `reach` for all that is farther."""
-        model, data, points = self.model, self.data, self._points
-        geoms = self.pairs.geoms[pair]
-        return min(mujoco.mj_geomDistance(model, data, a, b, reach, points) for a, b in geoms)
+        model, data, least = self.model, self.data, reach
+        for a, b in self.pairs.geoms[pair]:
+            least = min(least, mujoco.mj_geomDistance(model, data, a, b, least, None))
+        return least
 
     def all(self, qpos: Floats, reach: float) -> Floats:
         """Distances (P,) at a configuration (nq,) [m]."""
