@@ -126,7 +126,7 @@ def by_distance(cases: Sequence[Case], precision: float, horizon: float) -> tupl
     """The alarm by distance alone with the largest threshold that is as precise, held as long as the warnings are."""
     hold = WarnOptions().release
     best = 0.0, Score()
-    for threshold in np.arange(0.002, FAR, 0.001):
+    for threshold in np.arange(0.002, 0.05, 0.001):
         alarms = []
         for case in cases:
             near = case.distance <= threshold

@@ -97,12 +97,11 @@ class Foresight:
         found = np.full((1 + len(self.k), len(pairs)), REACH)
         found[0] = self._placed(qpos, pairs)
         follow = np.flatnonzero((found[0] > 0) & (found[0] - drop <= self.slack))
-        if follow.size:
-            path = self.joints.path(qpos, step, change, self.k, self.e)
-            for instants in (self.main, self.other):
-                for k in instants:
-                    found[1 + k, follow] = self._placed(path[k], pairs[follow])
-                follow = follow[found[1:, follow].min(axis=0) <= self.slack]
+        path = self.joints.path(qpos, step, change, self.k, self.e) if follow.size else found
+        for instants in (self.main, self.other):
+            for k in instants if follow.size else ():
+                found[1 + k, follow] = self._placed(path[k], pairs[follow])
+            follow = follow[found[1:, follow].min(axis=0) <= self.slack]
         return found
 
     def outlook(self, distances: Floats) -> Outlook:

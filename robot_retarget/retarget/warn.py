@@ -54,7 +54,7 @@ class WarnOptions:
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
     """Surfaces foreseen this near count as touching [m]."""
-    doubt: float = 0.3
+    doubt: float = 0.2
     """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
     confirm: float = 1 / 30
     """Time for which a contact must be foreseen before it is called imminent [s]."""
