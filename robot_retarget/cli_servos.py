@@ -187,7 +187,7 @@ def play(
         raise UsageError("play needs --port (or --dry-run)")
     require_writable(log)
     say = (lambda text: None) if json else console.say
-    outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace), log, say)
+    outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace=grace), log, say)
     facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
     if json:
         console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})

@@ -121,7 +121,7 @@ class Bus:
         request = protocol.frame(identity, Instruction.PING)
         for _ in range(tries):
             reply = self._ask(request, identity, 3)
-            if reply is not None and len(reply.data) == 3:
+            if reply is not None:
                 return int.from_bytes(reply.data[:2], "little"), reply.data[2]
         return None
 
@@ -133,10 +133,7 @@ class Bus:
             StatusError: it refuses.
         """
         request = protocol.read(identity, address, length)
-        reply = self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
-        if len(reply.data) != length:
-            raise NoAnswerError(f"servo {identity} gave {len(reply.data)} of {length} bytes at {address}")
-        return reply
+        return self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
 
     def value(self, identity: int, register: Register) -> int:
         """The value of one register."""
@@ -174,16 +171,22 @@ class Bus:
         if len(table) % (length + 1):
             raise ValueError(f"{len(table)} bytes are no table of ids and {length} bytes each")
         head = protocol.word(address) + protocol.word(length)
-        self._send(protocol.frame(BROADCAST, Instruction.SYNC_WRITE, head + table))
+        self.send(protocol.frame(BROADCAST, Instruction.SYNC_WRITE, head + table))
 
     def sync_read(
         self, address: int, length: int, ids: Sequence[int], fast: bool = False, patience: float = PATIENCE
     ) -> dict[int, Reply]:
         """The same bytes of many servos: whatever came whole, by id. `fast` asks for one answer of all."""
         request = protocol.sync_read(address, length, ids, fast)
-        self._send(request)
+        self.send(request)
+        return self.receive(length, ids, fast, len(request), patience)
+
+    def receive(
+        self, length: int, ids: Sequence[int], fast: bool, sent: int, patience: float = PATIENCE
+    ) -> dict[int, Reply]:
+        """The answers to a sync read just sent, the last of `sent` bytes: whatever comes whole in time, by id."""
         size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
-        until = self._deadline(len(request) + size, len(ids), patience)
+        until = self._deadline(sent + size, len(ids), patience)
         if fast:
             return self._chain(size, length, len(ids), until)
         replies: dict[int, Reply] = {}
@@ -219,9 +222,10 @@ class Bus:
         return reply
 
     def _ask(self, request: bytes, identity: int, length: int) -> Reply | None:
-        self._send(request)
+        self.send(request)
         for frame in self._frames(self._deadline(len(request) + 11 + length, 1, PATIENCE)):
-            if frame.id == identity:
+            # Another length is an answer to something else that came late.
+            if frame.id == identity and (len(frame.params) == 1 + length or frame.error & ~ALERT):
                 return _reply(frame)
         return None
 
@@ -252,8 +256,12 @@ class Bus:
             raise PortLostError(f"{self.path} is gone: the other end was closed")
         return data
 
-    def _send(self, data: bytes) -> None:
-        """Forget what came late, then send."""
+    def send(self, data: bytes) -> None:
+        """Put frames on the wire; answers that came late to earlier ones are forgotten.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
         if threading.get_ident() != self._owner:
             raise ServoError(f"{self.path} belongs to another thread")
         try:

@@ -5,7 +5,8 @@ import time
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.servo.bus import Bus
+from robot_retarget.servo import protocol
+from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
 from robot_retarget.servo.guard import Scale
 from robot_retarget.servo.map import ServoMap
@@ -54,9 +55,17 @@ class Link:
 
     def command(self, goal: Floats) -> None:
         """Send goals [rad]."""
+        self.bus.send(self._goals(goal))
+
+    def ask(self, goal: Floats) -> None:
+        """Send goals [rad] and ask for readings in one go: a single transfer for a USB adapter."""
+        self.bus.send(self._goals(goal) + protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast))
+
+    def _goals(self, goal: Floats) -> bytes:
         table = np.empty(len(self.ids), dtype=GOAL)
         table["id"], table["goal"] = self.scale.ids, self.scale.ticks(goal)
-        self.bus.sync_write(XM430_W350["goal_position"].address, 4, table.tobytes())
+        head = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
+        return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, head + table.tobytes())
 
     def set_all(self, name: str, value: int) -> None:
         """The same value into a RAM register of all servos; nobody answers."""
@@ -70,9 +79,15 @@ class Link:
         if seconds:
             self.set_all("bus_watchdog", max(1, min(127, round(seconds / WATCHDOG_UNIT))))
 
+    def read(self) -> None:
+        """Ask for readings and take them in, without haste."""
+        self.bus.send(protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast))
+        self.listen(PATIENCE)
+
     def listen(self, patience: float = CYCLE_PATIENCE) -> None:
-        """Read all servos; what is lost keeps its value and grows old."""
-        replies = self.bus.sync_read(FROM, READING.itemsize, self.ids, self.fast, patience)
+        """Take in the readings asked for; what is lost keeps its value and grows old."""
+        sent = 14 + 6 * len(self.ids) + 14
+        replies = self.bus.receive(READING.itemsize, self.ids, self.fast, sent, patience)
         now = time.monotonic()
         self._missed += 1
         self._mistrust_fast(len(replies) < len(self.ids))

@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -26,8 +26,10 @@ from robot_retarget.servo.tables import XM430_W350
 
 MISSES = 5
 """So many ticks without an answer are forgiven at any rate."""
-SENSED = 200.0
-"""Voltage and temperature are read so often at most, one servo at a time [1/s]."""
+SPARE = 1.5e-3
+"""With so much of a tick left, voltage and temperature of one servo are read [s]; without, only every SENSE_PERIOD."""
+SENSE_PERIOD = 0.1
+"""[s]."""
 OVERLOADED = 0.5
 """Too high a current is forgiven for so long [s]."""
 
@@ -51,6 +53,8 @@ class Options:
     """Go softly to the map's stop pose at the end."""
     release: bool = False
     """Switch torque off after a good end."""
+    fast: bool = True
+    """Use fast reads where every servo knows them."""
     grace: float = 10.0
     """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
 
@@ -96,7 +100,8 @@ class Player:
     def __post_init__(self) -> None:
         self._began = time.monotonic()
         self._high_since: float | None = None
-        self._ticks = 0
+        self._sensed = 0.0
+        self._open: dict[str, Any] | None = None
 
     def play(self, plan: Plan) -> Outcome:
         """Check, engage, approach, play, end.
@@ -108,6 +113,7 @@ class Player:
         with self._signals(), on_time():
             try:
                 self.link = Link(self.bus, self.map, conditions)
+                self.link.fast &= self.options.fast
                 self.guard = self.engage(self.link)
                 reason = self._perform(plan)
                 return self._leave(Ended.FINISHED, reason, self.options.release)
@@ -169,37 +175,46 @@ class Player:
     def _follow(self, plan: Plan, phase: str) -> None:
         """Ticks on an even clock until the plan is over."""
         period, began = 1 / self.options.rate, time.monotonic()
-        count = round(plan.duration * self.options.rate) + 1
-        last = began
-        for k in range(count):
+        last, k, count = began, 0, round(plan.duration * self.options.rate)
+        while k <= count:
             due = began + k * period
             now = wait_until(due)
             if now - last > self.map.limits.watchdog > 0:
-                raise _FaultError(
-                    f"this computer paused for {1000 * (now - last):.0f} ms; the servos stopped themselves"
-                )
+                raise _FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last = now
-            self._tick(plan.at(k * period), period, phase, now - due)
+            self._tick(plan.at(k * period), period, phase, due)
             if self.interrupts:
                 raise _InterruptError
+            # A tick that ran over the time of others takes their place: the motion keeps its own time.
+            following = min(max(k + 1, int((time.monotonic() - began) / period)), max(count, k + 1))
+            self.record.skipped += following - k - 1
+            k = following
+        self._account()
 
-    def _tick(self, wish: Floats, period: float, phase: str, late: float) -> None:
-        """One exchange: goals out, readings in, everything written down, then judged."""
+    def _tick(self, wish: Floats, period: float, phase: str, due: float) -> None:
+        """One exchange: goals and a request out, readings in and judged. The last tick is written down meanwhile."""
         link, began = self.link, time.monotonic()
         goal = self.guard.admit(wish, link.present, period)
-        try:
-            link.command(goal)
-            link.listen()
-            self._ticks += 1
-            if self._ticks % max(1, round(self.options.rate / SENSED)) == 0:
-                link.sense()
-        finally:
+        link.ask(goal)
+        self._account()
+        self._open = {"time": began - self._began, "phase": PHASES.index(phase), "late": began - due}
+        self._open |= {"goal": goal, "plan": wish, "busy": 0.0}
+        link.listen()
+        now = time.monotonic()
+        self._open["busy"] = now - began
+        if due + period - now > SPARE or now - self._sensed > SENSE_PERIOD:
+            self._sensed = now
+            link.sense()
+        self._judge()
+
+    def _account(self) -> None:
+        """Write the last tick down, if that is not done yet."""
+        if self._open is not None:
+            row, link, self._open = self._open, self.link, None
             self.record.add(
-                time=began - self._began, phase=PHASES.index(phase), busy=time.monotonic() - began, late=late,
-                goal=goal, plan=wish, present=link.present, velocity=link.velocity, current=link.current,
+                **row, present=link.present, velocity=link.velocity, current=link.current,
                 age=link.age, error=link.error, voltage=link.voltage, temperature=link.temperature,
             )  # fmt: skip
-        self._judge()
 
     def _judge(self) -> None:
         """Whether playing may go on.
@@ -240,7 +255,7 @@ class Player:
     def _fresh(self, link: Link) -> None:
         """Readings of every servo, none of them old."""
         for _ in range(20):
-            link.listen(patience=0.01)
+            link.read()
             if not link.missed.any():
                 return
         raise _FaultError(f"{self._names(link.missed > 0)} does not answer")
@@ -252,10 +267,17 @@ class Player:
         try:
             self._settle()
             if release:
-                self.link.set_all("torque_enable", 0)
+                self._let_go()
         except PortLostError as error:
             return self._gone(str(error))
         return self._outcome(ended, "release" if release else "hold", reason)
+
+    def _let_go(self) -> None:
+        """Torque off: all at once, then each with an answer, as far as they answer."""
+        self.link.set_all("torque_enable", 0)
+        for servo in self.map.servos:
+            with suppress(NoAnswerError, StatusError):
+                self.bus.write(servo.id, servo.type.registers["torque_enable"], 0)
 
     def _settle(self) -> None:
         """Switch the watchdog off three times over, as nobody answers; goals of servos that had stopped start anew."""
@@ -279,7 +301,8 @@ class Player:
         try:
             goal, due = self.guard.goal.copy(), time.monotonic()
             while time.monotonic() < until and self.interrupts == asked and not self.terminated:
-                self._tick(goal, period, "hold", wait_until(due) - due)
+                wait_until(due)
+                self._tick(goal, period, "hold", due)
                 due += period
         except PortLostError as error:
             return self._gone(str(error))
@@ -295,6 +318,7 @@ class Player:
         return self._outcome(Ended.LOST, "watchdog", reason + after)
 
     def _outcome(self, ended: Ended, state: str, reason: str) -> Outcome:
+        self._account()
         self.record.note(time.monotonic() - self._began, f"{ended.name.lower()}: {reason}; {state}")
         figures = self.record.summary()
         if hasattr(self, "guard"):

@@ -6,6 +6,7 @@ Pure functions of bytes; nothing here knows a port. Reference: https://emanual.r
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from struct import unpack_from
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
@@ -67,13 +68,17 @@ def _crc_table() -> tuple[int, ...]:
 
 
 _CRC = _crc_table()
+_CRC_OF_PAIR = [(_CRC[_CRC[pair >> 8] >> 8 ^ pair & 0xFF] ^ _CRC[pair >> 8] << 8) & 0xFFFF for pair in range(65536)]
+"""Two bytes at a step: half the time for the player's every tick."""
 
 
 def crc16(data: bytes, crc: int = 0) -> int:
     """CRC-16/UMTS: polynomial 0x8005, start 0, no reflection. `crc16(b"123456789") == 0xFEE8`."""
-    table = _CRC
-    for byte in data:
-        crc = (crc << 8 & 0xFF00) ^ table[crc >> 8 ^ byte]
+    table = _CRC_OF_PAIR
+    for pair in unpack_from(f">{len(data) // 2}H", data):
+        crc = table[crc ^ pair]
+    if len(data) % 2:
+        crc = (crc << 8 & 0xFF00) ^ _CRC[crc >> 8 ^ data[-1]]
     return crc
 
 

@@ -24,6 +24,8 @@ class Record:
     def __init__(self, joints: Sequence[str]) -> None:
         self.joints = tuple(joints)
         self.events: list[str] = []
+        self.skipped = 0
+        """Ticks that gave way to one that took too long."""
         self._rows: dict[str, list[Any]] = {name: [] for name in ("time", "phase", "busy", "late", *COLUMNS)}
         self._rows |= {"voltage": [], "temperature": []}
 
@@ -68,6 +70,7 @@ class Record:
             "worst_joint_rms_rad": round(float(rms.max()), 4),
             "largest_current_a": round(float(np.abs(self.column("current")[playing]).max()), 3),
             "hottest_c": float(self.column("temperature")[-1].max()),
+            "skipped_ticks": self.skipped,
             "lost_replies": int((self.column("age") > 0).sum()),
             "rate_hz": round(float(1 / periods.mean()), 2) if periods.size else None,
             "jitter_p99_ms": round(1000 * float(np.percentile(np.abs(periods - np.median(periods)), 99)), 3)

@@ -13,11 +13,13 @@
     duplicate 3 4   servo 4 gets the id 3, too
     place 3 2100    the shaft of servo 3 is turned to this position by hand
     torque 3        torque of servo 3 is switched on by somebody else
+    reset           servos, wire and supply are as at the start
     unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
 
 `after 2.5 silent 3` does it 2.5 s after the start.
 """
 
+import copy
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -62,6 +64,8 @@ class Faults:
     def __init__(self, network: Network, world: World, wire: Wire) -> None:
         self.network, self.world, self.wire = network, world, wire
         self._later: list[tuple[float, str]] = []
+        self._fresh = [copy.deepcopy(vars(device)) for device in network.devices]
+        self._supply = world.supply
         self._actions: dict[str, Callable[..., object]] = {
             "silent": lambda who: self.network.silent.update(self._ids(who)),
             "heard": lambda who: self.network.silent.difference_update(self._ids(who)),
@@ -76,6 +80,7 @@ class Faults:
             "duplicate": lambda who, other: self._set(other, "id", int(who)),
             "torque": lambda who: [d.write(64, b"\x01") for d in self._devices(who)],
             "place": lambda who, ticks: [d.place(float(ticks)) for d in self._devices(who)],
+            "reset": self._reset,
             "unplug": lambda: setattr(self.wire, "plugged", False),
             "plug": lambda: setattr(self.wire, "plugged", True),
         }
@@ -105,6 +110,15 @@ class Faults:
         for planned in [p for p in self._later if p[0] <= now]:
             self._later.remove(planned)
             self.add(planned[1])
+
+    def _reset(self) -> None:
+        for device, fresh in zip(self.network.devices, self._fresh, strict=True):
+            vars(device).update(copy.deepcopy(fresh))
+            device.now = self.world.time
+            device.boot()
+        vars(self.wire).update(vars(Wire()))
+        self.network.silent.clear()
+        self.world.supply = self._supply
 
     def _ids(self, who: str) -> set[int]:
         return {device.id for device in self._devices(who)}

@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.clock import precise_timers
+from robot_retarget.servo.clock import on_time
 from robot_retarget.servo.emulator.faults import Faults, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
@@ -100,12 +100,12 @@ class Server:
         """Serve until SIGTERM or SIGINT; `commands` also reads fault sentences, `state` and `stop` from stdin."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_signal)
-        precise_timers()
         assert self.terminal is not None
         print(f"ready {self._link or self.terminal.path}", flush=True)
         try:
-            while not self._stop:
-                self._turn(commands)
+            with on_time():
+                while not self._stop:
+                    self._turn(commands)
         finally:
             if self.terminal is not None:
                 self.terminal.close()
@@ -117,15 +117,15 @@ class Server:
         now = time.monotonic() - self._began
         self.world.advance(now)
         self.faults.due(now)
-        if sys.stdin in ready:
-            self._command(sys.stdin.readline())
-        self._follow_plug()
         if self.terminal is not None:
             if self.terminal.master in ready:
                 self._listen(self.terminal, now)
             elif self._parser.pending and now - self._heard > SILENCE:
                 self._answer(self._parser.give_up(), now)
             self._send(self.terminal)
+        if sys.stdin in ready:
+            self._command(sys.stdin.readline())
+        self._follow_plug()
 
     def _patience(self) -> float:
         if not self._out:

@@ -1,0 +1,79 @@
+"""Play on an emulated robot in one call: an emulator process of its own, the player here."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.map import ServoMap, dump_map
+from robot_retarget.servo.plan import make_plan
+from robot_retarget.servo.play import Options, Outcome, play
+from robot_retarget.trajectory import Trajectory
+
+
+@contextmanager
+def emulator_process(servo_map: ServoMap, *options: str) -> Iterator[str]:
+    """The port of a running emulator; it is stopped when the block is left.
+
+    Args:
+        servo_map: its servos.
+        options: more of `robot-retarget servos emulate`, such as `--physics`.
+
+    Raises:
+        ServoError: it does not start.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "servos.toml"
+        path.write_text(dump_map(servo_map), encoding="utf-8")
+        command = [sys.executable, "-m", "robot_retarget", "servos", "emulate", "--map", str(path), *options]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            line = process.stdout.readline() if process.stdout else ""
+            if not line.startswith("ready "):
+                raise ServoError("the emulator does not start")
+            yield line.split(maxsplit=1)[1].strip()
+        finally:
+            process.terminate()
+            try:
+                process.wait(3)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            if process.stdout:
+                process.stdout.close()
+
+
+def play_emulated(
+    trajectory: Trajectory,
+    servo_map: ServoMap,
+    physics: bool = True,
+    log: str | Path | None = None,
+    options: Options | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Outcome:
+    """Play a trajectory on an emulated robot: `outcome.figures` says how closely it followed.
+
+    Args:
+        trajectory: of a robot that ships, or without physics of any.
+        servo_map: its servos.
+        physics: the robot's MuJoCo model stands behind the servos on its floor; else each motor turns by itself.
+        log: where `play.npz` goes.
+        options: how to play.
+        say: is told what is being done.
+
+    Raises:
+        ServoError: the map does not cover the joints, or the emulator does not start.
+    """
+    plan = make_plan(trajectory, servo_map)
+    with emulator_process(servo_map, *(["--physics"] if physics else [])) as port:
+        return play(plan, servo_map, port, options, log, say)
+
+
+def followed(outcome: Outcome) -> dict[str, Any]:
+    """The figures of an outcome that say how closely the plan was followed."""
+    names = ("tracking_rms_rad", "worst_joint", "worst_joint_rms_rad", "rate_hz", "skipped_ticks", "lost_replies")
+    return {"ended": outcome.ended.name.lower(), **{name: outcome.figures.get(name) for name in names}}

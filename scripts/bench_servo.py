@@ -1,0 +1,115 @@
+"""Measure the servo side against the emulated bus: rates by baud rate, jitter, load of the player.
+
+    python scripts/bench_servo.py [--seconds 10]
+
+Every line is measured here and now, the emulator in a process of its own; the load of the machine is printed first.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.check import check
+from robot_retarget.servo.clock import on_time
+from robot_retarget.servo.emulator.pace import TURNAROUND
+from robot_retarget.servo.link import READING, Link
+from robot_retarget.servo.map import ServoMap, load_map
+from robot_retarget.servo.plan import Plan
+from robot_retarget.servo.play import Options, play
+
+BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
+
+
+def bus_limit(servos: int, baud: int, size: int, fast: bool) -> float:
+    """Cycles of sync write (4 bytes) and sync read (`size` bytes) that fit on the wire in a second."""
+    request = 14 + servos
+    answers = 8 + servos * (4 + size) if fast else servos * (11 + size)
+    turns = 1 if fast else servos
+    return 1 / ((14 + 5 * servos + request + answers) * 10 / baud + turns * TURNAROUND)
+
+
+def cycles(port: str, servo_map: ServoMap, fast: bool, seconds: float) -> float:
+    """Exchanges a second, one after the other."""
+    with Bus(port, servo_map.baud) as bus, on_time():
+        conditions, _ = check(bus, servo_map)
+        link = Link(bus, servo_map, conditions)
+        link.fast = fast
+        goal, count, began = link.present.copy(), 0, time.perf_counter()
+        while time.perf_counter() - began < seconds:
+            link.ask(goal)
+            link.listen(0.02)
+            count += not link.missed.any()
+        return count / (time.perf_counter() - began)
+
+
+def play_evenly(port: str, servo_map: ServoMap, rate: float, seconds: float, fast: bool = True) -> dict[str, Any]:
+    """Play gentle waves; rate, jitter and this process' part of a core."""
+    times = np.arange(0, seconds, 0.02)[:, None]
+    waves = 0.1 * np.sin(2 * np.pi * 0.5 * times) * np.ones(len(servo_map.servos))
+    before, began = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
+    outcome = play(Plan(waves, 50.0), servo_map, port, Options(rate, end_pose=False, fast=fast))
+    used, took = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter() - began
+    busy = (used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime) / took
+    names = ("rate_hz", "jitter_p99_ms", "late_p99_ms", "lost_replies", "skipped_ticks", "played_ticks")
+    return {"ended": outcome.reason} | {name: outcome.figures[name] for name in names} | {"cpu": round(busy, 3)}
+
+
+def emulate(servo_map: ServoMap, folder: Path, *options: str) -> tuple[subprocess.Popen[str], str]:
+    """An emulator in a process of its own."""
+    command = [sys.executable, "-m", "robot_retarget", "servos", "emulate", "--map", servo_map.robot]
+    process = subprocess.Popen([*command, "--link", str(folder / "tty"), *options], stdout=subprocess.PIPE, text=True)
+    assert process.stdout
+    return process, process.stdout.readline().split()[1]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement of a rate")
+    parser.add_argument("--even", type=float, default=60.0, help="seconds of playing at 200 Hz")
+    arguments = parser.parse_args()
+    robot = load_map("op3")
+    print(f"load {os.getloadavg()}, {os.cpu_count()} cores, {len(robot.servos)} servos, read {READING.itemsize} bytes")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for baud in (None, *BAUDS):
+            servo_map = robot if baud is None else replace(robot, baud=baud)
+            process, port = emulate(robot, folder, *([] if baud is None else ["--baud", str(baud)]))
+            for fast in (False, True):
+                rate = cycles(port, servo_map, fast, arguments.seconds)
+                limit = bus_limit(len(robot.servos), baud, READING.itemsize, fast) if baud else float("nan")
+                kind = "fast" if fast else "sync"
+                print(
+                    f"{baud or 'unpaced':>8} {kind}: {rate:7.1f} Hz, limit {limit:7.1f}, {rate / limit:6.1%}",
+                    flush=True,
+                )
+            process.terminate()
+            process.wait()
+        process, port = emulate(robot, folder)
+        print("200 Hz:", json.dumps(play_evenly(port, robot, 200.0, arguments.even)), flush=True)
+        process.terminate()
+        process.wait()
+        process, port = emulate(robot, folder, "--baud", "2000000")
+        for fast in (False, True):
+            rate = 0.95 * bus_limit(len(robot.servos), 2_000_000, READING.itemsize, fast)
+            print(
+                f"2 Mbps at {rate:.0f} Hz:",
+                json.dumps(play_evenly(port, robot, rate, arguments.seconds, fast)),
+                flush=True,
+            )
+        process.terminate()
+        process.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""The commands for servos, against an emulator process."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from emulated import ARM, emulated
+from shared_files import ROOT
+
+from robot_retarget.servo.map import dump_map, load_map
+from robot_retarget.trajectory import Trajectory, fingerprint
+
+
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robot_retarget", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=30, stdin=subprocess.DEVNULL)
+
+
+def swing(folder: Path, joints: tuple[str, ...] = ARM.joints) -> Path:
+    times = np.arange(0, 0.31, 0.02)[:, None]
+    return Trajectory(0.2 * np.sin(3 * times) * np.ones(len(joints)), 50, joints, "arm").save(folder / "swing.npz")
+
+
+def test_servos_are_found_checked_put_right_and_calibrated(tmp_path: Path) -> None:
+    with emulated(tmp_path) as emulator:
+        servo_map = tmp_path / "servos.toml"
+        found = json.loads(call("servos", "scan", "--port", emulator.port, "--baud", 1000000, "--json").stdout)
+        assert [row["id"] for row in found] == [1, 2, 3, 4]
+        again = [call("servos", "check", "--map", servo_map, "--port", emulator.port, *fix) for fix in ([], ["--fix"])]
+        assert [run.returncode for run in again] == [0, 0]
+        emulator.do("place 1 1900")
+        made = call("servos", "calibrate", "--map", servo_map, "--port", emulator.port, "-o", tmp_path / "new.toml")
+        assert "j1: zero 2088 -> 1900" in made.stdout
+        assert load_map(tmp_path / "new.toml")["j1"].zero == 1900
+
+
+def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path) -> None:
+    path, report = swing(tmp_path), tmp_path / "report.json"
+    with emulated(tmp_path) as emulator:
+        command = ("play", path, "--servos", tmp_path / "servos.toml", "--port", emulator.port)
+        command = (*command, "--log", tmp_path / "play.npz")
+        refused = call(*command)
+        assert refused.returncode == 2 and "no report at" in refused.stderr
+        content = {"verdict": "fail", "reasons": ["fell"], "trajectory_sha256": fingerprint(path)}
+        report.write_text(json.dumps(content))
+        assert "did not pass: fell" in call(*command).stderr
+        report.write_text(json.dumps(content | {"verdict": "pass", "trajectory_sha256": "0"}))
+        assert "is about another trajectory" in call(*command).stderr
+        assert not (tmp_path / "play.npz").exists()
+        report.write_text(json.dumps(content | {"verdict": "pass"}))
+        played = call(*command, "--json")
+        assert played.returncode == 0, played.stderr
+        assert json.loads(played.stdout)["ended"] == "finished" and (tmp_path / "play.npz").exists()
+
+
+def test_a_dry_run_moves_nothing_and_a_map_must_cover_the_joints(tmp_path: Path) -> None:
+    (tmp_path / "servos.toml").write_text(dump_map(ARM), encoding="utf-8")
+    path = swing(tmp_path)
+    dry = call("play", path, "--servos", tmp_path / "servos.toml", "--unsafe", "--dry-run", "--json")
+    assert dry.returncode == 0 and json.loads(dry.stdout)["duration_s"] == 0.3
+    other = call("play", swing(tmp_path, ("knee",)), "--servos", tmp_path / "servos.toml", "--unsafe", "--dry-run")
+    assert other.returncode == 2 and "does not cover knee; it has j1, j2" in other.stderr
+
+
+def test_an_emulator_says_ready_first_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    with emulated(tmp_path) as emulator:
+        assert Path(emulator.port).is_symlink()
+        process = emulator.process
+    assert process.returncode == 0
+    assert not Path(emulator.port).is_symlink()
+
+
+def test_mistakes_end_in_a_sentence_and_exit_code_2(tmp_path: Path) -> None:
+    for arguments, sentence in (
+        (("servos", "emulate", "--map", "nobody"), "cannot read the servo map nobody"),
+        (("servos", "emulate", "--map", "op3", "--fault", "explode 3"), "no fault 'explode 3'; known: silent"),
+        (("servos", "scan", "--port", tmp_path / "none"), "cannot open"),
+    ):
+        run = call(*arguments)
+        assert run.returncode == 2 and sentence in run.stderr and "Traceback" not in run.stderr
