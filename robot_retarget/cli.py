@@ -155,15 +155,17 @@ def warn(
     """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
     from robot_retarget.files import require_writable
     from robot_retarget.retarget.events import figures_of, write_csv
-    from robot_retarget.retarget.warn import WarnOptions, warnings_of
+    from robot_retarget.retarget.warn import WarnOptions, surfaces, warnings_of
     from robot_retarget.trajectory import load_trajectory
 
     for path in filter(None, (output, plot)):
         require_writable(path)
     options = WarnOptions(horizon=horizon)
-    found = warnings_of(load_trajectory(trajectory), _load_robot(robot, limits), options)
+    model = _load_robot(robot, limits)
+    known = surfaces(model)
+    found = warnings_of(load_trajectory(trajectory), model, options, known)
     write_csv(found.events, output)
-    figures = figures_of(found.events, len(found), found.fps)
+    figures = figures_of(found.events, len(found), found.fps) | {"fit_error_m": known.fit_error}
     if json:
         console.dump({"events": [event.contract() for event in found.events], "figures": figures})
     else:

@@ -34,6 +34,7 @@ def warn(*words: str | Path) -> str:
 def test_json_holds_events_and_figures(colliding: Path, tmp_path: Path) -> None:
     facts = json.loads(warn(colliding, "--robot", "op3", "--json", "-o", tmp_path / "w.csv"))
     assert set(facts) == {"events", "figures"}
+    assert facts["figures"]["fit_error_m"]["body_link"] > 0
     assert facts["figures"]["events"] == len(facts["events"]) > 0
     for event in facts["events"]:
         assert {"pair", "first_warning", "predicted_contact", "contact", "lead_s"} <= set(event)
@@ -53,10 +54,11 @@ def test_bad_input_ends_in_a_sentence(op3: Robot, colliding: Path, tmp_path: Pat
     other = replace(wander(op3, 5), joint_names=tuple(f"j{k}" for k in range(20))).save(tmp_path / "other.npz")
     broken = tmp_path / "broken.npz"
     with np.load(colliding) as archive:
-        values: dict[str, Any] = {key: archive[key] for key in archive.files}
-    np.savez(broken, **(values | {"qpos": np.full_like(values["qpos"], np.nan)}))
+        values = {key: archive[key] for key in archive.files}
+    save: Any = np.savez
+    save(broken, **(values | {"qpos": np.full_like(values["qpos"], np.nan)}))
     still = tmp_path / "still.npz"
-    np.savez(still, **(values | {"fps": 0.0}))
+    save(still, **(values | {"fps": 0.0}))
     for path, sentence in ((single, "two frames"), (other, "not of 'op3'"), (broken, "not finite"), (still, "fps")):
         with pytest.raises(RobotRetargetError, match=sentence):
             warn(path, "--robot", "op3", "-o", tmp_path / "w.csv")

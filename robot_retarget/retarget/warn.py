@@ -87,6 +87,11 @@ class Surfaces:
         """The links of every pair."""
         return self.pairs.names(self.robot)
 
+    @property
+    def fit_error(self) -> dict[str, float]:
+        """By link name, how far its capsules reach beyond its geoms, in the worst direction [m]."""
+        return {self.robot.model.body(link).name: round(x, 4) for link, x in self.capsules.excess.items()}
+
 
 def surfaces(robot: Robot) -> Surfaces:
     """Fit capsules to a robot and list the pairs of links that may touch."""
