@@ -50,11 +50,11 @@ class WarnOptions:
     """How far ahead is looked [s]."""
     dead_band: float = 2e-4
     """Relative steps of 1/30 s up to this length are rest [m]: 6 mm/s, which covers 3 mm in the default horizon."""
-    slack: float = 0.02
+    slack: float = 0.03
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
     """Surfaces foreseen this near count as touching [m]."""
-    doubt: float = 0.2
+    doubt: float = 0.35
     """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
     confirm: float = 1 / 30
     """Time for which a contact must be foreseen before it is called imminent [s]."""
