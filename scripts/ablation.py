@@ -1,12 +1,12 @@
 """Which edge kind buys what: `python scripts/ablation.py --robots op3 … --clips FILE …` prints a Markdown table.
 
 Every row is the solver with one kind left out, every figure a mean over the clips (`depth_cm` and `step_rad` are the
-largest). One table a robot. Definitions: `scripts/retarget_figures.py`.
+largest), the weights stand over the tables. One table a robot. Definitions: `scripts/retarget_figures.py`.
 """
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import asdict, astuple, dataclass, field, fields
 from pathlib import Path
 
 from retarget_figures import Figures, figures, mean
@@ -83,6 +83,7 @@ def main() -> None:
     ask.add_argument("--only", nargs="+", choices=VARIANTS, default=list(VARIANTS))
     given = ask.parse_args()
     motions = [rr.read_motion(path) for path in given.clips]
+    print(", ".join(f"{kind} {weight:g}" for kind, weight in asdict(Weights()).items()))
     for name in given.robots:
         robot = rr.load_robot(name)
         print(f"\n{robot.name}: {', '.join(path.stem for path in given.clips)}\n")
