@@ -34,14 +34,14 @@ class Options:
     """How long and how carefully to search."""
 
     iterations: int = 12
-    """At most, per frame; the first frame gets five times as many."""
+    """At most, per frame; twice as many from a start that is no neighbour."""
     tolerance: float = 1e-3
     """Stop when no component of the step exceeds this [rad or m]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]."""
     damping: float = 1e-3
     """Levenberg's λ at the outset."""
-    starts: int = 8
+    starts: int = 6
     """Starts at the first frame."""
     seed: int = 0
     separation: bool = True
@@ -127,7 +127,7 @@ class FrameSolver:
             pose[self.upper] = draw.uniform(0.8 * self.robot.lower, 0.8 * self.robot.upper)[self.upper_hinges]
             starts.append(pose)
         placed = [place_root(self.problem, q, edges.root[frame], edges.facing[frame]) for q in starts]
-        ends = [self.descend(q, wished, None, 4 * self.options.iterations) for q in placed]
+        ends = [self.descend(q, wished, None, 2 * self.options.iterations) for q in placed]
         return sorted(ends, key=lambda pose: pose.cost)
 
     def descend(

@@ -28,6 +28,8 @@ class Sketching:
     """Time between the moments at which ways are sought [s]."""
     follow: float = 1.5
     """How long each way is followed to either side [s]."""
+    iterations: int = 6
+    """At most, per frame that is followed: the fine solution comes later."""
     ways: int = 3
     """At most, per moment."""
     same: float = 0.15
@@ -97,7 +99,7 @@ class _Pool:
 
     def _follow(self, pose: Pose, moments: range) -> None:
         for moment in moments:
-            pose = self.solver.descend(pose.qpos, self._wished(moment), None, self.solver.options.iterations)
+            pose = self.solver.descend(pose.qpos, self._wished(moment), None, self.sketching.iterations)
             if not self._add(moment, pose):
                 return
 
