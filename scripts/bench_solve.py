@@ -1,7 +1,7 @@
 """Measure the solver: `python scripts/bench_solve.py --robots op3 … --clips FILE …` prints Markdown tables. One core.
 
 Frames per second of processor time, frame by frame and of the whole clip, next to a differential inverse kinematics
-built on mink [Zakka] in the same run, and where our time goes. Set OMP_NUM_THREADS=1 to keep to one core.
+built on mink in the same run, and where our time goes. Set OMP_NUM_THREADS=1 to keep to one core.
 """
 
 import argparse

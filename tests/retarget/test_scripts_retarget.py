@@ -1,5 +1,6 @@
 """The scripts that measure the solver run, and their figures are what they say."""
 
+import re
 import runpy
 from pathlib import Path
 from typing import Any
@@ -91,3 +92,10 @@ def test_a_robot_compared_with_itself_has_no_error(script: Any) -> None:
     assert found.limb_deg < 1e-3  # arccos near 1 loses half the digits
     still = judge(robot, matched, itself, np.repeat(qpos[:1], 6, axis=0), 30.0)
     assert still.jerk == still.step_rad == 0.0 and still.skate_cm_s == 0.0
+
+
+def test_the_pages_pictures_are_there_and_small() -> None:
+    page = SCRIPTS.parent / "docs/retargeting.md"
+    pictures = [page.parent / name for name in re.findall(r"!\[.*?\]\((.*?)\)", page.read_text(encoding="utf-8"))]
+    assert len(pictures) == len(set(pictures)) == 3
+    assert sum(picture.stat().st_size for picture in pictures) < 1_200_000
