@@ -15,6 +15,7 @@ class Registers:
         self.at = {register.address: (name, register) for name, register in self.by_name.items()}
         self.backup: bytes | None = None
         self._bytes = bytearray(TABLE_END)
+        self._values: dict[str, int] = {}
         self._exists = bytearray(TABLE_END)
         for register in self.by_name.values():
             self._exists[register.address : register.address + register.size] = b"\x01" * register.size
@@ -47,14 +48,14 @@ class Registers:
         return name in self.by_name
 
     def __getitem__(self, name: str) -> int:
-        register = self.by_name[name]
-        return register.decode(bytes(self._bytes[register.address : register.address + register.size]))
+        return self._values[name]
 
     def __setitem__(self, name: str, value: int) -> None:
         register = self.by_name[name]
         span = (1 << 8 * register.size) - 1
         data = (int(value) & span).to_bytes(register.size, "little")
         self._bytes[register.address : register.address + register.size] = data
+        self._values[name] = register.decode(data)
 
     def exists(self, address: int, length: int) -> bool:
         """Whether a stretch starts and ends inside the table and has something in it; gaps read as 0."""
@@ -98,5 +99,7 @@ class Registers:
     def restore_backup(self) -> bool:
         """Bring the copy back; False without one."""
         if self.backup is not None:
-            self._bytes[:EEPROM_END] = self.backup
+            for name, register in self.by_name.items():
+                if register.address < EEPROM_END:
+                    self[name] = register.decode(self.backup[register.address :])
         return self.backup is not None
