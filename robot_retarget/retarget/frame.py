@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import grip_of
@@ -41,8 +41,10 @@ class Options:
     """Largest step of one hinge in one iteration [rad]."""
     damping: float = 1e-3
     """Levenberg's λ at the outset."""
-    starts: int = 6
-    """Starts at the first frame."""
+    starts: int = 3
+    """Starts from drawn limbs, where there is no frame before to start from."""
+    drawn: int = 80
+    """Poses drawn per limb for these."""
     seed: int = 0
     separation: bool = True
     """Keep links apart."""
@@ -110,25 +112,36 @@ class FrameSolver:
         nv, near = self.robot.model.nv, self.separation.most if self.separation else 0
         self.rows = problem.soles + near
         self.grip = grip_of(self.robot, problem.match.anatomy)
-        self.upper_hinges = _above_hips(problem)
-        self.upper = self.robot.qpos_index[self.upper_hinges]
+        self.limbs = _limbs(problem)
         self.program = QuadraticProgram(nv + 1, self.rows)  # one slack for all separation rows stands last
 
     def ways(self, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
         """Where descents from several starts end, the cheapest first.
 
-        The starts are the reference pose, the standing pose, and standing poses with the joints above the hips drawn
-        within their ranges.
+        The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost
+        little among many drawn within their ranges: the best of each limb together, the second best, and so on.
         """
-        starts = [self.robot.neutral(), self.robot.standing()]
-        draw = np.random.default_rng(self.options.seed)
-        while len(starts) < max(2, self.options.starts):
-            pose = self.robot.standing()
-            pose[self.upper] = draw.uniform(0.8 * self.robot.lower, 0.8 * self.robot.upper)[self.upper_hinges]
-            starts.append(pose)
-        placed = [place_root(self.problem, q, edges.root[frame], edges.facing[frame]) for q in starts]
+        placed = [
+            place_root(self.problem, q, edges.root[frame], edges.facing[frame])
+            for q in (self.robot.neutral(), self.robot.standing())
+        ]
+        placed += self._limbs_drawn(placed[1], wished)
         ends = [self.descend(q, wished, None, 2 * self.options.iterations) for q in placed]
         return sorted(ends, key=lambda pose: pose.cost)
+
+    def _limbs_drawn(self, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
+        draw, best = np.random.default_rng(self.options.seed), [base.copy() for _ in range(self.options.starts)]
+        for limb in self.limbs:
+            columns = self.robot.qpos_index[limb]
+            angles = draw.uniform(self.robot.lower[limb], self.robot.upper[limb], (self.options.drawn, len(limb)))
+            cost = np.empty(len(angles))
+            for k, drawn in enumerate(angles):
+                pose = base.copy()
+                pose[columns] = drawn
+                cost[k] = self.problem.model(pose, *wished)[0][0]
+            for start, k in zip(best, np.argsort(cost), strict=False):
+                start[columns] = angles[k]
+        return best
 
     def descend(
         self, start: Floats, wished: tuple[Floats, ...], pull: Pull | None, iterations: int, box: Box | None = None
@@ -220,11 +233,16 @@ class FrameSolver:
         return replace(pose, qpos=raised)
 
 
-def _above_hips(problem: Problem) -> np.ndarray:
-    """(n,) whether a hinge carries no foot."""
-    robot, feet = problem.robot, [int(points.bodies[0]) for points in problem.match.anatomy.soles.values()]
-    carried = np.asarray(carrying(robot.model)[feet].any(axis=0))
-    return np.logical_not(carried[robot.dof_index])
+def _limbs(problem: Problem) -> list[Ints]:
+    """The hinges of each arm and of the head: those that move the hand or head and not the chest."""
+    robot, spots, moves = problem.robot, problem.match.anatomy.spots, carrying(problem.robot.model)
+    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(robot.model.nv, dtype=bool)
+    limbs = []
+    for end in ("l_hand", "r_hand", "head"):
+        if end in spots:
+            own = np.logical_and(moves[spots[end].body], np.logical_not(still))
+            limbs.append(np.flatnonzero(own[robot.dof_index]))
+    return [limb for limb in limbs if limb.size]
 
 
 def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
