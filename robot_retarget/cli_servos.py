@@ -47,6 +47,7 @@ def emulate(
 def scan(
     port: Port,
     baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
+    last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
     json: Json = False,
 ) -> None:
     """Find the servos on a port, at every baud rate."""
@@ -56,7 +57,7 @@ def scan(
     found = []
     for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
         with Bus(port, rate) as bus:
-            for identity, number, firmware in bus.scan():
+            for identity, number, firmware in bus.scan(range(last + 1)):
                 model = model_numbered(number)
                 name = model.name if model else f"model {number}"
                 found.append({"id": identity, "model": name, "firmware": firmware, "baud": rate})

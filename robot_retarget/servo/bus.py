@@ -26,8 +26,8 @@ from robot_retarget.servo import protocol
 from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, Error, Frame, Instruction, Parser
 from robot_retarget.servo.tables import Register
 
-PATIENCE = 0.01
-"""How long after its time on the wire an answer may still come [s]; covers a USB adapter and a busy host."""
+PATIENCE = 0.02
+"""How long after its time on the wire an answer may still come [s]; covers a USB adapter as it comes (16 ms)."""
 TRIES = 4
 """So often a request that must not fail is repeated."""
 TURN = 0.6e-3

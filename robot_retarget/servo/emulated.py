@@ -30,7 +30,7 @@ def emulator_process(servo_map: ServoMap, *options: str) -> Iterator[str]:
         path = Path(folder) / "servos.toml"
         path.write_text(dump_map(servo_map), encoding="utf-8")
         command = [sys.executable, "-m", "robot_retarget", "servos", "emulate", "--map", str(path), *options]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
         try:
             line = process.stdout.readline() if process.stdout else ""
             if not line.startswith("ready "):

@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError
+from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, Finding, check, hardware_errors
 from robot_retarget.servo.clock import on_time, wait_until
 from robot_retarget.servo.guard import Guard, Scale
@@ -362,8 +362,11 @@ def play(
         say: is told what is being done.
 
     Raises:
-        ServoError: the port cannot be opened, or the robot is not fit to be moved.
+        ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
     """
+    slow = slow_adapter(port)
+    if slow is not None:
+        raise ServoError(slow)
     record = Record(servo_map.joints)
     try:
         with Bus(port, servo_map.baud) as bus:

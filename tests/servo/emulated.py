@@ -14,7 +14,7 @@ from shared_files import ROOT
 
 from robot_retarget.servo.map import Limits, Servo, ServoMap, Stop, dump_map
 
-QUICK = Limits(approach_time=0.2, approach_speed=3.0)
+QUICK = Limits(approach_time=0.12, approach_speed=3.0)
 ARM = ServoMap(
     "arm",
     tuple(

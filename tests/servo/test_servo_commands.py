@@ -26,7 +26,9 @@ def swing(folder: Path, joints: tuple[str, ...] = ARM.joints) -> Path:
 def test_servos_are_found_checked_put_right_and_calibrated(tmp_path: Path) -> None:
     with emulated(tmp_path) as emulator:
         servo_map = tmp_path / "servos.toml"
-        found = json.loads(call("servos", "scan", "--port", emulator.port, "--baud", 1000000, "--json").stdout)
+        found = json.loads(
+            call("servos", "scan", "--port", emulator.port, "--baud", 1000000, "--last", 9, "--json").stdout
+        )
         assert [row["id"] for row in found] == [1, 2, 3, 4]
         again = [call("servos", "check", "--map", servo_map, "--port", emulator.port, *fix) for fix in ([], ["--fix"])]
         assert [run.returncode for run in again] == [0, 0]

@@ -1,5 +1,7 @@
 """The digital twin stands on its floor and follows what is played on its servos."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shared_files import ROOT
@@ -10,7 +12,7 @@ from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.map import Servo, ServoMap, load_map
-from robot_retarget.servo.play import Ended
+from robot_retarget.servo.play import Ended, Options
 from robot_retarget.servo.twin import Twin
 from robot_retarget.trajectory import Trajectory
 
@@ -60,6 +62,7 @@ def test_waving_arms_are_followed_on_the_emulated_robot() -> None:
     qpos = np.zeros((len(times), 27))
     qpos[:, 3] = 1
     qpos[:, 7 + names.index("l_el")] = 0.3 * np.sin(np.pi * times)
-    outcome = play_emulated(Trajectory(qpos, 50, names, "op3"), OP3)
+    hasty = replace(OP3, limits=replace(OP3.limits, approach_time=0.5))
+    outcome = play_emulated(Trajectory(qpos, 50, names, "op3"), hasty, options=Options(end_pose=False))
     assert outcome.ended is Ended.FINISHED, outcome.reason
     assert followed(outcome)["tracking_rms_rad"] < 0.05
