@@ -41,9 +41,9 @@ def read_bvh(path: str | Path) -> Capture:
 
 
 def _rate(frame_time: float) -> float:
-    """Frames per second; a whole number where the frame time is that number's, rounded to six digits as is usual."""
+    """Frames per second; a whole number where the frame time is that number's, rounded to five digits or more, as is usual."""
     whole = round(1 / frame_time)
-    return float(whole) if whole and abs(1 / whole - frame_time) < 6e-7 else 1 / frame_time
+    return float(whole) if whole and abs(1 / whole - frame_time) < 5e-6 else 1 / frame_time
 
 
 def parse_bvh(text: str, path: str | Path) -> tuple[Hierarchy, Rows]:
