@@ -28,8 +28,6 @@ CLOSING = 5e-4
 """A pair that comes no nearer than this within the horizon stays where it is [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
 """Steps ahead that are looked at; past those every third."""
-NEARLY = 0.015
-"""Pairs that the main instants bring this near are looked at in all [m]."""
 MAIN = 3
 """Every so many instants, and the last, are looked at to tell whether the others are worth it."""
 
@@ -94,7 +92,7 @@ class Foresight:
         """Distances (1 + K, N) of pairs (N,) now and at every instant [m]; `REACH` where it is not worth measuring.
 
         A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
-        `slack`, and it does not touch already: at the main instants, and at all where those bring it within `NEARLY`.
+        `slack`, and it does not touch already: at the main instants, and at all where those bring it within `slack`.
         """
         found = np.full((1 + len(self.k), len(pairs)), REACH)
         found[0] = self._placed(qpos, pairs)
@@ -103,7 +101,7 @@ class Foresight:
         for instants in (self.main, self.other):
             for k in instants if follow.size else ():
                 found[1 + k, follow] = self._placed(path[k], pairs[follow])
-            follow = follow[found[1:, follow].min(axis=0) <= NEARLY]
+            follow = follow[found[1:, follow].min(axis=0) <= self.slack]
         return found
 
     def outlook(self, distances: Floats) -> Outlook:
