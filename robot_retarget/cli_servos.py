@@ -170,9 +170,10 @@ def play(
 
     from robot_retarget.files import require_writable
     from robot_retarget.servo.map import load_map
+    from robot_retarget.servo.outcome import Options
     from robot_retarget.servo.plan import make_plan, require_pass
-    from robot_retarget.servo.play import Options, rehearse
     from robot_retarget.servo.play import play as perform
+    from robot_retarget.servo.play import rehearse
     from robot_retarget.trajectory import load_trajectory
 
     servo_map = load_map(servos)

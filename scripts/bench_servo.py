@@ -25,8 +25,9 @@ from robot_retarget.servo.clock import on_time
 from robot_retarget.servo.emulator.pace import TURNAROUND
 from robot_retarget.servo.link import READING, Link
 from robot_retarget.servo.map import ServoMap, load_map
+from robot_retarget.servo.outcome import Options
 from robot_retarget.servo.plan import Plan
-from robot_retarget.servo.play import Options, play
+from robot_retarget.servo.play import play
 
 BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
 

@@ -10,8 +10,9 @@ from typing import Any
 
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.map import ServoMap, dump_map
+from robot_retarget.servo.outcome import Options, Outcome
 from robot_retarget.servo.plan import make_plan
-from robot_retarget.servo.play import Options, Outcome, play
+from robot_retarget.servo.play import play
 from robot_retarget.trajectory import Trajectory
 
 

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,6 +19,7 @@ from robot_retarget.servo.clock import on_time, wait_until
 from robot_retarget.servo.guard import Guard, Scale
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.map import ServoMap
+from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import Plan, glide
 from robot_retarget.servo.record import PHASES, Record
 from robot_retarget.servo.tables import XM430_W350
@@ -32,47 +32,6 @@ SENSE_PERIOD = 0.1
 """[s]."""
 OVERLOADED = 0.5
 """Too high a current is forgiven for so long [s]."""
-
-
-class Ended(Enum):
-    """How playing ended; the value is the sentence for it."""
-
-    FINISHED = "played to the end"
-    INTERRUPTED = "interrupted"
-    FAULT = "stopped"
-    LOST = "lost the bus"
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to play."""
-
-    rate: float = 100.0
-    """Ticks a second."""
-    end_pose: bool = True
-    """Go softly to the map's stop pose at the end."""
-    release: bool = False
-    """Switch torque off after a good end."""
-    fast: bool = True
-    """Use fast reads where every servo knows them."""
-    grace: float = 10.0
-    """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of it."""
-
-    ended: Ended
-    state: str
-    """`hold`: torque on, goals kept; `release`: torque off; `watchdog`: the servos stop by themselves."""
-    reason: str
-    figures: dict[str, Any]
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def exit_code(self) -> int:
-        return 0 if self.ended is Ended.FINISHED else 1
 
 
 class _FaultError(Exception):

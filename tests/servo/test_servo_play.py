@@ -23,8 +23,9 @@ from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.guard import Scale
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.map import TICKS_PER_RADIAN, dump_map
+from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import Plan
-from robot_retarget.servo.play import Ended, Options, Outcome, Player, play
+from robot_retarget.servo.play import Player, play
 from robot_retarget.servo.record import Record
 
 START = (0.2, -0.3, 0.1, 0.4)

@@ -12,7 +12,7 @@ from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.map import Servo, ServoMap, load_map
-from robot_retarget.servo.play import Ended, Options
+from robot_retarget.servo.outcome import Ended, Options
 from robot_retarget.servo.twin import Twin
 from robot_retarget.trajectory import Trajectory
 

@@ -3,8 +3,24 @@
 from dataclasses import dataclass, field
 
 from robot_retarget.servo.emulator import profile
+from robot_retarget.servo.emulator.modes import (
+    CURRENT,
+    CURRENT_POSITION,
+    EXTENDED,
+    GAINS,
+    GOALS,
+    HOMING_REACH,
+    LIMITED,
+    POSITION,
+    PWM,
+    REVERSE,
+    TIME_BASED,
+    TORQUE_BY_GOAL,
+    VELOCITY,
+)
 from robot_retarget.servo.emulator.motor import Motor
 from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.emulator.witness import Witness
 from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
 from robot_retarget.servo.tables import (
     CENTRE,
@@ -17,35 +33,8 @@ from robot_retarget.servo.tables import (
     Register,
 )
 
-CURRENT, VELOCITY, POSITION, EXTENDED, CURRENT_POSITION, PWM = 0, 1, 3, 4, 5, 16
-REVERSE, TIME_BASED, TORQUE_BY_GOAL = 1, 4, 8
-"""Bits of `drive_mode`."""
-HOMING_REACH = 1024
-"""In position mode a larger homing offset has no effect."""
-GOALS = {
-    POSITION: "goal_position",
-    EXTENDED: "goal_position",
-    CURRENT_POSITION: "goal_position",
-    VELOCITY: "goal_velocity",
-    CURRENT: "goal_current",
-    PWM: "goal_pwm",
-}
-GAINS = {POSITION: (800, 0, 0), EXTENDED: (800, 0, 0), CURRENT_POSITION: (800, 0, 0)}
-"""P, I and D of the position that a change of mode brings back."""
-LIMITED = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
 PRESENT = range(120, 148)
 """Addresses that are worked out when somebody looks."""
-
-
-@dataclass
-class Witness:
-    """What hosts have asked of a servo since it was made: for tests, and for those who write hosts."""
-
-    goals: int = 0
-    lowest_goal: int = 1 << 31
-    highest_goal: int = -(1 << 31)
-    largest_step: int = 0
-    """Between a goal and the present position, at goals with torque on and at torque on [ticks]."""
 
 
 @dataclass

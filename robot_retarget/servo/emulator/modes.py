@@ -1,0 +1,18 @@
+"""Operating modes and drive modes: their numbers, and which goal, gains and limits belong to them."""
+
+CURRENT, VELOCITY, POSITION, EXTENDED, CURRENT_POSITION, PWM = 0, 1, 3, 4, 5, 16
+REVERSE, TIME_BASED, TORQUE_BY_GOAL = 1, 4, 8
+"""Bits of `drive_mode`."""
+HOMING_REACH = 1024
+"""In position mode a larger homing offset has no effect."""
+GOALS = {
+    POSITION: "goal_position",
+    EXTENDED: "goal_position",
+    CURRENT_POSITION: "goal_position",
+    VELOCITY: "goal_velocity",
+    CURRENT: "goal_current",
+    PWM: "goal_pwm",
+}
+GAINS = {POSITION: (800, 0, 0), EXTENDED: (800, 0, 0), CURRENT_POSITION: (800, 0, 0)}
+"""P, I and D of the position that a change of mode brings back."""
+LIMITED = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}

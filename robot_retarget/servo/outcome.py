@@ -1,0 +1,46 @@
+"""How to play, and what became of it."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Ended(Enum):
+    """How playing ended; the value is the sentence for it."""
+
+    FINISHED = "played to the end"
+    INTERRUPTED = "interrupted"
+    FAULT = "stopped"
+    LOST = "lost the bus"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to play."""
+
+    rate: float = 100.0
+    """Ticks a second."""
+    end_pose: bool = True
+    """Go softly to the map's stop pose at the end."""
+    release: bool = False
+    """Switch torque off after a good end."""
+    fast: bool = True
+    """Use fast reads where every servo knows them."""
+    grace: float = 10.0
+    """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of it."""
+
+    ended: Ended
+    state: str
+    """`hold`: torque on, goals kept; `release`: torque off; `watchdog`: the servos stop by themselves."""
+    reason: str
+    figures: dict[str, Any]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def exit_code(self) -> int:
+        return 0 if self.ended is Ended.FINISHED else 1
