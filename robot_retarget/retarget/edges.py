@@ -42,8 +42,6 @@ class Weights:
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
-    smoothness: float = 0.02
-    """Change of joint speed between frames [1/rad²]."""
 
 
 # Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame

@@ -15,7 +15,7 @@ from robot_retarget.retarget.solution import Status
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import body_frames, difference, integrate
 
-REACH = 0.03
+REACH = 0.08
 """Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
 MARGIN = 0.006
 """They stay this share of a leg apart."""
@@ -148,11 +148,12 @@ class FrameSolver:
     ) -> Pose:
         """Steps within the box, above the floor and apart, until they are small or so many were taken."""
         box = box or self.ranges
-        q, damping, status = start, self.options.damping, Status.OUT_OF_ITERATIONS
+        q, damping, trust = start, self.options.damping, self.options.trust
+        status = Status.OUT_OF_ITERATIONS
         model = self._model(q, wished, pull)
         taken = refused = 0
         while taken < iterations and refused < REFUSALS and status is Status.OUT_OF_ITERATIONS:
-            step = self._step(q, model, damping, box)
+            step = self._step(q, model, damping, trust, box)
             if step is None:
                 return self._settled(Pose(q, Status.BLOCKED, model.cost, taken))
             trial = integrate(self.robot, q, step)
@@ -161,10 +162,10 @@ class FrameSolver:
                 status = Status.CONVERGED
             outside = self._outside(q, box) > 1e-6
             if there.cost < model.cost + 1e-12 or model.sunk or outside:
-                q, model, damping = trial, there, max(damping / 4, 1e-6)
+                q, model, damping, trust = trial, there, max(damping / 4, 1e-6), self.options.trust
                 taken += 1
             else:
-                damping = damping * 10 + 1e-2
+                damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
                 refused += 1
         return self._settled(Pose(q, status, model.cost, taken))
 
@@ -193,9 +194,9 @@ class FrameSolver:
             total += SEPARATION_COST * float(missing.max(initial=0.0) / self.leg) ** 2
         return _Model(total, gradient, normal, rows, least, sunk)
 
-    def _step(self, q: Floats, model: _Model, damping: float, box: Box) -> Floats | None:
+    def _step(self, q: Floats, model: _Model, damping: float, trust: float, box: Box) -> Floats | None:
         """The step that minimises the quadratic model within box, trust region, floor and separation."""
-        nv, trust = len(model.gradient), self.options.trust
+        nv = len(model.gradient)
         lower, upper = np.full(nv + 1, -1.0), np.full(nv + 1, 1.0)
         angle = q[self.robot.qpos_index]
         lower[self.hinges] = np.clip(box.lower - angle, -trust, trust)

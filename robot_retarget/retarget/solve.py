@@ -10,7 +10,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
-from robot_retarget.retarget.frame import FrameSolver, Options, Pose, Pull
+from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose, Pull
 from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
@@ -77,16 +77,15 @@ def solve(
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: "_Count") -> list[Pose]:
     """Each frame from the one before; a foot that begins to stand stays where it was."""
-    stepping, poses = Stepping(held), []
+    robot, stepping, poses = solver.robot, Stepping(held), []
+    before = solver.ways((*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
     for t in range(len(edges)):
-        wished = frame_parameters(edges, t)
-        if not poses:
-            poses.append(solver.ways((*wished, *solver.grip.lay_down(held[t])), edges, t)[0])
-        corners = _corners(solver.problem, poses[-1].qpos)
-        holds = solver.grip.hold(*stepping.at(t, corners))
-        box = solver.ranges.around([poses[-1].qpos[solver.robot.qpos_index]] if t else [], solver.robot.max_speed / fps)
-        pose = solver.descend(poses[-1].qpos, (*wished, *holds), None, solver.options.iterations, box)
-        poses = [*poses, pose] if t else [pose]
+        holds = solver.grip.hold(*stepping.at(t, _corners(solver.problem, before)))
+        neighbours = [before[robot.qpos_index]] if t else []
+        box = solver.ranges.around(neighbours, robot.max_speed / fps)
+        wished = (*frame_parameters(edges, t), *holds)
+        poses.append(solver.descend(before, wished, None, solver.options.iterations, box))
+        before = poses[-1].qpos
         count.one()
     return poses
 
@@ -117,14 +116,14 @@ def clip_passes(
         path = _smooth_path(solver, moved, stiffness)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
-            neighbours = [p.qpos[robot.qpos_index] for p in poses[max(0, t - 1) : t + 2] if p is not pose]
-            box = solver.ranges.around(neighbours, robot.max_speed / fps)
+            box = _reachable(solver, poses, t, fps)
             wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
             poses[t] = _resumed(pose, solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1, box), robot)
             count.one()
     for t in _still_overlapping(solver, poses):
         wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
-        poses[t] = solver.descend(poses[t].qpos, wished, Pull(path[t], -dual[t], weight), solver.options.iterations)
+        pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
+        poses[t] = solver.descend(poses[t].qpos, wished, pull, solver.options.iterations, box)
     return poses
 
 
@@ -140,6 +139,13 @@ def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float) -> list[F
     speed = np.array([difference(solver.robot, a, b) for a, b in pairwise(moved)])
     offsets = smooth_offsets(speed, stiffness)
     return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
+
+
+def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Box:
+    """What the hinges can be at a frame between its neighbours, at their speeds."""
+    index = solver.robot.qpos_index
+    neighbours = [poses[k].qpos[index] for k in (t - 1, t + 1) if 0 <= k < len(poses)]
+    return solver.ranges.around(neighbours, solver.robot.max_speed / fps)
 
 
 def _still_overlapping(solver: FrameSolver, poses: list[Pose]) -> list[int]:
