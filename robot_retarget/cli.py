@@ -12,6 +12,7 @@ import typer
 from robot_retarget import console
 from robot_retarget.cli_servos import play, servos_app
 from robot_retarget.errors import RobotRetargetError, UsageError
+from robot_retarget.shipped import MODELS
 
 if TYPE_CHECKING:
     from robot_retarget.motion import Motion
@@ -117,8 +118,14 @@ def demo(
     robot: RobotName = "op3",
     json: Json = False,
 ) -> None:
-    """Carry a shipped clip over to the OP3-class robot, simulate it and show it."""
-    _run(_read(_sample(clip), None), _load_robot(robot, None), out, None, None, json)
+    """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
+    verdict = _run(_read(_sample(clip), None), _load_robot(robot, None), out, None, None, json)
+    if json or not (MODELS / robot / "servos.toml").is_file():
+        return
+    if verdict == "pass":
+        _play_emulated(robot, out)
+    else:
+        console.say("not played: the verdict is fail")
 
 
 @app.command(epilog="Example: robot-retarget simulate dance.npz --robot op3")
@@ -219,6 +226,17 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
         console.show_report(report.contract())
         console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
     return report.verdict
+
+
+def _play_emulated(robot: str, folder: Path) -> None:
+    """Play the folder's trajectory on an emulated bus with the robot's model behind it, and say how it went."""
+    from robot_retarget.servo.emulated import followed, play_emulated
+    from robot_retarget.servo.map import load_map
+    from robot_retarget.trajectory import load_trajectory
+
+    console.say("\nplaying on the emulated robot, in real time")
+    outcome = play_emulated(load_trajectory(folder / "trajectory.npz"), load_map(robot), log=folder / "play.npz")
+    console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
 
 
 def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
