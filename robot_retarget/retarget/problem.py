@@ -5,7 +5,7 @@
     subject to  lower ≤ q_joint ⊕ v ≤ upper,   z_sole(q ⊕ v) ≥ 0
 
 The last sum holds the corners c of a standing sole at their places p; its weight is so high that they stay within a
-tenth of a millimetre, and never makes the rest infeasible.
+tenth of a millimetre where the leg has six hinges to reach them, and never makes the rest infeasible.
 
 The structure points → distances → normal matrix is kept (nothing is expanded to scalars beyond the kinematics), so one
 evaluation is a handful of dense products.

@@ -34,7 +34,7 @@ OVERLAP = 5e-4
 
 @dataclass(frozen=True)
 class Smoothing:
-    """How the whole clip is brought to agree with a smooth path (`solve_clip`)."""
+    """How the whole clip is brought to agree with a smooth path (`clip_passes`)."""
 
     passes: int = 8
     weight: float = 10.0
@@ -102,11 +102,16 @@ def clip_passes(
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
     The method of multipliers on  Σ f_t(q_t) + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
-    ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. Ranges, floor, footholds and separation hold in the
-    frames, so they hold in what is returned.
+    ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. What the frames keep (ranges and floor exactly,
+    footholds and separation as far as their weights carry) is kept in what is returned: the frames, not the path.
+    Joint speeds are kept between the frames as they are; a draft that leaps further is not always brought under them.
     """
     robot, weight = solver.robot, _pull_weights(solver, smoothing)
     places = footholds(held, np.array([_corners(solver.problem, q) for q in draft]))
+    wished = [
+        (*frame_parameters(edges, t), *solver.grip.lead(h, p))
+        for t, (h, p) in enumerate(zip(held, places, strict=True))
+    ]
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
@@ -116,14 +121,12 @@ def clip_passes(
         path = _smooth_path(solver, moved, stiffness)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
-            box = _reachable(solver, poses, t, fps)
-            wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
-            poses[t] = _resumed(pose, solver.descend(pose.qpos, wished, Pull(path[t], -dual[t], weight), 1, box), robot)
+            box, pull = _reachable(solver, poses, t, fps), Pull(path[t], -dual[t], weight)
+            poses[t] = _resumed(pose, solver.descend(pose.qpos, wished[t], pull, 1, box), robot)
             count.one()
     for t in _still_overlapping(solver, poses):
-        wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t]))
         pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[t].qpos, wished, pull, solver.options.iterations, box)
+        poses[t] = solver.descend(poses[t].qpos, wished[t], pull, solver.options.iterations, box)
     return poses
 
 

@@ -22,7 +22,7 @@ STANDING_KEYS = ("stand", "home", "standing", "default", "initial")
 DEFAULT_RANGE = np.pi
 """A hinge without any stated range may turn this far either way [rad]."""
 DEFAULT_MAX_SPEED = 10.0
-"""Where neither the model nor a limits file says: a brisk servo, and more than any human joint holds [rad/s]."""
+"""Where neither the model nor a limits file says: that of a brisk servo [rad/s]."""
 
 
 @dataclass(frozen=True, eq=False)
