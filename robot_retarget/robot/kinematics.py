@@ -61,6 +61,22 @@ def point_function(robot: Robot, points: Points) -> ca.Function:
     return ca.Function("points", [q], at_rest, ["q"], ["x", "J"])
 
 
+def mass_function(robot: Robot) -> ca.Function:
+    """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
+    model = robot.model
+    q, v = ca.SX.sym("q", model.nq), ca.SX.sym("v", model.nv)
+    frames = _symbolic_frames(model, q, v)
+    heavy = np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
+    shares = model.body_mass[heavy] / model.body_mass[heavy].sum()
+    centre = ca.SX.zeros(3)
+    for (position, rotation), share, offset in zip(
+        [frames[int(b)] for b in heavy], shares, model.body_ipos[heavy], strict=True
+    ):
+        centre += float(share) * (position + rotation @ ca.DM(offset))
+    at_rest = ca.substitute([centre, ca.jacobian(centre, v)], [v], [ca.SX.zeros(model.nv)])
+    return ca.Function("mass", [q], at_rest, ["q"], ["x", "J"])
+
+
 def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
     """q ⊕ v: (nq,) moved by the tangent vector (nv,)."""
     moved = np.array(qpos)

@@ -6,7 +6,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import Points, Robot, load_robot, world_points
-from robot_retarget.robot.kinematics import difference, integrate, point_function
+from robot_retarget.robot.kinematics import difference, integrate, mass_function, point_function
 
 MODELS = sorted(SHARED.glob("robots/*/*.xml"))
 
@@ -47,6 +47,34 @@ def test_every_robot_moves_as_mujoco_moves_it(path) -> None:
     x, jacobian = point_function(robot, points)(qpos)
     assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
     assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
+
+
+def mujoco_mass(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The centre of mass of the robot's tree and its Jacobian, by MuJoCo."""
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    jacobian, tree = np.zeros((3, robot.model.nv)), int(robot.model.body_rootid[robot.root_body])
+    mujoco.mj_jacSubtreeCom(robot.model, data, jacobian, tree)
+    return data.subtree_com[tree], jacobian
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_centre_of_mass_agrees_with_mujoco(seed: int) -> None:
+    robot = load_robot("op3")
+    _, qpos = random_case(robot, seed)
+    for ours, theirs in zip(mass_function(robot)(qpos), mujoco_mass(robot, qpos), strict=True):
+        assert np.allclose(ours.full().squeeze(), theirs, atol=1e-9)
+
+
+@needs_shared
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_every_robots_centre_of_mass_agrees_with_mujoco(path) -> None:
+    robot = load_robot(path)
+    _, qpos = random_case(robot, 2)
+    for ours, theirs in zip(mass_function(robot)(qpos), mujoco_mass(robot, qpos), strict=True):
+        assert np.allclose(ours.full().squeeze(), theirs, atol=1e-9)
 
 
 def test_jacobian_agrees_with_central_differences() -> None:
