@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
-from robot_retarget.errors import ServoError, known
+from robot_retarget.motors import MOTORS, Motor, motor_named
 
 TICKS_PER_TURN = 4096
 CENTRE = 2048
@@ -130,7 +130,7 @@ TABLE_END = 662
 
 @dataclass(frozen=True)
 class Model:
-    """One servo type: its number on the bus, what its table has, and what its motor can do."""
+    """One servo type: its number on the bus and what its table has; `motor` says what it can do."""
 
     name: str
     number: int
@@ -140,16 +140,13 @@ class Model:
     """[A], or 0 where there is no current to read."""
     current_limit: int = 1193
     velocity_limit: int = 200
-    voltage: float = 12.0
-    """At which the next three hold [V]."""
-    stall_torque: float = 4.1
-    """[N m]."""
-    stall_current: float = 2.3
-    """[A]."""
-    no_load_speed: float = 4.82
-    """[rad/s]."""
     fast_from: int | None = 45
     """First firmware that knows the fast reads, or None."""
+
+    @property
+    def motor(self) -> Motor:
+        """What turns inside."""
+        return MOTORS[self.name]
 
     @property
     def registers(self) -> dict[str, Register]:
@@ -161,60 +158,33 @@ class Model:
         return {"xm": (95, 160), "xl": (60, 140), "x330": (31, 70)}[self.table]
 
 
-# https://emanual.robotis.com/docs/en/dxl/x/ : stall torque, stall current and no-load speed of each page's datasheet
+# https://emanual.robotis.com/docs/en/dxl/x/ : each page's control table
 MODELS = {
     model.name: model
     for model in (
         Model("XM430-W350", 1020),
-        Model("XM430-W210", 1030, velocity_limit=350, stall_torque=3.0, no_load_speed=8.06),
-        Model("XH430-W350", 1000, current_limit=648, stall_torque=3.4, stall_current=1.3, no_load_speed=3.14),
-        Model("XH430-W210", 1010, current_limit=648, stall_torque=2.5, stall_current=1.3, no_load_speed=5.24),
+        Model("XM430-W210", 1030, velocity_limit=350),
+        Model("XH430-W350", 1000, current_limit=648),
+        Model("XH430-W210", 1010, current_limit=648),
+        Model("XM540-W270", 1120, current_limit=2047, velocity_limit=128),
+        Model("XM540-W150", 1130, current_limit=2047, velocity_limit=230),
+        Model("XL430-W250", 1060, table="xl", current_unit=0, velocity_limit=265),
+        Model("XC430-W150", 1070, table="xl", current_unit=0, velocity_limit=460),
+        Model("XC430-W240", 1080, table="xl", current_unit=0, velocity_limit=306),
+        Model("2XL430-W250", 1090, table="xl", current_unit=0, velocity_limit=250, fast_from=None),
+        Model("2XC430-W250", 1160, table="xl", current_unit=0, velocity_limit=250, fast_from=None),
         Model(
-            "XM540-W270", 1120, current_limit=2047, velocity_limit=128,
-            stall_torque=10.6, stall_current=4.4, no_load_speed=3.14,
+            "XL330-M077", 1190, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=1620, fast_from=46
         ),
         Model(
-            "XM540-W150", 1130, current_limit=2047, velocity_limit=230,
-            stall_torque=7.3, stall_current=4.4, no_load_speed=5.55,
+            "XL330-M288", 1200, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=445, fast_from=46
         ),
+        Model("XC330-T288", 1220, table="xm", current_unit=1e-3, current_limit=910, velocity_limit=320, fast_from=46),
         Model(
-            "XL430-W250", 1060, table="xl", current_unit=0, velocity_limit=265,
-            stall_torque=1.5, stall_current=1.4, no_load_speed=6.39,
-        ),
-        Model(
-            "XC430-W150", 1070, table="xl", current_unit=0, velocity_limit=460,
-            stall_torque=1.6, stall_current=1.4, no_load_speed=11.1,
-        ),
-        Model(
-            "XC430-W240", 1080, table="xl", current_unit=0, velocity_limit=306,
-            stall_torque=1.9, stall_current=1.4, no_load_speed=7.33,
-        ),
-        Model(
-            "2XL430-W250", 1090, table="xl", current_unit=0, velocity_limit=250,
-            stall_torque=1.4, stall_current=1.3, no_load_speed=5.97, fast_from=None,
-        ),
-        Model(
-            "2XC430-W250", 1160, table="xl", current_unit=0, velocity_limit=250,
-            stall_torque=1.8, stall_current=1.4, no_load_speed=6.7, fast_from=None,
-        ),
-        Model(
-            "XL330-M077", 1190, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=1620,
-            voltage=5.0, stall_torque=0.215, stall_current=1.47, no_load_speed=40.1, fast_from=46,
-        ),
-        Model(
-            "XL330-M288", 1200, table="x330", current_unit=1e-3, current_limit=1750, velocity_limit=445,
-            voltage=5.0, stall_torque=0.52, stall_current=1.47, no_load_speed=10.8, fast_from=46,
-        ),
-        Model(
-            "XC330-T288", 1220, table="xm", current_unit=1e-3, current_limit=910, velocity_limit=320,
-            voltage=11.1, stall_torque=0.92, stall_current=0.8, no_load_speed=6.8, fast_from=46,
-        ),
-        Model(
-            "XC330-M288", 1240, table="x330", current_unit=1e-3, current_limit=2352, velocity_limit=350,
-            voltage=5.0, stall_torque=0.93, stall_current=1.8, no_load_speed=8.5, fast_from=46,
+            "XC330-M288", 1240, table="x330", current_unit=1e-3, current_limit=2352, velocity_limit=350, fast_from=46
         ),
     )
-}  # fmt: skip
+}
 
 
 def model_named(name: str) -> Model:
@@ -223,11 +193,7 @@ def model_named(name: str) -> Model:
     Raises:
         ServoError: no such model is known.
     """
-    plain = name.strip().upper()
-    plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain
-    if plain in MODELS:
-        return MODELS[plain]
-    raise ServoError(f"no servo model {name!r}; {known(MODELS)}")
+    return MODELS[motor_named(name).name]
 
 
 def model_numbered(number: int) -> Model | None:
@@ -249,7 +215,7 @@ def _registers(model: Model) -> dict[str, Register]:
     alter("goal_velocity", low=-2047, high=2047)
     alter("max_voltage_limit", default=high, low=low, high=high)
     alter("min_voltage_limit", default=low, low=low, high=high)
-    alter("present_input_voltage", default=round(model.voltage * 10))
+    alter("present_input_voltage", default=round(model.motor.voltage * 10))
     alter("current_limit", default=top, high=top)
     alter("goal_current", default=top, low=-top, high=top)
     if model.table == "xl":

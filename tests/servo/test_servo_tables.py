@@ -6,6 +6,7 @@ import dynamixel_sdk
 import pytest
 
 from robot_retarget.errors import ServoError
+from robot_retarget.motors import MOTORS
 from robot_retarget.servo.tables import MODELS, TABLE_END, model_named, model_numbered
 
 SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "control_table"
@@ -43,3 +44,8 @@ def test_models_are_known_by_name_with_any_connector_and_by_number() -> None:
     assert model_numbered(9999) is None
     with pytest.raises(ServoError, match=r"no servo model 'AX-12'; known: .*XM430-W350"):
         model_named("AX-12")
+
+
+def test_every_control_table_has_its_motor_and_every_motor_its_table() -> None:
+    assert list(MODELS) == list(MOTORS)
+    assert all(model.motor.name == name for name, model in MODELS.items())

@@ -51,7 +51,7 @@ class Device:
     def __post_init__(self) -> None:
         self.motor = Motor(self.model)
         self.registers = Registers(self.model)
-        self.voltage = self.model.voltage
+        self.voltage = self.model.motor.voltage
         self.powered = True
         self._expired = False
         self._fed = self._booted = self._since = 0.0
@@ -221,7 +221,7 @@ class Device:
         sign = -1 if self._reversed else 1
         if mode in GAINS:
             if mode == CURRENT_POSITION:
-                limit = min(limit, abs(r["goal_current"]) * self.model.current_unit / self.model.stall_current)
+                limit = min(limit, abs(r["goal_current"]) * self.model.current_unit / self.model.motor.stall_current)
             gains = r["position_p_gain"], r["position_i_gain"], r["position_d_gain"]
             elapsed = now - self._since
             target = self.hidden(self._path.position(elapsed))

@@ -36,12 +36,12 @@ class Motor:
 
     def stiffness(self, voltage: float) -> float:
         """Torque of full duty at standstill [N m]."""
-        return self.model.stall_torque * voltage / self.model.voltage
+        return self.model.motor.stall_torque * voltage / self.model.motor.voltage
 
     @property
     def back_emf(self) -> float:
         """Torque lost per speed [N m s/rad]."""
-        return self.model.stall_torque / self.model.no_load_speed
+        return self.model.motor.back_emf
 
     def torque(self, voltage: float) -> float:
         """Of the winding, before what speed takes away [N m]."""
@@ -59,9 +59,9 @@ class Motor:
 
     def feel(self, voltage: float, dt: float) -> None:
         """Current and heat from duty and speed."""
-        back = self.velocity * RADIANS / self.model.no_load_speed
-        share = voltage / self.model.voltage
-        self.current = self.model.stall_current * (self.duty * share - back) if self.duty else 0.0
+        back = self.velocity * RADIANS / self.model.motor.no_load_speed
+        share = voltage / self.model.motor.voltage
+        self.current = self.model.motor.stall_current * (self.duty * share - back) if self.duty else 0.0
         goal = AMBIENT + HEAT_RISE * self.current**2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
 
@@ -79,13 +79,13 @@ class Motor:
         unit = 0.229 * TICKS_PER_TURN / 60
         error = (speed - self.velocity) / unit
         self.integral = max(-1.0, min(1.0, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM))
-        ahead = speed * RADIANS / self.model.no_load_speed
+        ahead = speed * RADIANS / self.model.motor.no_load_speed
         self.duty = max(-limit, min(limit, p / 128 * error / FULL_PWM * 10 + self.integral + ahead))
 
     def push(self, current: float, limit: float) -> None:
         """Current control [A]: the duty that gives it at this speed."""
-        back = self.velocity * RADIANS / self.model.no_load_speed
-        self.duty = max(-limit, min(limit, current / self.model.stall_current + back))
+        back = self.velocity * RADIANS / self.model.motor.no_load_speed
+        self.duty = max(-limit, min(limit, current / self.model.motor.stall_current + back))
 
     def rest(self) -> None:
         """Torque off."""

@@ -55,7 +55,7 @@ class World:
     def _step(self) -> None:
         drawn = sum(abs(device.motor.current) for device in self.devices)
         for device in self.devices:
-            volts = device.model.voltage if self.supply is None else self.supply
+            volts = device.model.motor.voltage if self.supply is None else self.supply
             device.control(self.time, self.step, volts - SUPPLY_RESISTANCE * drawn * (self.supply is not None))
         if self.plant is None:
             for device in self.devices:

@@ -1,0 +1,83 @@
+"""Motors of position servos, as their makers' datasheets have them: one line of the speed–torque plane each.
+
+    τ(duty, ω) = τ_stall (duty − ω / ω_0)        I = I_stall (duty − ω / ω_0)
+
+at the nominal voltage; another voltage scales what duty gives, not what speed takes away.
+"""
+
+from dataclasses import dataclass
+
+from robot_retarget.errors import ServoError, known
+
+CONTINUOUS_SHARE = 0.2
+"""Of stall torque and current that may last: the maker's manuals call motions stable at a fifth of stall or less."""
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A servo's motor with its gears, at the output shaft, and the gains it leaves the factory with."""
+
+    name: str
+    stall_torque: float
+    """[N m]."""
+    stall_current: float
+    """[A]."""
+    no_load_speed: float
+    """[rad/s]."""
+    voltage: float = 12.0
+    """At which the three above hold [V]."""
+    p_gain: int = 800
+    """Register `position_p_gain`: duty = P / 128 / 885 for a tick of error."""
+    d_gain: int = 0
+    """Register `position_d_gain`: duty = D / 16 / 885 for a tick a millisecond."""
+
+    @property
+    def back_emf(self) -> float:
+        """Torque that speed takes away [N m s/rad]."""
+        return self.stall_torque / self.no_load_speed
+
+    @property
+    def resistance(self) -> float:
+        """Of the winding [Ω]."""
+        return self.voltage / self.stall_current
+
+    @property
+    def continuous_current(self) -> float:
+        """That may last [A]."""
+        return CONTINUOUS_SHARE * self.stall_current
+
+
+# https://emanual.robotis.com/docs/en/dxl/x/ : specifications and control table of each page
+MOTORS = {
+    motor.name: motor
+    for motor in (
+        Motor("XM430-W350", 4.1, 2.3, 4.82),
+        Motor("XM430-W210", 3.0, 2.3, 8.06),
+        Motor("XH430-W350", 3.4, 1.3, 3.14),
+        Motor("XH430-W210", 2.5, 1.3, 5.24),
+        Motor("XM540-W270", 10.6, 4.4, 3.14),
+        Motor("XM540-W150", 7.3, 4.4, 5.55),
+        Motor("XL430-W250", 1.5, 1.4, 6.39, p_gain=640, d_gain=4000),
+        Motor("XC430-W150", 1.6, 1.4, 11.1),
+        Motor("XC430-W240", 1.9, 1.4, 7.33),
+        Motor("2XL430-W250", 1.4, 1.3, 5.97, voltage=11.1),
+        Motor("2XC430-W250", 1.8, 1.4, 6.7, p_gain=700),
+        Motor("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0),
+        Motor("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0),
+        Motor("XC330-T288", 0.92, 0.8, 6.8, voltage=11.1, p_gain=900),
+        Motor("XC330-M288", 0.93, 1.8, 8.5, voltage=5.0),
+    )
+}
+
+
+def motor_named(name: str) -> Motor:
+    """A motor by the name printed on the servo; a trailing -R or -T (its connector) is ignored.
+
+    Raises:
+        ServoError: no such servo is known.
+    """
+    plain = name.strip().upper()
+    plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain
+    if plain not in MOTORS:
+        raise ServoError(f"no servo model {name!r}; {known(MOTORS)}")
+    return MOTORS[plain]
