@@ -74,7 +74,7 @@ def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: fl
     error = tracking.error[:, driven]
     rms, peak = np.sqrt((error**2).mean(0)), np.abs(error).max(0)
     torque = np.abs(rollout.torque[playing][:, driven])
-    bound = robot.max_torque[driven]
+    bound = plant.bounds[driven]
     full = (torque >= SATURATED * bound).mean(0)
     lines = zip(driven, rms, peak, full, torque.max(0), strict=True)
     return {

@@ -9,6 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
+from robot_retarget.simulate.servo_model import Drives
 
 Mode = Literal["pinned", "free"]
 
@@ -31,27 +32,61 @@ class Plant:
     servos: Ints
     """(n,) the actuator of each hinge, −1 for one that nothing drives."""
     notes: tuple[str, ...]
+    drives: Drives | None = None
+    """The servos where they are known as such, None where the model's own actuators stay."""
 
     @property
     def driven(self) -> Ints:
         """Places among the robot's hinges of those with a servo."""
         return np.flatnonzero(self.servos >= 0)
 
-    def controls(self, qpos: Floats) -> Floats:
-        """Controls (N, nu) at which every servo rests at qpos (N, nq): force g c + b₀ + b₁ r q = 0, r the gear."""
+    @property
+    def bounds(self) -> Floats:
+        """(n,) the most torque each servo gives [N m], infinite where nothing bounds it."""
+        model, bounds = self.model, np.array(self.robot.max_torque)
+        for k in self.driven:
+            servo = self.servos[k]
+            if model.actuator_forcelimited[servo]:
+                bounds[k] = np.abs(model.actuator_forcerange[servo] * model.actuator_gear[servo, 0]).max()
+        return bounds
+
+    def controls(self, goals: Floats) -> Floats:
+        """Controls (N, nu) at which every servo rests at its goal (N, n) [rad]: force g c + b₀ + b₁ r q = 0, r the gear.
+
+        Goals are rounded to the servos' ticks where those are known.
+        """
         model, driven = self.model, self.driven
         servo = self.servos[driven]
-        length = qpos[:, self.robot.qpos_index[driven]] * model.actuator_gear[servo, 0]
-        controls = np.zeros((len(qpos), model.nu))
-        bias = model.actuator_biasprm[servo, 0] + model.actuator_biasprm[servo, 1] * length
+        wanted = goals[:, driven]
+        if self.drives is not None:
+            tick = self.drives.tick[driven]
+            wanted = np.round(wanted / tick) * tick
+        controls = np.zeros((len(goals), model.nu))
+        bias = (
+            model.actuator_biasprm[servo, 0] + model.actuator_biasprm[servo, 1] * wanted * model.actuator_gear[servo, 0]
+        )
         controls[:, servo] = -bias / model.actuator_gainprm[servo, 0]
         return controls
 
+    def leads(self, torque: Floats, speed: Floats) -> Floats:
+        """How far before the joints the goals must be (N, n) [rad] for the servos to give `torque` [N m] at `speed` [rad/s].
 
-def build_plant(robot: Robot, mode: Mode) -> Plant:
+        τ = r (g c + b₀ + b₁ r q + b₂ r ω) gives u − q = (τ − r² b₂ ω) / (−r² b₁).
+        """
+        model, driven = self.model, self.driven
+        servo = self.servos[driven]
+        square = model.actuator_gear[servo, 0] ** 2
+        leads = np.zeros_like(torque)
+        braked = torque[:, driven] - square * model.actuator_biasprm[servo, 2] * speed[:, driven]
+        leads[:, driven] = braked / (-square * model.actuator_biasprm[servo, 1])
+        return leads
+
+
+def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant:
     """Compile the robot's MJCF for physics.
 
-    The model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
+    With `drives` every hinge gets that servo in place of what the model has, joint damping, friction and armature too.
+    Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
     inertia, unless the model's equality constraints are there to move it. Every other actuator, all sensors and keyframes go.
     `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
 
@@ -60,8 +95,8 @@ def build_plant(robot: Robot, mode: Mode) -> Plant:
     """
     try:
         spec = mujoco.MjSpec.from_file(str(robot.path))
-        kept = _strip(spec, robot)
-        added = _add_servos(spec, robot, kept)
+        kept = _strip(spec, robot, keep=drives is None)
+        added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
         floor = mode == "free" and _add_floor(spec, robot)
         model = spec.compile()
     except ValueError as error:
@@ -69,6 +104,8 @@ def build_plant(robot: Robot, mode: Mode) -> Plant:
     if model.nq != robot.model.nq:
         raise RobotError(f"{robot.path}: has {model.nq} coordinates now, {robot.model.nq} when it was loaded")
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    if drives is not None:
+        _set_mechanics(model, robot, drives)
     if mode == "pinned":
         _hold_root(model, robot)
         _leave_scene(model)
@@ -76,7 +113,8 @@ def build_plant(robot: Robot, mode: Mode) -> Plant:
     place = {int(j): k for k, j in enumerate(robot.joint_ids)}
     for actuator in range(model.nu):
         servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
-    return Plant(robot, model, servos, tuple(_notes(robot, servos, added, floor)))
+    said = drives.notes if drives is not None else ()
+    return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives)
 
 
 def root_dofs(robot: Robot) -> Ints:
@@ -91,12 +129,12 @@ def root_coordinates(robot: Robot) -> Ints:
     return np.array([c for j in robot.root_joints for c in range(adr[j], adr[j + 1])], dtype=np.int64)
 
 
-def _strip(spec: mujoco.MjSpec, robot: Robot) -> set[int]:
-    """Leave one position servo per hinge and no other actuator; the joints that have one."""
+def _strip(spec: mujoco.MjSpec, robot: Robot, keep: bool) -> set[int]:
+    """Leave one position servo per hinge if they are to be kept, and no other actuator; the joints that have one."""
     model, served = robot.model, set()
     for actuator, element in enumerate(list(spec.actuators)):
         joint = int(model.actuator_trnid[actuator, 0])
-        if _is_servo(model, actuator) and joint in robot.joint_ids and joint not in served:
+        if keep and _is_servo(model, actuator) and joint in robot.joint_ids and joint not in served:
             served.add(joint)
         else:
             spec.delete(element)
@@ -138,6 +176,29 @@ def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str
             servo.forcerange = [-torque, torque]
             servo.forcelimited = True
     return [robot.joint_names[k] for k in bare]
+
+
+def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
+    """Put the servos of `drives` on all hinges: clip(k_p (u − q) − k_d ω, ±τ_stall); nothing is made up, so nothing to say."""
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    joints = list(spec.joints)
+    for k, j in enumerate(robot.joint_ids):
+        joint, bound = joints[j], drives.stall_torque[k]
+        joint.name = joint.name or robot.joint_names[k]
+        joint.actfrclimited, joint.springdamper = False, [0, 0]
+        servo = spec.add_actuator(name=f"servo of {joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=drives.stiffness[k], kv=drives.derivative[k])
+        servo.forcerange, servo.forcelimited = [-bound, bound], True
+    return []
+
+
+def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
+    """What turns with the shafts: the back-EMF acts beyond the clip of the duty, so it is a damping of the joint."""
+    dofs = robot.dof_index
+    model.dof_damping[dofs] = drives.back_emf + drives.damping
+    model.dof_frictionloss[dofs] = drives.friction
+    model.dof_armature[dofs] = drives.armature
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _limb_inertia(robot: Robot) -> Floats:

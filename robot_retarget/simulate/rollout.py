@@ -1,5 +1,8 @@
 """Play a trajectory in MuJoCo and judge it: first as pure kinematics, then on position servos."""
 
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast, get_args
 
@@ -7,9 +10,11 @@ from robot_retarget.errors import UsageError
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.contacts import replay_contacts
-from robot_retarget.simulate.plant import Mode, build_plant
+from robot_retarget.simulate.domain import Draw, drawn
+from robot_retarget.simulate.plant import Mode, Plant, build_plant
 from robot_retarget.simulate.report import Report, Thresholds, build_report
-from robot_retarget.simulate.stepping import roll_out
+from robot_retarget.simulate.servo_model import Drives, drives_of
+from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 
@@ -18,31 +23,73 @@ def simulate(
     robot: Robot,
     *,
     mode: str = "pinned",
+    drives: Drives | str | None = "auto",
+    playback: Playback | None = None,
     thresholds: Thresholds | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
 
-    It is replayed as it is (self-contacts, joint ranges, joint speeds) and then tracked by the model's position servos
-    under gravity after SETTLE seconds in its first pose (tracking errors, torques, contacts).
+    It is replayed as it is (self-contacts, joint ranges, joint speeds) and then tracked by position servos under
+    gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
         trajectory: a trajectory, or the path of its file. The report's sha256 is that of the file (`fingerprint`).
         mode: `pinned` carries the root along its path in the air: the limbs feel gravity as the root turns, but not
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
+        drives: the servos; `auto` takes those of `servos.toml` beside the robot's MJCF where it is there, None keeps
+            the model's own actuators.
+        playback: rate, delay and settling times.
         thresholds: what is still a pass.
 
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
         TrajectoryError: the file cannot be read, or is of another robot.
-        RobotError: the robot's MJCF cannot be prepared.
+        RobotError: the robot's MJCF cannot be prepared, or its servos.toml not read.
+    """
+    played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
+    require_same_robot(played, robot)
+    plant = plant_of(robot, mode, drives)
+    replayed = replay_contacts(robot, played.qpos)
+    rollout = roll_out(plant, played, cast(Mode, mode), playback)
+    return build_report(played, plant, replayed, rollout, mode, fingerprint(trajectory), thresholds or Thresholds())
+
+
+def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:
+    """The physics of a robot in a mode; `drives` as in `simulate`.
+
+    Raises:
+        UsageError: an unknown mode, or `free` for a robot without a free root.
+        RobotError: the robot's MJCF cannot be prepared, or its servos.toml not read.
     """
     if mode not in get_args(Mode):
         raise UsageError(f"unknown mode {mode!r}; known: {', '.join(get_args(Mode))}")
     if mode == "free" and not robot.floating:
         raise UsageError(f"mode 'free' needs a robot with a free root; the root of {robot.name!r} is not free")
-    played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
-    require_same_robot(played, robot)
-    plant = build_plant(robot, cast(Mode, mode))
-    replayed = replay_contacts(robot, played.qpos)
-    rollout = roll_out(plant, played, cast(Mode, mode))
-    return build_report(played, plant, replayed, rollout, mode, fingerprint(trajectory), thresholds or Thresholds())
+    return build_plant(robot, cast(Mode, mode), drives_of(robot) if isinstance(drives, str) else drives)
+
+
+def rollouts(
+    plant: Plant,
+    trajectory: Trajectory,
+    draws: Sequence[Draw],
+    *,
+    mode: str = "free",
+    playback: Playback | None = None,
+    command: Trajectory | None = None,
+    threads: int | None = None,
+) -> list[Rollout]:
+    """The same trajectory in many worlds at once, in the order of the draws.
+
+    Args:
+        plant: the world as it should be (`plant_of`); each draw alters it.
+        draws: see `domain.draws`.
+        command: what the servos are told in place of the trajectory.
+        threads: at once; by default one for each processor. The physics runs without Python's lock.
+    """
+
+    def play(draw: Draw) -> Rollout:
+        world, how = drawn(plant, draw, playback or Playback())
+        return roll_out(world, trajectory, cast(Mode, mode), how, command)
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        return list(pool.map(play, draws))

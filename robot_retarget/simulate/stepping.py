@@ -9,70 +9,163 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import UsageError
+from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.simulate.contacts import ContactLog, Contacts
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates, root_dofs
 from robot_retarget.trajectory import Trajectory
 
-SETTLE = 1.0
-"""The first pose is held this long before the trajectory begins [s]."""
 SPEED_LIMIT = 1e3
 """A coordinate faster than this [m/s, rad/s] is the integration failing, no motion of a robot."""
 
 
+@dataclass(frozen=True)
+class Playback:
+    """How goals come to the servos."""
+
+    rate: float = 125.0
+    """Goals a second, each held till the next; rounded to whole steps of the physics."""
+    delay: float = 0.002
+    """From the host to the windings [s]."""
+    settle_before: float = 1.0
+    """The first pose is held this long before the trajectory begins [s]."""
+    settle_after: float = 0.0
+    """The last pose is held this long after it ends [s]."""
+
+    def __post_init__(self) -> None:
+        for name, low in (("rate", 1.0), ("delay", 0.0), ("settle_before", 0.0), ("settle_after", 0.0)):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= low):
+                raise UsageError(f"{name} must be a number of at least {low:g}, got {value}")
+
+    def steps(self, step: float) -> int:
+        """Steps of the physics [s] that a goal is held for."""
+        return max(1, round(1 / (self.rate * step)))
+
+
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """N simulation steps; time 0 is where the trajectory begins, the settling before it is negative."""
+    """The state after each goal, N in all; time 0 is where the trajectory begins, the settling before it is negative.
+
+    Forces and contacts are those of the last step, that led to the state.
+    """
 
     times: Floats
     """(N,) [s]."""
+    qpos: Floats
+    """(N, nq)."""
     hinges: Floats
     """(N, n) measured [rad]."""
+    speeds: Floats
+    """(N, n) [rad/s]."""
     torque: Floats
-    """(N, n) of the servos [N m]."""
+    """(N, n) of the actuators [N m]; what speed takes from a motor is not yet off."""
+    com: Floats
+    """(N, 3) centre of mass [m]."""
+    ground: Floats
+    """(N, 6) force [N] and torque about the world's origin [N m] that the ground exerts on a robot with a free root."""
     contacts: Contacts
-    """All contacts; their frames are steps."""
+    """All contacts; their frames are the N states."""
     unstable: float | None
     """When the simulation broke down [s], or None."""
     steps_per_second: float
+    """Of physics."""
 
 
-def roll_out(plant: Plant, trajectory: Trajectory, mode: Mode) -> Rollout:
-    """Step the physics from settling to the last frame, the controls straight between frames."""
-    model, step = plant.model, plant.model.opt.timestep
-    times = np.arange(-round(SETTLE / step), round(trajectory.duration / step) + 1) * step
-    wanted = sample(trajectory, plant.robot, times)
+def roll_out(
+    plant: Plant,
+    trajectory: Trajectory,
+    mode: Mode,
+    playback: Playback | None = None,
+    command: Trajectory | None = None,
+) -> Rollout:
+    """Step the physics from settling to the end.
+
+    Args:
+        command: what the servos are told in place of the trajectory itself (`compensate.compensated`).
+    """
+    playback = playback or Playback()
+    model, robot = plant.model, plant.robot
+    nsub = playback.steps(model.opt.timestep)
+    dt = nsub * model.opt.timestep
+    ticks = round((playback.settle_before + trajectory.duration + playback.settle_after) / dt)
+    times = dt * np.arange(max(ticks, 1)) - playback.settle_before
+    goals = sample(command or trajectory, robot, times - playback.delay)[:, robot.qpos_index]
     data = mujoco.MjData(model)
-    data.qpos[:] = wanted[0]
+    data.qpos[:] = trajectory.qpos[0]
     if mode == "free":
         _set_on_floor(model, data)
-    held = (root_coordinates(plant.robot), root_dofs(plant.robot)) if mode == "pinned" else None
+    carried = None
+    if mode == "pinned":
+        roots = root_coordinates(robot)
+        carried = roots, root_dofs(robot), sample(trajectory, robot, times)[:, roots]
+    log = _Log(model, robot, len(times))
     began = time.perf_counter()
     with _quiet():
-        qpos, torque, contacts = _steps(model, data, wanted, plant.controls(wanted), held)
-    pace = len(qpos) / (time.perf_counter() - began)
-    unstable = None if len(qpos) == len(times) else float(times[len(qpos)])
-    index, dofs = plant.robot.qpos_index, plant.robot.dof_index
-    return Rollout(times[: len(qpos)], qpos[:, index], torque[:, dofs], contacts, unstable, pace)
+        done = _steps(model, data, plant.controls(goals), nsub, carried, log)
+    pace = nsub * done / (time.perf_counter() - began)
+    unstable = None if done == len(times) else float(times[done])
+    return log.rollout(times[:done] + dt, unstable, pace)
 
 
 def _steps(
-    model: mujoco.MjModel, data: mujoco.MjData, wanted: Floats, controls: Floats, held: tuple[Ints, Ints] | None
-) -> tuple[Floats, Floats, Contacts]:
-    """The plain loop: qpos (N, nq), actuator torque (N, nv) and contacts at each step, cut where it breaks down."""
-    qpos, torque = np.empty((len(wanted), model.nq)), np.empty((len(wanted), model.nv))
-    log = ContactLog(model)
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    controls: Floats,
+    nsub: int,
+    carried: tuple[Ints, Ints, Floats] | None,
+    log: "_Log",
+) -> int:
+    """The plain loop; how many controls it came through before it broke down."""
     for k, control in enumerate(controls):
         data.ctrl[:] = control
-        if held is not None:
-            data.qpos[held[0]], data.qvel[held[1]] = wanted[k, held[0]], 0.0
-        qpos[k] = data.qpos
-        mujoco.mj_step(model, data)
+        if carried is not None:
+            data.qpos[carried[0]], data.qvel[carried[1]] = carried[2][k], 0.0
+        mujoco.mj_step(model, data, nsub)
         if not np.abs(data.qvel).max() < SPEED_LIMIT:  # so written, NaN stops here too
-            return qpos[:k], torque[:k], log.table()
-        torque[k] = data.qfrc_actuator
+            return k
         log.note(k, data)
-    return qpos, torque, log.table()
+    return len(controls)
+
+
+class _Log:
+    """What is written down while the physics goes by."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, count: int):
+        self.robot = robot
+        self.contacts = ContactLog(model)
+        self.qpos, self.qvel = np.empty((count, model.nq)), np.empty((count, model.nv))
+        self.torque, self.wrench = np.empty((count, model.nv)), np.zeros((count, 6))
+        self.com, self.place, self.turn = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 9))
+        self._body = robot.root_body
+        self._root = root_dofs(robot) if robot.floating else None
+
+    def note(self, k: int, data: mujoco.MjData) -> None:
+        self.qpos[k], self.qvel[k], self.torque[k] = data.qpos, data.qvel, data.qfrc_actuator
+        self.com[k] = data.subtree_com[self._body]
+        self.place[k], self.turn[k] = data.xpos[self._body], data.xmat[self._body]
+        if self._root is not None:
+            self.wrench[k] = data.qfrc_constraint[self._root]
+        self.contacts.note(k, data)
+
+    def rollout(self, times: Floats, unstable: float | None, pace: float) -> Rollout:
+        """Everything noted, as far as the times go."""
+        n, index, dofs = len(times), self.robot.qpos_index, self.robot.dof_index
+        qpos = self.qpos[:n]
+        return Rollout(
+            times, qpos, qpos[:, index], self.qvel[:n, dofs], self.torque[:n, dofs], self.com[:n], self._ground(n),
+            self.contacts.table(), unstable, pace,
+        )  # fmt: skip
+
+    def _ground(self, n: int) -> Floats:
+        """The root's share of the constraint forces is the ground's wrench: contacts of the robot with itself cancel.
+
+        MuJoCo has the torque about the root body's origin, in the body's axes.
+        """
+        force = self.wrench[:n, :3]
+        torque = np.einsum("nij,nj->ni", self.turn[:n].reshape(-1, 3, 3), self.wrench[:n, 3:])
+        return np.concatenate([force, torque + np.cross(self.place[:n], force)], axis=1)
 
 
 def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -1,0 +1,68 @@
+"""Worlds a little other than the model: a motion that stands up to all of them may stand up to the real one."""
+
+import copy
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from robot_retarget.simulate.plant import Plant
+from robot_retarget.simulate.stepping import Playback
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One world: what it has in place of, or on top of, the model's."""
+
+    mass: float = 1.0
+    """Times the mass and inertia of every body."""
+    friction: float | None = None
+    """Sliding friction of all contacts; None leaves the model's."""
+    stiffness: float = 1.0
+    """Times the stiffness of every servo."""
+    delay: float | None = None
+    """From the host to the windings [s]; None leaves the playback's."""
+    roll: float = 0.0
+    pitch: float = 0.0
+    """The floor's tilt about x and y [rad]."""
+
+
+class Spread(NamedTuple):
+    """Bounds of even distributions."""
+
+    mass: tuple[float, float] = (0.9, 1.1)
+    friction: tuple[float, float] = (0.6, 1.2)
+    stiffness: tuple[float, float] = (0.85, 1.15)
+    delay: tuple[float, float] = (0.0, 0.02)
+    tilt: tuple[float, float] = (-np.pi / 180, np.pi / 180)
+
+
+def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw, ...]:
+    """`count` worlds; the same seed gives the same worlds, and a longer list begins with the shorter one."""
+    spread = spread or Spread()
+    bounds = np.array([spread.mass, spread.friction, spread.stiffness, spread.delay, spread.tilt, spread.tilt])
+    shares = np.random.default_rng(seed).random((count, len(bounds)))
+    return tuple(Draw(*row) for row in (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist())
+
+
+def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback]:
+    """The plant and the playback in a drawn world. The floor stays where it is: gravity tilts against it."""
+    model = copy.copy(plant.model)
+    model.body_mass *= draw.mass
+    model.body_inertia *= draw.mass
+    if draw.friction is not None:
+        model.geom_friction[:, 0] = draw.friction
+        model.pair_friction[:, :2] = draw.friction
+    model.actuator_gainprm[:, 0] *= draw.stiffness
+    model.actuator_biasprm[:, :2] *= draw.stiffness
+    model.opt.gravity[:] = _tilted(plant.model.opt.gravity, draw.roll, draw.pitch)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(plant, model=model), playback if draw.delay is None else replace(playback, delay=draw.delay)
+
+
+def _tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
+    """Gravity as seen from a floor tilted about x by `roll` and about y by `pitch`: Rᵀ g."""
+    about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    about_y = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+    return (about_y @ about_x).T @ gravity

@@ -1,0 +1,180 @@
+"""Position servos as they are: a DC motor on a battery, driven by the P and D of its registers.
+
+    duty  = clip(k_p (u − q) − k_d ω, ±1)
+    τ     = τ_stall duty − k_e ω                       k_e = τ_stall / ω_0, the torque–speed line
+    J q̈   = τ − d ω − f sign ω + load                  d, f, J of the gears and the rotor
+    I     = I_stall duty − I_stall ω / ω_0             P_heat = I² R
+
+Speed takes its torque away outside the clip, so the whole is a position actuator with a force range and a damped joint: MuJoCo's
+`position` does it in every version, integrates the damping implicitly, and gives what its `dcmotor` gives.
+"""
+
+from dataclasses import dataclass
+from math import tau
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import RobotError, ServoError
+from robot_retarget.motors import MOTORS, Motor, motor_named
+from robot_retarget.robot.catalog import read_toml
+from robot_retarget.robot.model import Robot
+
+TICKS_PER_TURN = 4096
+FULL_PWM = 885
+"""Of the register `goal_pwm`: full duty."""
+HEAT_RISE = 50.0
+"""A servo at its continuous current for ever ends so much warmer than the room [K]: 30 °C to the 80 °C that shut it down."""
+HEAT_TIME = 300.0
+"""Time constant of that warming [s]."""
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """What gears and rotor add to a motor, at the output shaft."""
+
+    damping: float
+    """Besides the back-EMF [N m s/rad]."""
+    friction: float
+    """Dry [N m]."""
+    armature: float
+    """[kg m²]."""
+
+
+# Identified on robots: XM430-W350 on the ROBOTIS OP3 (MuJoCo Menagerie robotis_op3, whose joint damping of 1.084 holds the
+# back-EMF of 0.851 too), the others on ToddlerBot; the XL430 has the gears of the 2XL430.
+IDENTIFIED = {
+    "XM430-W350": Mechanics(0.233, 0.03, 0.045),
+    "XM430-W210": Mechanics(0.08, 0.134, 0.0012),
+    "XC330-T288": Mechanics(0.134, 0.014, 0.0035),
+    "XC430-W240": Mechanics(0.127, 0.069, 0.004),
+    "2XC430-W250": Mechanics(0.075, 0.252, 0.0044),
+    "2XL430-W250": Mechanics(0.12, 0.292, 0.0042),
+    "XL430-W250": Mechanics(0.12, 0.292, 0.0042),
+}
+REFERENCE = "XM430-W350"
+"""Servos nobody identified are taken for this one, grown with their stall torque."""
+
+
+def mechanics_of(motor: Motor) -> Mechanics:
+    """As identified, else those of `REFERENCE` by stall torque."""
+    if motor.name in IDENTIFIED:
+        return IDENTIFIED[motor.name]
+    share = motor.stall_torque / MOTORS[REFERENCE].stall_torque
+    like = IDENTIFIED[REFERENCE]
+    return Mechanics(share * like.damping, share * like.friction, share * like.armature)
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """The servos of a robot's n hinges, at the joint: gears between servo and joint are in the numbers."""
+
+    stiffness: Floats
+    """(n,) torque per error, k_p τ_stall [N m/rad]."""
+    derivative: Floats
+    """(n,) torque per speed of the register's D, k_d τ_stall [N m s/rad]."""
+    stall_torque: Floats
+    """(n,) at the supply's voltage [N m]."""
+    back_emf: Floats
+    """(n,) torque that speed takes away [N m s/rad]."""
+    damping: Floats
+    """(n,) of the gears [N m s/rad]."""
+    friction: Floats
+    """(n,) [N m]."""
+    armature: Floats
+    """(n,) [kg m²]."""
+    tick: Floats
+    """(n,) goals are whole multiples of this [rad]."""
+    stall_current: Floats
+    """(n,) at the supply's voltage [A]."""
+    continuous_current: Floats
+    """(n,) [A]."""
+    voltage: float
+    """Of the supply [V]."""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray | list):
+                object.__setattr__(self, name, frozen(value))
+
+    @property
+    def no_load_speed(self) -> Floats:
+        """(n,) [rad/s]."""
+        return self.stall_torque / self.back_emf
+
+    def duty(self, force: Floats) -> Floats:
+        """The part of the supply on the windings, −1 … 1, at actuator forces (…, n) [N m]."""
+        return force / self.stall_torque
+
+    def shaft_torque(self, force: Floats, speed: Floats) -> Floats:
+        """What the motors give (…, n) [N m] at actuator forces [N m] and joint speeds [rad/s]."""
+        return force - self.back_emf * speed
+
+    def current(self, force: Floats, speed: Floats) -> Floats:
+        """(…, n) [A]."""
+        return self.stall_current * self.shaft_torque(force, speed) / self.stall_torque
+
+    def power(self, force: Floats, speed: Floats) -> Floats:
+        """Taken from the supply (…, n) [W]; what a braking motor gives back is burnt, not stored."""
+        return np.maximum(self.voltage * self.duty(force) * self.current(force, speed), 0)
+
+    def temperature_rise(self, force: Floats, speed: Floats, dt: float) -> Floats:
+        """(n,) how much warmer the servos are after N samples (N, n), dt [s] apart, than before [K].
+
+        The heat I² R of the continuous current would bring HEAT_RISE in the end, with the time constant HEAT_TIME.
+        """
+        load = (self.current(force, speed) / self.continuous_current) ** 2
+        fading = np.exp(-np.arange(len(load))[::-1] * dt / HEAT_TIME)
+        return HEAT_RISE * dt / HEAT_TIME * (fading[:, None] * load).sum(0)
+
+
+def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = None) -> Drives | None:
+    """The servos that `servos.toml` beside the robot's MJCF names, or None where there is no such file.
+
+    Args:
+        voltage: of the supply [V]; by default the motors' nominal one.
+        p_gain: register `position_p_gain` of all servos; by default each one's factory setting.
+
+    Raises:
+        RobotError: the file cannot be read, names a servo that is not known, or leaves a hinge without one.
+    """
+    path = robot.path.with_name("servos.toml")
+    if not path.is_file():
+        return None
+    table = read_toml(path).get("servo", {})
+    bare = [joint for joint in robot.joint_names if joint not in table]
+    if bare:
+        raise RobotError(f"{path}: no servo for the joint {bare[0]!r}")
+    try:
+        motors = [motor_named(str(table[joint].get("model"))) for joint in robot.joint_names]
+    except ServoError as error:
+        raise RobotError(f"{path}: {error}") from None
+    gears = np.array([float(table[joint].get("gear", 1.0)) for joint in robot.joint_names])
+    return drives(motors, gears, voltage, p_gain)
+
+
+def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:
+    """Motors (n,) behind `gears` (n,), turns of the servo for one of the joint, as drives of the joints."""
+    supply = max(motor.voltage for motor in motors) if voltage is None else voltage
+    share = np.array([1.0 if voltage is None else voltage / motor.voltage for motor in motors])
+    stall = share * [motor.stall_torque for motor in motors]
+    mechanics = [mechanics_of(motor) for motor in motors]
+    p = np.array([motor.p_gain if p_gain is None else p_gain for motor in motors])
+    d = np.array([motor.d_gain for motor in motors])
+    ticks = TICKS_PER_TURN / tau / FULL_PWM
+    unknown = sorted({motor.name for motor in motors} - IDENTIFIED.keys())
+    return Drives(
+        stiffness=gears**2 * stall * p / 128 * ticks,
+        derivative=gears**2 * stall * d / 16 / 1000 * ticks,
+        stall_torque=gears * stall,
+        back_emf=gears**2 * np.array([motor.back_emf for motor in motors]),
+        damping=gears**2 * np.array([m.damping for m in mechanics]),
+        friction=gears * np.array([m.friction for m in mechanics]),
+        armature=gears**2 * np.array([m.armature for m in mechanics]),
+        tick=tau / TICKS_PER_TURN / gears,
+        stall_current=share * [motor.stall_current for motor in motors],
+        continuous_current=np.array([motor.continuous_current for motor in motors]),
+        voltage=supply,
+        notes=tuple(f"nobody identified the gears of {name}: {REFERENCE}'s grown with torque" for name in unknown),
+    )
