@@ -96,6 +96,18 @@ def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: fl
     }
 
 
+def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensated: bool) -> dict[str, Any]:
+    """What tracking is like without compensation, for comparison; None where nothing is to be said."""
+    tracking = at_frames(trajectory, plant.robot, plain)
+    error, wanted = tracking.error[:, plant.driven], tracking.wanted[:, plant.driven]
+    said = compensated and error.size
+    return {
+        "compensated": compensated,
+        "plain_tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 5) if said else None,
+        "plain_lag_s": _lag(error, wanted, trajectory.fps) if said else None,
+    }
+
+
 def rollout_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
     """Self-contacts while tracking, breakdown, speed of the simulation."""
     contacts = rollout.contacts.own.without(built_in(robot))

@@ -10,7 +10,14 @@ from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.files import replacing
 from robot_retarget.simulate.contacts import Contacts
-from robot_retarget.simulate.figures import at_frames, fall_figures, replay_figures, rollout_figures, tracking_figures
+from robot_retarget.simulate.figures import (
+    at_frames,
+    fall_figures,
+    plain_figures,
+    replay_figures,
+    rollout_figures,
+    tracking_figures,
+)
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.trajectory import Trajectory
@@ -80,11 +87,12 @@ def build_report(
     plant: Plant,
     replayed: Contacts,
     rollout: Rollout,
+    plain: Rollout,
     mode: str,
     sha256: str,
     thresholds: Thresholds,
 ) -> Report:
-    """Put figures together and pass the verdict."""
+    """Put figures together and pass the verdict; `plain` is the rollout without compensation, maybe the same."""
     robot = plant.robot
     tracking = at_frames(trajectory, robot, rollout)
     figures: dict[str, Any] = {
@@ -93,6 +101,7 @@ def build_report(
         "fps": round(trajectory.fps, 4),
         "duration_s": round(trajectory.duration, 4),
         **tracking_figures(tracking, plant, rollout, trajectory.fps),
+        **plain_figures(trajectory, plant, plain, compensated=plain is not rollout),
         **replay_figures(trajectory, robot, replayed, thresholds.penetration),
         **rollout_figures(rollout, robot),
         **(fall_figures(rollout, robot) if mode == "free" else {}),

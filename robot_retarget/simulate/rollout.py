@@ -9,6 +9,7 @@ from typing import cast, get_args
 from robot_retarget.errors import UsageError
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
@@ -25,6 +26,7 @@ def simulate(
     mode: str = "pinned",
     drives: Drives | str | None = "auto",
     playback: Playback | None = None,
+    compensate: bool = True,
     thresholds: Thresholds | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -39,6 +41,8 @@ def simulate(
         drives: the servos; `auto` takes those of `servos.toml` beside the robot's MJCF where it is there, None keeps
             the model's own actuators.
         playback: rate, delay and settling times.
+        compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
+            trajectory itself; the report then has the figures of plain playback beside.
         thresholds: what is still a pass.
 
     Raises:
@@ -50,8 +54,14 @@ def simulate(
     require_same_robot(played, robot)
     plant = plant_of(robot, mode, drives)
     replayed = replay_contacts(robot, played.qpos)
-    rollout = roll_out(plant, played, cast(Mode, mode), playback)
-    return build_report(played, plant, replayed, rollout, mode, fingerprint(trajectory), thresholds or Thresholds())
+    plain = roll_out(plant, played, cast(Mode, mode), playback)
+    rollout = plain
+    if compensate:
+        command = compensated(plant, played, cast(Mode, mode), playback)
+        rollout = roll_out(plant, played, cast(Mode, mode), playback, command)
+    return build_report(
+        played, plant, replayed, rollout, plain, mode, fingerprint(trajectory), thresholds or Thresholds()
+    )
 
 
 def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:

@@ -37,7 +37,7 @@ def test_a_static_stand_is_tracked_and_passes():
 
 def test_a_held_pose_droops_by_gravity_over_stiffness():
     pose = OP3.standing()
-    report = simulate(hold(OP3, 1.0), OP3)
+    report = simulate(hold(OP3, 1.0), OP3, compensate=False)
     data = mujoco.MjData(OP3.model)
     data.qpos[:] = pose
     mujoco.mj_forward(OP3.model, data)
@@ -52,12 +52,12 @@ def test_a_pelvis_on_its_side_loads_the_limbs_sideways():
     data = mujoco.MjData(OP3.model)
     data.qpos[:] = side
     mujoco.mj_forward(OP3.model, data)
-    error = simulate(hold(OP3, 1.0, qpos=side), OP3).series["error"][-1]
+    error = simulate(hold(OP3, 1.0, qpos=side), OP3, compensate=False).series["error"][-1]
     np.testing.assert_allclose(-KP * error, data.qfrc_bias[OP3.dof_index], atol=SLACK)
 
 
 def test_a_slow_sine_lags_by_damping_over_stiffness():
-    report = simulate(swing(OP3, "l_sho_pitch", 0.4, 0.4, 5.0), OP3)
+    report = simulate(swing(OP3, "l_sho_pitch", 0.4, 0.4, 5.0), OP3, compensate=False)
     assert report.figures["lag_s"] == pytest.approx(DAMPING / KP, rel=0.5)
     assert report.verdict == "pass"
 
@@ -167,7 +167,7 @@ def test_two_simulations_agree_in_everything_but_their_pace():
 def test_thresholds_decide_the_verdict():
     trajectory = swing(OP3, "l_sho_pitch", 0.4, 0.4, 2.0)
     assert simulate(trajectory, OP3).verdict == "pass"
-    assert simulate(trajectory, OP3, thresholds=Thresholds(tracking_rms=0.01)).verdict == "fail"
+    assert simulate(trajectory, OP3, compensate=False, thresholds=Thresholds(tracking_rms=0.01)).verdict == "fail"
 
 
 def test_a_robot_without_servos_or_free_root_gets_servos_and_says_so(tmp_path):

@@ -1,0 +1,151 @@
+"""Lag compensation: tell the servos what makes the joints be where they should be, when they should be there.
+
+    u(t) = q(t') + (τ(t') + f tanh(ω(t') / ω_f) − b ω(t')) / k_p,    t' = t + delay + half a goal's hold
+
+τ comes from inverse dynamics along the motion (inertia, gravity, damping), f is the dry friction, b the servo's own
+speed term. On a floor the root's share of the inverse dynamics is what the planted soles must push, and what they push loads
+the legs: forces within friction pyramids at the soles' corners, by non-negative least squares.
+"""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.kinematics import Points
+from robot_retarget.robot.model import FREE
+from robot_retarget.simulate.feet import feet_of
+from robot_retarget.simulate.plant import Mode, Plant
+from robot_retarget.simulate.stepping import Playback
+from robot_retarget.simulate.within import within
+from robot_retarget.trajectory import Trajectory
+
+SMOOTHING = 0.02
+"""Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]; servos follow none quicker."""
+SLOW = 0.05
+"""Dry friction reverses within ± this speed [rad/s]."""
+USABLE = 0.95
+"""Of the torque bound that a goal may ask for."""
+PLANTED = 0.006
+"""Corners this near to the lowest one carry the robot [m]."""
+EVENNESS = 1e-3
+"""Weight of a force [N] against what the root lacks [N, N m]."""
+GRIP = 0.8
+"""Friction that the planted soles may use."""
+
+
+def compensated(
+    plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", playback: Playback | None = None
+) -> Trajectory:
+    """The goals to send in place of a trajectory: a trajectory at the playback's rate, of the same length.
+
+    The first and the last goal hold their poses at rest, as the settling before and after needs them.
+    """
+    playback = playback or Playback()
+    dofs, index = plant.robot.dof_index, plant.robot.qpos_index
+    qpos = _spline(plant, trajectory, playback.rate)
+    torque, speed = _torques(plant, qpos, playback.rate, mode)
+    change = _changes(plant, torque, 1 / playback.rate)
+    if change.any():
+        qpos[:, index] += change
+        torque, speed = _torques(plant, qpos, playback.rate, mode)
+    friction = plant.model.dof_frictionloss[dofs] * np.tanh(speed / SLOW)
+    leads = plant.leads(torque + friction, speed)
+    goals = _ahead(qpos[:, index] + leads, playback)
+    told = qpos.copy()
+    told[:, index] = goals
+    return replace(trajectory, qpos=told, fps=playback.rate)
+
+
+def _spline(plant: Plant, trajectory: Trajectory, rate: float) -> Floats:
+    """(N, nq) at the playback's rate, twice differentiable between frames, where `timing.sample` is straight."""
+    count = max(round(trajectory.duration * rate), 1) + 1
+    if len(trajectory) == 1:
+        return np.tile(trajectory.qpos, (count, 1))
+    at = np.minimum(np.arange(count) / rate, trajectory.duration)
+    frames = np.arange(len(trajectory)) / trajectory.fps
+    qpos = CubicSpline(frames, trajectory.qpos, bc_type="clamped")(at)
+    model = plant.robot.model
+    for joint in np.flatnonzero(model.jnt_type == FREE):
+        columns = slice(int(model.jnt_qposadr[joint]) + 3, int(model.jnt_qposadr[joint]) + 7)
+        turns = Rotation.from_quat(trajectory.qpos[:, columns], scalar_first=True)
+        qpos[:, columns] = RotationSpline(frames, turns)(at).as_quat(scalar_first=True)
+    return qpos
+
+
+def _rates(model: mujoco.MjModel, qpos: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Velocities and accelerations (N, nv), at rest at both ends."""
+    qvel = np.zeros((len(qpos), model.nv))
+    for k in range(1, len(qpos) - 1):
+        mujoco.mj_differentiatePos(model, qvel[k], 2 / rate, qpos[k - 1], qpos[k + 1])
+    qacc = gaussian_filter1d(np.gradient(qvel, 1 / rate, axis=0), SMOOTHING * rate, axis=0, mode="nearest")
+    qacc[[0, -1]] = 0
+    return qvel, qacc
+
+
+def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
+    """(N, n) by how much the joints must leave the motion for their servos to follow [rad]."""
+    model, data = plant.model, mujoco.MjData(plant.model)
+    data.qpos[:] = plant.robot.standing()
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    dofs, bounds = plant.robot.dof_index, plant.bounds
+    changes = np.zeros_like(torque)
+    for k in plant.driven:
+        if np.isfinite(bounds[k]):
+            inertia, damping = full[dofs[k], dofs[k]], model.dof_damping[dofs[k]]
+            changes[:, k] = within(torque[:, k], USABLE * bounds[k], inertia, damping, dt)
+    return changes
+
+
+def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Floats, Floats]:
+    """What the servos must give (N, n) [N m] and how fast they turn (N, n) [rad/s]."""
+    model = copy.copy(plant.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    qvel, qacc = _rates(model, qpos, rate)
+    soles = feet_of(plant.robot).soles if mode == "free" else None
+    dofs = plant.robot.dof_index
+    held = np.setdiff1d(np.arange(model.nv), dofs)
+    torque = np.empty((len(qpos), len(dofs)))
+    for k in range(len(qpos)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], qvel[k], qacc[k]
+        if mode == "pinned":
+            data.qvel[held] = data.qacc[held] = 0
+        mujoco.mj_inverse(model, data)
+        force = data.qfrc_inverse.copy()
+        if soles is not None and len(soles):
+            force -= _pushed(model, data, soles, force[:6])
+        torque[k] = force[dofs]
+    return torque, qvel[:, dofs]
+
+
+def _pushed(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, wrench: Floats) -> Floats:
+    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
+    places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
+    planted = np.flatnonzero(places[:, 2] < places[:, 2].min() + PLANTED)
+    edges = np.array([[GRIP, 0, 1], [-GRIP, 0, 1], [0, GRIP, 1], [0, -GRIP, 1]])
+    jacobian, columns = np.zeros((3, model.nv)), []
+    for k in planted:
+        mujoco.mj_jac(model, data, jacobian, None, places[k], int(soles.bodies[k]))
+        columns.append(jacobian.T @ edges.T)
+    generators = np.hstack(columns)
+    # Two feet can share a load in many ways: the ridge picks the evenest, which changes smoothly.
+    ridge = EVENNESS * np.eye(generators.shape[1])
+    share, _ = nnls(np.vstack([generators[:6], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
+    return generators @ share
+
+
+def _ahead(goals: Floats, playback: Playback) -> Floats:
+    """Goals (N, n) sent early by the delay and half a hold; both ends stay what they are."""
+    at = np.arange(len(goals)) + (playback.delay * playback.rate + 0.5)
+    sent = np.stack([np.interp(at, np.arange(len(goals)), column) for column in goals.T], axis=1)
+    sent[0] = goals[0]
+    return sent

@@ -1,0 +1,142 @@
+"""Compensated goals bring the joints where they should be: against forward dynamics, a QP solver and plain playback."""
+
+import daqp
+import mujoco
+import numpy as np
+import pytest
+from made_trajectories import hold, swing, wander
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.robot import load_robot
+from robot_retarget.simulate.compensate import _rates, _spline, _torques, compensated
+from robot_retarget.simulate.figures import at_frames
+from robot_retarget.simulate.rollout import plant_of, simulate
+from robot_retarget.simulate.stepping import Playback, roll_out
+from robot_retarget.simulate.within import within
+from robot_retarget.trajectory import Trajectory
+
+OP3 = load_robot("op3")
+PINNED, FREE = plant_of(OP3, "pinned"), plant_of(OP3, "free")
+
+
+def rms(plant, trajectory, mode, command=None, playback=None) -> float:
+    error = at_frames(trajectory, OP3, roll_out(plant, trajectory, mode, playback, command)).error
+    return float(np.sqrt((error**2).mean()))
+
+
+def nod(joint: str, amplitude: float, hertz: float, seconds: float) -> Trajectory:
+    """The standing pose with one joint going to `amplitude` [rad] and back, from rest to rest."""
+    qpos = hold(OP3, seconds, 100).qpos.copy()
+    phase = 2 * np.pi * hertz * np.arange(len(qpos)) / 100
+    qpos[:, OP3.qpos_index[OP3.joint_names.index(joint)]] += amplitude * (1 - np.cos(phase)) / 2
+    return Trajectory(qpos, 100, OP3.joint_names, "op3", "nod")
+
+
+def bob(seconds: float = 4.0) -> Trajectory:
+    """A slow squat on both feet: hips, knees and ankles share the bend."""
+    deep = 0.25 * (1 - np.cos(2 * np.pi * np.arange(round(seconds * 50) + 1) / 100)) / 2
+    qpos = hold(OP3, seconds).qpos.copy()
+    bend = {"hip_pitch": (-1, 1), "knee": (2, -2), "ank_pitch": (1, -1)}
+    for joint, signs in bend.items():
+        for side, sign in zip("lr", signs, strict=True):
+            qpos[:, OP3.qpos_index[OP3.joint_names.index(f"{side}_{joint}")]] += sign * deep
+    low = np.array([np.cos(q) for q in 0.36 + deep]) - np.cos(0.36)
+    qpos[:, 2] += 0.22 * low
+    return Trajectory(qpos, 50, OP3.joint_names, "op3", "bob")
+
+
+def test_the_torques_make_forward_dynamics_accelerate_as_wanted():
+    """Independent of the inverse: MuJoCo's forward dynamics under these torques gives these accelerations back."""
+    qpos = _spline(FREE, wander(OP3), 125.0)
+    qvel, qacc = _rates(FREE.model, qpos, 125.0)
+    data = mujoco.MjData(FREE.model)
+    FREE.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    try:
+        for k in (20, 60):
+            data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], qvel[k], qacc[k]
+            mujoco.mj_inverse(FREE.model, data)
+            data.qfrc_applied[:] = data.qfrc_inverse
+            mujoco.mj_forward(FREE.model, data)
+            np.testing.assert_allclose(data.qacc, qacc[k], atol=1e-6)
+    finally:
+        FREE.model.opt.disableflags &= ~int(
+            mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        )
+
+
+def test_standing_takes_the_torques_that_a_standing_simulation_shows():
+    still = hold(OP3, 2.0)
+    torque, speed = _torques(FREE, _spline(FREE, still, 125.0), 125.0, "free")
+    shown = roll_out(FREE, still, "free", command=compensated(FREE, still, "free")).torque[-1]
+    pitch = [OP3.joint_names.index(j) for j in ("l_knee", "r_knee", "l_hip_pitch", "r_hip_pitch")]
+    assert np.abs(torque[50, pitch]).max() > 0.2
+    np.testing.assert_allclose(torque[50, pitch], shown[pitch], atol=0.12)  # dry friction holds some of it
+    assert np.abs(speed).max() < 1e-9
+
+
+@pytest.mark.parametrize("hertz", [0.4, 0.8])
+def test_a_swing_within_the_servos_means_is_tracked_ten_times_better(hertz):
+    moved = nod("l_sho_pitch", 1.2, hertz, 5.0)
+    assert rms(PINNED, moved, "pinned", compensated(PINNED, moved)) < 0.1 * rms(PINNED, moved, "pinned")
+
+
+def test_a_swing_too_quick_for_the_servo_is_halved_by_leaving_early():
+    moved = nod("l_sho_pitch", 2.0, 1.0, 4.0)
+    assert rms(PINNED, moved, "pinned", compensated(PINNED, moved)) < 0.5 * rms(PINNED, moved, "pinned")
+
+
+def test_a_squat_on_its_feet_goes_as_deep_as_it_should():
+    moved = bob()
+    assert rms(FREE, moved, "free", compensated(FREE, moved, "free")) < 0.2 * rms(FREE, moved, "free")
+
+
+def test_the_delay_of_the_playback_is_made_up_for():
+    moved, late = nod("l_el", 1.0, 0.5, 4.0), Playback(delay=0.02)
+    blind, knowing = (compensated(PINNED, moved, playback=p) for p in (Playback(delay=0.0), late))
+    assert rms(PINNED, moved, "pinned", knowing, late) < 0.4 * rms(PINNED, moved, "pinned", blind, late)
+
+
+def test_the_command_begins_and_ends_at_rest_and_lasts_as_long():
+    moved = nod("l_el", 1.0, 0.5, 4.0)
+    command = compensated(PINNED, moved)
+    assert command.duration == pytest.approx(moved.duration) and command.fps == 125
+    still = compensated(PINNED, hold(OP3, 1.0))
+    np.testing.assert_allclose(command.qpos[0], still.qpos[0], atol=1e-6)
+
+
+def test_the_plant_is_not_changed_by_compensating():
+    before = int(FREE.model.opt.disableflags)
+    compensated(FREE, hold(OP3, 0.5), "free")
+    assert FREE.model.opt.disableflags == before
+
+
+def test_the_nearest_motion_within_the_torque_is_what_a_qp_solver_finds():
+    count, dt, inertia, damping, bound = 60, 0.02, 0.05, 1.1, 1.5
+    times = dt * np.arange(count)
+    torque = 2.5 * np.sin(2 * np.pi * times / times[-1])
+    rows = np.zeros((count, count))
+    for k in range(count):
+        for j, weight in ((k - 1, inertia / dt**2 - damping / 2 / dt), (k, -2 * inertia / dt**2),
+                          (k + 1, inertia / dt**2 + damping / 2 / dt)):  # fmt: skip
+            if 0 <= j < count:
+                rows[k, j] = weight
+    best, _, flag, _ = daqp.solve(np.eye(count), np.zeros(count), rows, bound - torque, -bound - torque)
+    assert flag == 1 and np.abs(best).max() > 0.01
+    found = within(torque, bound, inertia, damping, dt)
+    np.testing.assert_allclose(found, best, atol=0.03 * np.abs(best).max())
+    assert not within(torque, 3.0, inertia, damping, dt).any()
+
+
+def test_the_report_tells_plain_and_compensated_tracking_apart():
+    moved = nod("l_el", 1.0, 0.5, 2.0)
+    plain, better = (simulate(moved, OP3, compensate=c).figures for c in (False, True))
+    assert better["plain_tracking_rms_rad"] == plain["tracking_rms_rad"] > 5 * better["tracking_rms_rad"]
+    assert plain["plain_tracking_rms_rad"] is None and not plain["compensated"]
+
+
+@needs_shared
+def test_a_robot_with_its_own_actuators_is_compensated_too():
+    g1 = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
+    moved = swing(g1, "left_shoulder_pitch_joint", 0.5, 0.5, 2.0)
+    figures = simulate(moved, g1).figures
+    assert figures["tracking_rms_rad"] < 0.2 * figures["plain_tracking_rms_rad"]
