@@ -12,7 +12,7 @@ import select
 import termios
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -179,33 +179,35 @@ class Bus:
         """The same bytes of many servos: whatever came whole, by id. `fast` asks for one answer of all."""
         request = protocol.sync_read(address, length, ids, fast)
         self.send(request)
-        return self.receive(length, ids, fast, len(request), patience)
+        return {reply.id: reply for reply in self.replies(length, ids, fast, len(request), patience)}
 
-    def receive(
-        self, length: int, ids: Sequence[int], fast: bool, sent: int, patience: float = PATIENCE
-    ) -> dict[int, Reply]:
-        """The answers to a sync read just sent, the last of `sent` bytes: whatever comes whole in time, by id."""
+    def replies(
+        self, length: int, ids: Collection[int], fast: bool, sent: int, patience: float = PATIENCE
+    ) -> Iterator[Reply]:
+        """The answers to a sync read just sent, the last of `sent` bytes: each as it comes, while they come in time."""
         size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
         until = self._deadline(sent + size, len(ids), patience)
         if fast:
-            return self._chain(size, length, len(ids), until)
-        replies: dict[int, Reply] = {}
+            yield from self._chain(size, length, len(ids), until)
+            return
+        missing = set(ids)
         for frame in self._frames(until):
-            if frame.id in ids and len(frame.params) == 1 + length:
-                replies[frame.id] = _reply(frame)
-                if len(replies) == len(ids):
-                    break
-        return replies
+            if frame.id in missing and len(frame.data) == length:
+                missing.remove(frame.id)
+                yield _reply(frame)
+                if not missing:
+                    return
 
-    def _chain(self, size: int, length: int, count: int, until: float) -> dict[int, Reply]:
+    def _chain(self, size: int, length: int, count: int, until: float) -> Iterator[Reply]:
         raw = bytearray()
         while len(raw) < size and (data := self._fetch(until)):
             raw += data
             start = raw.find(HEADER)
             if start > 0:
                 del raw[:start]
-        blocks = protocol.fast_blocks(bytes(raw), [length] * count) if raw.startswith(HEADER) else ()
-        return {identity: Reply(identity, e & ~ALERT, bool(e & ALERT), data) for e, identity, data in blocks}
+        if raw.startswith(HEADER):
+            for error, identity, data in protocol.fast_blocks(bytes(raw), [length] * count):
+                yield Reply(identity, error & ~ALERT, bool(error & ALERT), data)
 
     # The wire
 

@@ -14,6 +14,8 @@ from robot_retarget.servo.tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 
 GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
 READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
+GOALS = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
+"""What a sync write of goals begins with."""
 FROM = XM430_W350["present_current"].address
 SENSORS = XM430_W350["present_input_voltage"].address
 CYCLE_PATIENCE = 0.004
@@ -32,9 +34,9 @@ class Link:
         sign = np.array([s.sign for s in servo_map.servos])
         self._current_unit = sign * [s.type.current_unit for s in servo_map.servos]
         self._velocity_unit = sign * [VELOCITY_UNIT / s.gear for s in servo_map.servos]
+        self._raw = bytearray(b"".join(_reading(c.values) for c in conditions))
+        self._rows = np.frombuffer(self._raw, dtype=READING)
         self.present = np.array([c.angle for c in conditions])
-        self.velocity = np.zeros(len(self.ids))
-        self.current = np.zeros(len(self.ids))
         self.error = np.zeros(len(self.ids), dtype=np.int64)
         self.voltage = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
         self.temperature = np.array([float(c.values["present_temperature"]) for c in conditions])
@@ -42,6 +44,18 @@ class Link:
         self._missed = np.zeros(len(self.ids), dtype=np.int64)
         self._place = {identity: k for k, identity in enumerate(self.ids)}
         self._turn = self._short = 0
+        self._table = np.zeros(len(self.ids), dtype=GOAL)
+        self._table["id"] = self.ids
+
+    @property
+    def velocity(self) -> Floats:
+        """(n,) of the joints [rad/s]."""
+        return self._rows["velocity"] * self._velocity_unit
+
+    @property
+    def current(self) -> Floats:
+        """(n,) [A]."""
+        return self._rows["current"] * self._current_unit
 
     @property
     def age(self) -> Floats:
@@ -59,13 +73,14 @@ class Link:
 
     def ask(self, goal: Floats) -> None:
         """Send goals [rad] and ask for readings in one go: a single transfer for a USB adapter."""
-        self.bus.send(self._goals(goal) + protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast))
+        self.bus.send(self._goals(goal) + self._request())
 
     def _goals(self, goal: Floats) -> bytes:
-        table = np.empty(len(self.ids), dtype=GOAL)
-        table["id"], table["goal"] = self.scale.ids, self.scale.ticks(goal)
-        head = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
-        return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, head + table.tobytes())
+        self._table["goal"] = self.scale.ticks(goal)
+        return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, GOALS + self._table.tobytes())
+
+    def _request(self) -> bytes:
+        return protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast)
 
     def set_all(self, name: str, value: int) -> None:
         """The same value into a RAM register of all servos; nobody answers."""
@@ -81,25 +96,24 @@ class Link:
 
     def read(self) -> None:
         """Ask for readings and take them in, without haste."""
-        self.bus.send(protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast))
+        self.bus.send(self._request())
         self.listen(PATIENCE)
 
     def listen(self, patience: float = CYCLE_PATIENCE) -> None:
         """Take in the readings asked for; what is lost keeps its value and grows old."""
-        sent = 14 + 6 * len(self.ids) + 14
-        replies = self.bus.receive(READING.itemsize, self.ids, self.fast, sent, patience)
-        now = time.monotonic()
+        sent, size = 14 + 6 * len(self.ids) + 14, READING.itemsize
         self._missed += 1
-        self._mistrust_fast(len(replies) < len(self.ids))
-        if not replies:
-            return
-        places = [self._place[identity] for identity in replies]
-        rows = np.frombuffer(b"".join(reply.data for reply in replies.values()), dtype=READING)
-        self.present[places] = self.scale.radians_of(places, rows["position"])
-        self.velocity[places] = rows["velocity"] * self._velocity_unit[places]
-        self.current[places] = rows["current"] * self._current_unit[places]
-        self.error[places] = [reply.error | reply.alert << 7 for reply in replies.values()]
-        self._heard[places], self._missed[places] = now, 0
+        for reply in self.bus.replies(size, self.ids, self.fast, sent, patience):
+            k = self._place.get(reply.id)
+            if k is not None:
+                # What each says is stored as it comes, while the others still talk.
+                self._raw[k * size : (k + 1) * size] = reply.data
+                self.error[k] = reply.error | reply.alert << 7
+                self._missed[k] = 0
+        heard = self._missed == 0
+        self._heard[heard] = time.monotonic()
+        self._mistrust_fast(not heard.all())
+        self.present = self.scale.radians(self._rows["position"])
 
     def _mistrust_fast(self, short: bool) -> None:
         """A chain that breaks takes every servo behind the break with it: after two, ask one by one."""
@@ -115,3 +129,9 @@ class Link:
         if reply is not None:
             self.voltage[k] = int.from_bytes(reply.data[:2], "little") / 10
             self.temperature[k] = reply.data[2]
+
+
+def _reading(values: dict[str, int]) -> bytes:
+    """What a servo would have answered, from its registers by name."""
+    present = values.get("present_current", 0), values["present_velocity"], values["present_position"]
+    return np.array([present], dtype=READING).tobytes()

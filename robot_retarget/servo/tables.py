@@ -26,7 +26,14 @@ BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_
 EEPROM_END = 64
 """Addresses below keep their values without power and are locked while torque is on."""
 
-HARDWARE_ERRORS = {0: "input voltage", 2: "overheating", 3: "encoder", 4: "electrical shock", 5: "overload"}
+VOLTAGE, OVERHEATING, ENCODER, SHOCK, OVERLOAD = 0, 2, 3, 4, 5
+HARDWARE_ERRORS = {
+    VOLTAGE: "input voltage",
+    OVERHEATING: "overheating",
+    ENCODER: "encoder",
+    SHOCK: "electrical shock",
+    OVERLOAD: "overload",
+}
 """Bits of `hardware_error_status`."""
 MODES = {
     0: "current",

@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device, rested
+from robot_retarget.servo.emulator.motor import OVERLOAD_TIME
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import TURNAROUND, Pace
 from robot_retarget.servo.emulator.profile import ACCELERATION, VELOCITY, time_based, velocity_based
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import BROADCAST, Error, Frame, Instruction, Parser, fast_blocks, frame
-from robot_retarget.servo.tables import XM430_W350, model_named
+from robot_retarget.servo.tables import OVERLOAD, XM430_W350, model_named
 
 XM = model_named("XM430-W350")
 
@@ -215,6 +216,31 @@ def test_a_hardware_error_alerts_lets_go_and_needs_a_reboot() -> None:
     assert put(network, "torque_enable", 1) == 0x80 | Error.RESULT_FAIL
     ask(network, frame(1, Instruction.REBOOT))
     assert put(network, "torque_enable", 1) == 0
+
+
+@pytest.mark.parametrize("model", ["XM430-W350", "XL430-W250"])
+def test_a_load_beyond_its_output_is_an_overload_after_a_while(model: str) -> None:
+    network, world = made(2, model)
+    for device, goal in zip(network.devices, (2048 + 600, 2048 + 20), strict=True):
+        device.motor.jammed = True
+        put(network, "torque_enable", 1, device.id)
+        put(network, "goal_position", goal, device.id)
+    run(world, OVERLOAD_TIME - 0.1)
+    assert get(network, "hardware_error_status", 1) == 0
+    run(world, 0.2)
+    assert get(network, "hardware_error_status", 1) == 1 << OVERLOAD
+    assert get(network, "torque_enable", 1) == 0 and get(network, "torque_enable", 2) == 1
+    ask(network, frame(1, Instruction.REBOOT))
+    assert get(network, "hardware_error_status", 1) == 0
+
+
+def test_a_servo_that_moves_its_load_is_not_overloaded() -> None:
+    network, world = made()
+    put(network, "operating_mode", 16)
+    put(network, "torque_enable", 1)
+    put(network, "goal_pwm", 885)
+    run(world, 3.0)
+    assert get(network, "hardware_error_status") == 0
 
 
 def test_too_hot_and_too_little_voltage_are_hardware_errors() -> None:

@@ -13,6 +13,7 @@ from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.map import Servo, ServoMap, load_map
 from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.tables import OVERLOAD
 from robot_retarget.servo.twin import Twin
 from robot_retarget.trajectory import Trajectory
 
@@ -41,6 +42,21 @@ def test_without_torque_it_is_held_and_its_arms_sink() -> None:
     assert twin.held and twin.state()["upright"] == pytest.approx(1)
     left = devices[OP3.joints.index("l_sho_roll")]
     assert left.motor.position - 2048 > 5
+
+
+def test_a_joint_driven_against_its_stop_overloads_its_servo_and_no_other() -> None:
+    twin = Twin(scene_of("op3"), OP3)
+    devices = [rested(s.type, s.id, 4, s.zero) for s in OP3.servos]
+    world = World(devices, twin)
+    head = OP3.joints.index("head_pan")
+    for device in devices:
+        device.boot()
+        device.write(64, b"\x01")
+    devices[head].write(116, (4095).to_bytes(4, "little"))
+    for _ in range(50):
+        world.advance(world.time + 0.05)
+    assert {device.id for device in devices if device.alert} == {devices[head].id}
+    assert not devices[head].torque and devices[head].registers["hardware_error_status"] == 1 << OVERLOAD
 
 
 def test_a_servo_s_sense_is_the_joint_s_whatever_its_sign_and_zero() -> None:

@@ -7,6 +7,7 @@
     noise 0.05      so many of the answers follow noise bytes
     echo 1          the host hears itself, as on an adapter without direction control
     overload 3      a hardware error of servo 3: overload, encoder, shock
+    jam 3           something holds the shaft of servo 3; `free 3` lets it turn again (without --physics)
     heat 3 85       servo 3 is so hot [°C]
     supply 9.5      voltage of the supply [V]
     model 3 1060    servo 3 answers with this model number
@@ -28,8 +29,9 @@ from robot_retarget.errors import ServoError, known
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.world import World
+from robot_retarget.servo.tables import ENCODER, OVERLOAD, SHOCK
 
-HARDWARE = {"encoder": 3, "shock": 4, "overload": 5}
+HARDWARE = {"encoder": ENCODER, "shock": SHOCK, "overload": OVERLOAD}
 
 
 @dataclass
@@ -63,6 +65,8 @@ class Faults:
 
     def __init__(self, network: Network, world: World, wire: Wire) -> None:
         self.network, self.world, self.wire = network, world, wire
+        self.struck = 0.0
+        """When the last one happened [s]."""
         self._later: list[tuple[float, str]] = []
         self._fresh = [copy.deepcopy(vars(device)) for device in network.devices]
         self._supply = world.supply
@@ -75,6 +79,8 @@ class Faults:
             "delay": lambda ms: setattr(self.wire, "delay", float(ms) / 1000),
             "echo": lambda on: setattr(self.wire, "echo", bool(int(on))),
             "heat": lambda who, celsius: [setattr(d.motor, "temperature", float(celsius)) for d in self._devices(who)],
+            "jam": lambda who: [setattr(d.motor, "jammed", True) for d in self._devices(who)],
+            "free": lambda who: [setattr(d.motor, "jammed", False) for d in self._devices(who)],
             "supply": lambda volts: setattr(self.world, "supply", float(volts)),
             "model": lambda who, number: self._set(who, "model_number", int(number)),
             "duplicate": lambda who, other: self._set(other, "id", int(who)),
@@ -102,6 +108,7 @@ class Faults:
             raise ServoError(f"no fault {sentence!r}; {known(self._actions)}")
         try:
             action(*words[1:])
+            self.struck = self.world.time
         except (TypeError, ValueError) as error:
             raise ServoError(f"fault {sentence!r}: {error}") from None
 

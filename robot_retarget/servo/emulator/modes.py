@@ -1,5 +1,7 @@
 """Operating modes and drive modes: their numbers, and which goal, gains and limits belong to them."""
 
+from collections.abc import Container
+
 CURRENT, VELOCITY, POSITION, EXTENDED, CURRENT_POSITION, PWM = 0, 1, 3, 4, 5, 16
 REVERSE, TIME_BASED, TORQUE_BY_GOAL = 1, 4, 8
 """Bits of `drive_mode`."""
@@ -16,3 +18,8 @@ GOALS = {
 GAINS = {POSITION: (800, 0, 0), EXTENDED: (800, 0, 0), CURRENT_POSITION: (800, 0, 0)}
 """P, I and D of the position that a change of mode brings back."""
 LIMITED = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
+
+
+def allowed_modes(registers: Container[str]) -> tuple[int, ...]:
+    """The modes of a servo with these registers: without a goal current none of those that control it."""
+    return tuple(GOALS) if "goal_current" in registers else (VELOCITY, POSITION, EXTENDED, PWM)

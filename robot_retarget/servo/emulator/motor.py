@@ -12,6 +12,12 @@ HEAT_RISE = 9.0
 """How far a servo warms up per A² in the end [K]."""
 HEAT_TIME = 300.0
 """How long that takes [s]."""
+OVERLOAD_DUTY = 0.8
+"""A servo that puts this part of its supply on the winding ..."""
+OVERLOAD_SPEED = 0.1
+"""... and does not reach this part of its no-load speed carries more than it can ..."""
+OVERLOAD_TIME = 1.0
+"""... and after so long without a break reports overload [s]."""
 
 
 @dataclass
@@ -32,6 +38,10 @@ class Motor:
     """Of rotor and load at the output [kg m²]."""
     friction: float = 0.03
     """Dry [N m]."""
+    jammed: bool = False
+    """Something holds the shaft where it is."""
+    strained: float = 0.0
+    """For how long it has carried more than it can [s]."""
     integral: float = field(default=0.0, repr=False)
 
     def stiffness(self, voltage: float) -> float:
@@ -54,16 +64,22 @@ class Motor:
         omega = 0.0 if abs(omega) <= drag else omega - drag * (1 if omega > 0 else -1)
         if self.duty or omega:
             omega /= 1 + self.back_emf * dt / self.inertia
-        self.velocity = omega / RADIANS
+        self.velocity = 0.0 if self.jammed else omega / RADIANS
         self.position += self.velocity * dt
 
     def feel(self, voltage: float, dt: float) -> None:
-        """Current and heat from duty and speed."""
+        """Current, heat and strain from duty and speed."""
         back = self.velocity * RADIANS / self.model.motor.no_load_speed
         share = voltage / self.model.motor.voltage
-        self.current = self.model.motor.stall_current * (self.duty * share - back) if self.duty else 0.0
         goal = AMBIENT + HEAT_RISE * self.current**2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
+        stuck = abs(self.duty) >= OVERLOAD_DUTY and abs(back) < OVERLOAD_SPEED
+        self.strained = self.strained + dt if stuck else 0.0
+
+    @property
+    def overloaded(self) -> bool:
+        """Whether a load beyond its output has lasted too long."""
+        return self.strained > OVERLOAD_TIME
 
     def follow(self, target: float, speed: float, gains: tuple[int, int, int], limit: float, dt: float) -> None:
         """PID on the position: duty = (Kp e + Ki ∫e + Kd ė) / 885, with the table's scaling of gains."""
@@ -89,9 +105,4 @@ class Motor:
 
     def rest(self) -> None:
         """Torque off."""
-        self.duty = self.integral = 0.0
-
-
-def folded(ticks: float) -> float:
-    """An angle in one turn, 0…4096 ticks."""
-    return ticks % TICKS_PER_TURN
+        self.duty = self.integral = self.strained = 0.0

@@ -29,6 +29,8 @@ SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""
 TICK = 0.01
 """The loop looks after time and torque at least so often [s]."""
+AWAKE = 60e-6
+"""So long before an answer is due the loop wakes up, for the system may be late by as much [s]."""
 BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
 
 
@@ -114,6 +116,9 @@ class Server:
         """One round: wait for bytes, commands or the time, then do what is due."""
         wanted = [self.terminal.master] if self.terminal else []
         ready, _, _ = select.select([*wanted, *([sys.stdin] if commands else [])], [], [], self._patience())
+        if self.terminal is not None and not ready:
+            # What is due goes out before the world takes its time.
+            self._send(self.terminal)
         now = time.monotonic() - self._began
         self.world.advance(now)
         self.faults.due(now)
@@ -130,7 +135,7 @@ class Server:
     def _patience(self) -> float:
         if not self._out:
             return TICK
-        return min(TICK, max(0.0, self._out[0][0] - (time.monotonic() - self._began)))
+        return min(TICK, max(0.0, self._out[0][0] - AWAKE - (time.monotonic() - self._began)))
 
     def _listen(self, terminal: Terminal, now: float) -> None:
         data = terminal.read()
@@ -150,10 +155,13 @@ class Server:
                 self._out.append((due, self.wire.spoil(answer.data)))
 
     def _send(self, terminal: Terminal) -> None:
-        """Everything that is through by now, in one go."""
+        """Everything that is through by now, in one go; what is through in a moment is awaited."""
         now, through = time.monotonic() - self._began, []
-        while self._out and self._out[0][0] <= now:
-            through.append(self._out.popleft()[1])
+        while self._out and self._out[0][0] <= now + AWAKE:
+            due, data = self._out.popleft()
+            while now < due:
+                now = time.monotonic() - self._began
+            through.append(data)
         if through:
             terminal.write(b"".join(through))
 
@@ -188,7 +196,8 @@ class Server:
             names = ("torque_enable", "goal_position", "present_position", "bus_watchdog", "hardware_error_status")
             servos[str(device.id)] = {n: device.registers[n] for n in names} | vars(device.witness)
         body = getattr(self.world.plant, "state", dict)()
-        return {"time": self.world.time, "lost": self.world.lost, "servos": servos, "body": body}
+        times = {"time": self.world.time, "lost": self.world.lost, "struck": self.faults.struck}
+        return times | {"servos": servos, "body": body}
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame

@@ -1,0 +1,71 @@
+"""One exchange after the other: goals and a request out, readings in, judged and written down."""
+
+import time
+from typing import Any
+
+from robot_retarget.arrays import Floats
+from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.judge import Judge
+from robot_retarget.servo.link import Link
+from robot_retarget.servo.record import PHASES, Record
+
+SPARE = 1.5e-3
+"""With so much of a tick left, voltage and temperature of one servo are read [s]; without, only every SENSE_PERIOD."""
+SENSE_PERIOD = 0.1
+"""[s]."""
+
+
+class Cycle:
+    """The ticks of one performance.
+
+    At a rate near the bus' limit nothing stands between readings and the next goals but the guard: a tick is judged and
+    written down while the next one is on the wire. Where there is time it is done at once.
+    """
+
+    def __init__(self, link: Link, guard: Guard, judge: Judge, record: Record, began: float) -> None:
+        self.link, self.guard, self.judge, self.record = link, guard, judge, record
+        self._began, self._sensed = began, 0.0
+        self._open: dict[str, Any] | None = None
+
+    def tick(self, wish: Floats, period: float, phase: str, due: float) -> None:
+        """Go towards a wish [rad].
+
+        Raises:
+            FaultError: playing cannot go on.
+            PortLostError: the port is gone.
+        """
+        began = time.monotonic()
+        goal = self.guard.admit(wish, self.link.present, period)
+        self.link.ask(goal)
+        self.finish()
+        self._open = {"time": began - self._began, "phase": PHASES.index(phase), "late": began - due}
+        self._open |= {"goal": goal, "plan": wish}
+        self.link.listen()
+        now = time.monotonic()
+        self._open["busy"] = now - began
+        spare = due + period - now > SPARE
+        if spare or now - self._sensed > SENSE_PERIOD:
+            self._sensed = now
+            self.link.sense()
+        if spare:
+            self.finish()
+
+    def finish(self) -> None:
+        """Write the last tick down and judge it, if that is not done yet.
+
+        Raises:
+            FaultError: playing cannot go on.
+        """
+        if self.account():
+            self.judge.judge()
+
+    def account(self) -> bool:
+        """Write the last tick down; whether that was still to do."""
+        row, link, self._open = self._open, self.link, None
+        if row is None:
+            return False
+        self.record.add(
+            **{"busy": 0.0} | row, present=link.present, velocity=link.velocity, current=link.current,
+            age=link.age, error=link.error, voltage=link.voltage, temperature=link.temperature,
+        )  # fmt: skip
+        return True

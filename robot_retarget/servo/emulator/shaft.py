@@ -1,0 +1,93 @@
+"""What hosts see of a servo's shaft: reversed, offset, folded to a turn; and the path it is on."""
+
+from robot_retarget.servo.emulator import profile
+from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
+from robot_retarget.servo.emulator.motor import Motor
+from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN
+
+IN_POSITION = 20
+"""So near its goal a servo calls itself in position [ticks]."""
+FOLLOWING_ERROR = 100
+"""So far from its path it says that it lags [ticks]."""
+
+
+class Shaft:
+    """The motor's encoder as the registers show it, and the profile from the last goal."""
+
+    def __init__(self, registers: Registers, motor: Motor) -> None:
+        self.registers, self.motor = registers, motor
+        self.path = profile.velocity_based(0.0, 0.0, 0, 0)
+        self.since = 0.0
+        """When the path began [s]."""
+
+    @property
+    def sense(self) -> int:
+        """−1 in reverse mode."""
+        return -1 if self.registers["drive_mode"] & REVERSE else 1
+
+    @property
+    def offset(self) -> int:
+        """The homing offset, where it has effect [ticks]."""
+        offset = self.registers["homing_offset"]
+        single = self.registers["operating_mode"] == POSITION
+        return 0 if single and abs(offset) > HOMING_REACH else offset
+
+    def shown(self, ticks: float) -> float:
+        """Present position for an encoder position: reversed, then offset."""
+        return (TICKS_PER_TURN - ticks if self.sense < 0 else ticks) + self.offset
+
+    def hidden(self, ticks: float) -> float:
+        """Encoder position for a present position."""
+        ticks -= self.offset
+        return TICKS_PER_TURN - ticks if self.sense < 0 else ticks
+
+    @property
+    def here(self) -> float:
+        """Present position, unrounded [ticks]."""
+        return self.shown(self.motor.position)
+
+    def fold(self) -> None:
+        """Forget full turns."""
+        self.motor.position %= TICKS_PER_TURN
+
+    def start(self, goal: float, now: float) -> None:
+        """Begin a path from where the present one is to a goal."""
+        r, here = self.registers, self.path.position(now - self.since)
+        kind = profile.time_based if r["drive_mode"] & TIME_BASED else profile.velocity_based
+        self.path, self.since = kind(here, goal, r["profile_velocity"], r["profile_acceleration"]), now
+
+    def stay(self, goal: float, now: float) -> None:
+        """A path that is at its end already."""
+        self.path, self.since = profile.velocity_based(goal, goal, 0, 0), now
+
+    def running(self, now: float) -> bool:
+        """Whether the path is not over."""
+        return now - self.since < self.path.total
+
+    def publish(self, now: float, torque: bool) -> None:
+        """Bring the registers of position, speed and effort up to date."""
+        r, motor, elapsed = self.registers, self.motor, now - self.since
+        r["present_position"] = round(self.here)
+        r["present_velocity"] = round(self.sense * motor.velocity / profile.VELOCITY)
+        r["present_pwm"] = round(self.sense * motor.duty * FULL_PWM)
+        if "present_current" in r:
+            r["present_current"] = round(self.sense * motor.current / motor.model.current_unit)
+        else:
+            r["present_load"] = round(self.sense * motor.duty * 1000)
+        r["velocity_trajectory"] = round(self.path.velocity(elapsed) / profile.VELOCITY)
+        r["position_trajectory"] = round(self.path.position(elapsed))
+        r["moving"] = int(self.moving(now, torque))
+        r["moving_status"] = self._status(now, torque)
+
+    def moving(self, now: float, torque: bool) -> bool:
+        """Whether the path runs or the shaft turns."""
+        threshold = self.registers["moving_threshold"] * profile.VELOCITY
+        return (torque and self.running(now)) or abs(self.motor.velocity) > threshold
+
+    def _status(self, now: float, torque: bool) -> int:
+        off = abs(self.path.position(now - self.since) - self.here)
+        arrived = abs(self.registers["goal_position"] - self.here) < IN_POSITION
+        running = torque and self.running(now)
+        lags = torque and off > FOLLOWING_ERROR
+        return arrived | 2 * running | 8 * lags | (self.path.kind if running else 0)

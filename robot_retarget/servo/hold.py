@@ -1,0 +1,54 @@
+"""Taking hold of a robot without a jump, leaving it holding, and letting go."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.servo.bus import NoAnswerError, StatusError
+from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.judge import FaultError, Judge
+from robot_retarget.servo.link import Link
+
+STRAIN = 0.15
+"""A servo left holding is not left pulling at more than this [rad]: two thirds of full duty at the usual gain."""
+
+
+def take_hold(link: Link, judge: Judge) -> Guard:
+    """Goal := present, then torque, servo by servo; nothing moves. Servos with torque on keep it.
+
+    Raises:
+        FaultError: a servo does not answer, or does not keep its goal.
+    """
+    link.set_all("bus_watchdog", 0)
+    judge.fresh()
+    link.command(link.present)
+    for name in ("profile_acceleration", "profile_velocity"):
+        link.set_all(name, 0)
+    for servo, here in zip(link.map.servos, link.present, strict=True):
+        registers = servo.type.registers
+        low, high = servo.tick_range
+        goal = min(max(servo.ticks(float(here)), low), high)
+        link.bus.write(servo.id, registers["goal_position"], goal)
+        if link.bus.value(servo.id, registers["goal_position"]) != goal:
+            raise FaultError(f"{servo.joint} does not keep its goal")
+        link.bus.write(servo.id, registers["torque_enable"], 1)
+    link.watchdog(link.map.limits.watchdog)
+    judge.fresh()
+    return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))
+
+
+def leave_holding(link: Link, goal: Floats | None) -> None:
+    """Switch the watchdog off three times over, as nobody answers; goals out of reach come to where the joints are."""
+    for _ in range(3):
+        link.set_all("bus_watchdog", 0)
+    if goal is not None:
+        link.command(np.where(np.abs(goal - link.present) > STRAIN, link.present, goal))
+
+
+def let_go(link: Link) -> None:
+    """Torque off: all at once, then each with an answer, as far as they answer."""
+    link.set_all("torque_enable", 0)
+    for servo in link.map.servos:
+        with suppress(NoAnswerError, StatusError):
+            link.bus.write(servo.id, servo.type.registers["torque_enable"], 0)

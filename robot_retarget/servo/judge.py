@@ -1,0 +1,92 @@
+"""Whether playing may go on: what the servos say against what the map allows."""
+
+import time
+
+import numpy as np
+
+from robot_retarget.servo.check import hardware_errors
+from robot_retarget.servo.link import Link
+from robot_retarget.servo.tables import XM430_W350
+
+MISSES = 5
+"""So many ticks without an answer are forgiven at any rate."""
+OVERLOADED = 0.5
+"""Too high a current is forgiven for so long [s]."""
+ALERTED = 0x80
+"""The bit of `Link.error` for a pending hardware error."""
+
+
+class FaultError(Exception):
+    """Playing cannot go on; the text says why."""
+
+
+class Judge:
+    """Looks at the latest readings of a link."""
+
+    def __init__(self, link: Link) -> None:
+        self.link, self.limits = link, link.map.limits
+        self._high_since: float | None = None
+
+    def judge(self) -> None:
+        """Everything that can be wrong on the way.
+
+        Raises:
+            FaultError: something is.
+        """
+        if self.link.error.any():
+            self._alerts()
+        if self.link.missed.any():
+            self._silence()
+        self._supply()
+        self._heat()
+        self._strain()
+
+    def fresh(self) -> None:
+        """Read every servo until none of the readings is old.
+
+        Raises:
+            FaultError: a servo does not answer.
+        """
+        for _ in range(20):
+            self.link.read()
+            if not self.link.missed.any():
+                return
+        raise FaultError(f"{self._names(self.link.missed > 0)} does not answer")
+
+    def _alerts(self) -> None:
+        alerted = np.flatnonzero(self.link.error & ALERTED)
+        if alerted.size:
+            servo = self.link.map.servos[int(alerted[0])]
+            bits = self.link.bus.value(servo.id, XM430_W350["hardware_error_status"])
+            raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits)}")
+
+    def _silence(self) -> None:
+        silent = (self.link.missed >= MISSES) & (self.link.age >= self.limits.silence)
+        if silent.all():
+            raise FaultError("no servo answers any more (power, cable)")
+        if silent.any():
+            raise FaultError(f"{self._names(silent)} no longer answers")
+
+    def _supply(self) -> None:
+        low, high = self.link.voltage.min(), self.link.voltage.max()
+        if low < self.limits.min_voltage or high > self.limits.max_voltage:
+            raise FaultError(f"supply is {low if low < self.limits.min_voltage else high:.1f} V")
+
+    def _heat(self) -> None:
+        hot = self.link.temperature >= self.limits.temperature
+        if hot.any():
+            raise FaultError(f"{self._names(hot)} is {self.link.temperature[hot].max():.0f} °C hot")
+
+    def _strain(self) -> None:
+        current = np.abs(self.link.current)
+        strained = current > self.limits.current
+        if not strained.any():
+            self._high_since = None
+        elif self._high_since is None:
+            self._high_since = time.monotonic()
+        elif time.monotonic() - self._high_since > OVERLOADED:
+            raise FaultError(f"{self._names(strained)} draws {current.max():.1f} A")
+
+    def _names(self, which: np.ndarray) -> str:
+        servos = zip(self.link.map.servos, which, strict=True)
+        return ", ".join(f"{servo.joint} (servo {servo.id})" for servo, yes in servos if yes)
