@@ -26,6 +26,7 @@ def emulate(
     link: Annotated[Path | None, typer.Option(help="A stable name for the port.")] = None,
     physics: Annotated[bool, typer.Option(help="Put the robot's MuJoCo model behind the servos.")] = False,
     model: Annotated[Path | None, typer.Option(help="MJCF for --physics; the shipped robot's by default.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="With --physics: show the robot in a window.")] = False,
     baud: Annotated[int | None, typer.Option(help="Bytes take the time of this baud rate; by default none.")] = None,
     usb_latency: Annotated[float, typer.Option(help="With --baud: what a USB adapter adds to an answer [ms].")] = 0.0,
     return_delay: Annotated[int, typer.Option(help="Register 9 of every servo [2 µs]; new servos have 250.")] = 0,
@@ -37,9 +38,11 @@ def emulate(
     from robot_retarget.servo.emulator.run import emulator, scene_of
     from robot_retarget.servo.map import load_map
 
+    if view and not physics:
+        raise UsageError("--view needs --physics: without it there is no robot to show")
     servo_map = load_map(map_name)
     body = (model or scene_of(servo_map.robot)) if physics else None
-    server = emulator(servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay)
+    server = emulator(servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay, view)
     server.run(control)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_retarget.errors import ServoError, known
 from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
+from robot_retarget.servo.window import Window
 
 SUPPORT = 2.0
 """The trunk is held for so long after the last servo has got torque, as by a hand [s]."""
@@ -42,6 +43,20 @@ class Twin:
         self._held_for = 0.0
         mujoco.mj_forward(self.model, self.data)
         self._rest = self.data.qpos.copy()
+        self._window: Window | None = None
+
+    def watch(self) -> None:
+        """Show it in a window from now on.
+
+        Raises:
+            ServoError: there is no display.
+        """
+        self._window = Window(self.model, self.data)
+
+    def close(self) -> None:
+        """Shut the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
 
     @property
     def held(self) -> bool:
@@ -56,6 +71,8 @@ class Twin:
             self.data.qpos[self._root : self._root + 7] = self._rest[self._root : self._root + 7]  # type: ignore[operator]
             self.data.qvel[:6] = 0.0
         mujoco.mj_step(self.model, self.data)
+        if self._window is not None:
+            self._window.show()
 
     def shafts(self) -> tuple[list[float], list[float]]:
         """Encoder positions [ticks] and velocities [ticks/s]."""

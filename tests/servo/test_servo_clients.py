@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import rustypot
 from dynamixel_easy_sdk import Connector
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PortHandler, Protocol2PacketHandler
 from emulated import ARM, Emulated, emulated
@@ -50,7 +51,6 @@ def test_dynamixel_easy_sdk_finds_and_moves_motors(emulator: Emulated) -> None:
 
 
 def test_rustypot_reads_and_moves_servos(emulator: Emulated) -> None:
-    rustypot = pytest.importorskip("rustypot")
     servos = rustypot.Xl430PyController(str(Path(emulator.port).resolve()), ARM.baud, 0.05)
     assert servos.ping(3)
     servos.sync_write_torque_enable([3], [1])

@@ -1,21 +1,34 @@
 """The commands for servos, against an emulator process."""
 
 import json
+import os
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from emulated import ARM, emulated
+import pytest
+from emulated import ARM, emulated, until
 from shared_files import ROOT
 
+from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.map import dump_map, load_map
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "robot_retarget", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=30, stdin=subprocess.DEVNULL)
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, timeout=30, stdin=subprocess.DEVNULL, env=headless()
+    )
+
+
+def headless() -> dict[str, str]:
+    """The environment without a display."""
+    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
 def swing(folder: Path, joints: tuple[str, ...] = ARM.joints) -> Path:
@@ -74,11 +87,39 @@ def test_an_emulator_says_ready_first_and_leaves_nothing_behind(tmp_path: Path) 
     assert not Path(emulator.port).is_symlink()
 
 
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb")
+def test_the_twin_in_a_window_stays_on_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with screen() as display:
+        monkeypatch.setenv("DISPLAY", display)
+        with emulated(tmp_path, "op3", "--physics", "--view") as emulator:
+            until(lambda: emulator.do("state")["time"] > 0.3, seconds=10)
+            with Bus(emulator.port, 2_000_000) as bus:
+                assert bus.ping(1) == (1020, 48)
+        assert emulator.process.returncode == 0
+
+
+@contextmanager
+def screen() -> Iterator[str]:
+    """The name of a display that nobody sees."""
+    reading, writing = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "320x240x24"]
+    process = subprocess.Popen(command, pass_fds=(writing,), stderr=subprocess.DEVNULL)
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as lines:
+            yield f":{lines.readline().strip()}"
+    finally:
+        process.terminate()
+        process.wait()
+
+
 def test_mistakes_end_in_a_sentence_and_exit_code_2(tmp_path: Path) -> None:
     for arguments, sentence in (
         (("servos", "emulate", "--map", "nobody"), "cannot read the servo map nobody"),
         (("servos", "emulate", "--map", "op3", "--fault", "explode 3"), "no fault 'explode 3'; known: silent"),
         (("servos", "scan", "--port", tmp_path / "none"), "cannot open"),
+        (("servos", "emulate", "--map", "op3", "--view"), "--view needs --physics"),
+        (("servos", "emulate", "--map", "op3", "--physics", "--view"), "--view needs a display"),
     ):
         run = call(*arguments)
         assert run.returncode == 2 and sentence in run.stderr and "Traceback" not in run.stderr

@@ -22,6 +22,7 @@ def emulator(
     faults: Sequence[str] = (),
     strict: bool = False,
     return_delay: int = 0,
+    view: bool = False,
 ) -> Server:
     """A server with one device for every servo of a map, on motors of their own or on a robot in MuJoCo.
 
@@ -33,6 +34,10 @@ def emulator(
         faults: sentences of `faults`.
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
         return_delay: register 9 of every servo [2 µs].
+        view: show the robot in MuJoCo in a window.
+
+    Raises:
+        ServoError: the model, a fault, the link or the window is not to be had.
     """
     code = BAUDS.index(servo_map.baud)
     devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero < 4096 else CENTRE) for s in servo_map.servos]
@@ -43,6 +48,8 @@ def emulator(
         from robot_retarget.servo.twin import Twin
 
         plant = Twin(physics, servo_map)
+        if view:
+            plant.watch()
     world = World(devices, plant)
     for device in devices:
         device.boot()

@@ -111,6 +111,8 @@ class Server:
         finally:
             if self.terminal is not None:
                 self.terminal.close()
+            if self.world.plant is not None:
+                self.world.plant.close()
 
     def _turn(self, commands: bool) -> None:
         """One round: wait for bytes, commands or the time, then do what is due."""
@@ -195,7 +197,7 @@ class Server:
             device.publish()
             names = ("torque_enable", "goal_position", "present_position", "bus_watchdog", "hardware_error_status")
             servos[str(device.id)] = {n: device.registers[n] for n in names} | vars(device.witness)
-        body = getattr(self.world.plant, "state", dict)()
+        body = self.world.plant.state() if self.world.plant else {}
         times = {"time": self.world.time, "lost": self.world.lost, "struck": self.faults.struck}
         return times | {"servos": servos, "body": body}
 

@@ -1,7 +1,7 @@
 """Time, supply and what the shafts turn: the loop between controllers and motors."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from robot_retarget.servo.emulator.device import Device
 
@@ -25,6 +25,14 @@ class Plant(Protocol):
 
     def shafts(self) -> tuple[Sequence[float], Sequence[float]]:
         """Positions [ticks] and velocities [ticks/s] of the encoders."""
+        ...
+
+    def state(self) -> dict[str, Any]:
+        """What a bystander sees of it."""
+        ...
+
+    def close(self) -> None:
+        """No more steps are coming."""
         ...
 
 
