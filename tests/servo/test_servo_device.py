@@ -234,6 +234,19 @@ def test_a_load_beyond_its_output_is_an_overload_after_a_while(model: str) -> No
     assert get(network, "hardware_error_status", 1) == 0
 
 
+def test_current_is_the_datasheet_s_at_standstill_and_small_at_full_speed() -> None:
+    network, world = made()
+    put(network, "operating_mode", 16)
+    put(network, "torque_enable", 1)
+    put(network, "goal_pwm", 885)
+    network.devices[0].motor.jammed = True
+    run(world, 0.1)
+    assert get(network, "present_current") * XM.current_unit == pytest.approx(XM.motor.stall_current, abs=0.01)
+    network.devices[0].motor.jammed = False
+    run(world, 1.0)
+    assert 0 < get(network, "present_current") * XM.current_unit < 0.05 * XM.motor.stall_current
+
+
 def test_a_servo_that_moves_its_load_is_not_overloaded() -> None:
     network, world = made()
     put(network, "operating_mode", 16)

@@ -71,6 +71,7 @@ class Motor:
         """Current, heat and strain from duty and speed."""
         back = self.velocity * RADIANS / self.model.motor.no_load_speed
         share = voltage / self.model.motor.voltage
+        self.current = self.model.motor.stall_current * (self.duty * share - back) if self.duty else 0.0
         goal = AMBIENT + HEAT_RISE * self.current**2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
         stuck = abs(self.duty) >= OVERLOAD_DUTY and abs(back) < OVERLOAD_SPEED
