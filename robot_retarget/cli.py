@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robot_retarget.retarget.transfer import Result
     from robot_retarget.retarget.warn import Warnings
     from robot_retarget.robot import Robot
+    from robot_retarget.simulate.report import Report
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -39,6 +40,7 @@ Fps = Annotated[
     float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
 ]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
+Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 
 
@@ -128,18 +130,24 @@ def demo(
         console.say("not played: the verdict is fail")
 
 
-@app.command(epilog="Example: robot-retarget simulate dance.npz --robot op3")
+@app.command(epilog="Example: robot-retarget simulate dance.npz --robot op3 --mode free")
 def simulate(
     trajectory: TrajectoryFile,
     robot: RobotName,
     mode: Annotated[str, typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")] = "pinned",
+    compensate: Annotated[
+        bool, typer.Option(help="Send goals that make up for lag and load, or the trajectory as it is.")
+    ] = True,
+    servos: Annotated[
+        bool,
+        typer.Option("--servos/--own-actuators", help="Servos by the robot's servos.toml, or the MJCF's actuators."),
+    ] = True,
+    thresholds: Thresholds = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict."""
-    from robot_retarget.simulate.rollout import simulate as roll_out
-
-    report = roll_out(trajectory, _load_robot(robot, limits), mode=mode)
+    report = _simulate(trajectory, _load_robot(robot, limits), mode, compensate, servos, thresholds)
     if json:
         console.dump(report.contract())
     else:
@@ -212,10 +220,11 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     target = folder(out)
     result = _retarget(motion, robot, fps, map_file, quiet=json)
     result.trajectory.save(target / "trajectory.npz")
-    report = roll_out(result.trajectory, robot)
+    warnings = result.warnings if len(result.trajectory) > 1 else None
+    report = roll_out(result.trajectory, robot, warnings=warnings)
     report.save(target / "report.json")
-    if len(result.trajectory) > 1:
-        write_csv(result.warnings.events, target / "warnings.csv")
+    if warnings is not None:
+        write_csv(warnings.events, target / "warnings.csv")
     _show(result, robot, target, quiet=json)
     solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
     if json:
@@ -226,6 +235,22 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
         console.show_report(report.contract())
         console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
     return report.verdict
+
+
+def _simulate(
+    path: Path, robot: "Robot", mode: str, compensate: bool, servos: bool, thresholds: Path | None
+) -> "Report":
+    """Simulate a trajectory file, its warnings beside, where it has two frames to warn from."""
+    from robot_retarget.retarget.warn import warnings_of
+    from robot_retarget.simulate.rollout import simulate as roll_out
+    from robot_retarget.simulate.thresholds import read_thresholds
+    from robot_retarget.trajectory import load_trajectory
+
+    most = None if thresholds is None else read_thresholds(thresholds)
+    played = load_trajectory(path)
+    warnings = warnings_of(played, robot) if len(played) > 1 else None
+    drives = "auto" if servos else None
+    return roll_out(path, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings)
 
 
 def _play_emulated(robot: str, folder: Path) -> None:

@@ -100,8 +100,8 @@ def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
     changes = np.zeros_like(torque)
     for k in plant.driven:
         if np.isfinite(bounds[k]):
-            inertia, damping = full[dofs[k], dofs[k]], model.dof_damping[dofs[k]]
-            changes[:, k] = within(torque[:, k], USABLE * bounds[k], inertia, damping, dt)
+            inertia, damping = float(full[dofs[k], dofs[k]]), float(model.dof_damping[dofs[k]])
+            changes[:, k] = within(torque[:, k], USABLE * float(bounds[k]), inertia, damping, dt)
     return changes
 
 

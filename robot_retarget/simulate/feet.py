@@ -36,7 +36,7 @@ def feet_of(robot: Robot) -> Feet:
     except MatchError:
         soles = {}
     names = tuple(soles)
-    bodies = tuple(_with_toes(robot, {int(b) for b in soles[name].bodies}) for name in names)
+    bodies = tuple(with_toes(robot, {int(b) for b in soles[name].bodies}) for name in names)
     if not names:
         return Feet((), (), Points(np.zeros(0, int), np.zeros((0, 3))), np.zeros(0, int))
     points = Points(
@@ -46,7 +46,8 @@ def feet_of(robot: Robot) -> Feet:
     return Feet(names, bodies, points, owner)
 
 
-def _with_toes(robot: Robot, foot: set[int]) -> frozenset[int]:
+def with_toes(robot: Robot, foot: set[int]) -> frozenset[int]:
+    """A foot's bodies with all that hang on them."""
     for body in range(1, robot.model.nbody):  # parents come before their children
         if robot.model.body_parentid[body] in foot or robot.model.body_weldid[body] in foot:
             foot.add(body)

@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.errors import MatchError
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.recognise import recognise
-from robot_retarget.robot.timing import joint_velocities
-from robot_retarget.simulate.contacts import Contacts, built_in, summary
+from robot_retarget.robot.timing import joint_velocities, resample
+from robot_retarget.simulate.contacts import Contacts, built_in, replay_contacts, summary
+from robot_retarget.simulate.feet import feet_of, with_toes
+from robot_retarget.simulate.load import load_figures
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.trajectory import Trajectory
 
-SATURATED = 0.99
-"""A servo that gives this part of its torque bound gives all it has."""
+BETWEEN = 125.0
+"""The way from frame to frame is looked at so often a second."""
 MOVING = 0.05
 """A trajectory slower than this on average [rad/s] says nothing about lag."""
 
@@ -35,6 +35,20 @@ def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, pen
         "speed_ratio": round(float(ratio.max()), 3),
         "speed_ratio_joint": robot.joint_names[int(ratio.argmax())] if ratio.any() else None,
         "self_contacts": summary(contacts, robot, len(trajectory)),
+    }
+
+
+def between_figures(trajectory: Trajectory, robot: Robot) -> dict[str, Any]:
+    """The deepest self-contact on the straight way from frame to frame, which servos take and frames do not show."""
+    finer = resample(trajectory, robot, max(BETWEEN, trajectory.fps))
+    contacts = replay_contacts(robot, finer.qpos)
+    if not len(contacts):
+        return {"between_frames_depth_m": 0.0, "between_frames_bodies": None, "between_frames_s": None}
+    deepest = int(contacts.depth.argmax())
+    return {
+        "between_frames_depth_m": round(float(contacts.depth[deepest]), 5),
+        "between_frames_bodies": [robot.model.body(int(body)).name for body in contacts.bodies[deepest]],
+        "between_frames_s": round(float(contacts.frame[deepest] / finer.fps), 3),
     }
 
 
@@ -66,33 +80,26 @@ def at_frames(trajectory: Trajectory, robot: Robot, rollout: Rollout) -> Trackin
 
 
 def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: float) -> dict[str, Any]:
-    """Errors, lag and saturation of the driven hinges; None where the simulation broke down before the first frame."""
+    """Errors, lag and load of the driven hinges; None where the simulation broke down before the first frame."""
     driven, robot = plant.driven, plant.robot
-    playing = rollout.times >= 0
     if not len(tracking.times) or not driven.size:
         return {"tracking_rms_rad": None, "worst_joint": None, "joints": {}}
-    error = tracking.error[:, driven]
+    error, wanted = tracking.error[:, driven], tracking.wanted[:, driven]
     rms, peak = np.sqrt((error**2).mean(0)), np.abs(error).max(0)
-    torque = np.abs(rollout.torque[playing][:, driven])
-    bound = plant.bounds[driven]
-    full = (torque >= SATURATED * bound).mean(0)
-    lines = zip(driven, rms, peak, full, torque.max(0), strict=True)
+    load, loads = load_figures(plant, rollout)
+    joints = {}
+    for k, (joint, r, m) in enumerate(zip(driven, rms, peak, strict=True)):
+        name = robot.joint_names[joint]
+        own = {"rms_rad": round(float(r), 5), "max_rad": round(float(m), 5)}
+        joints[name] = own | {"lag_s": _lag(error[:, [k]], wanted[:, [k]], fps)} | loads.get(name, {})
     return {
         "tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 5),
         "tracking_max_rad": round(float(peak.max()), 5),
         "worst_joint": robot.joint_names[driven[rms.argmax()]],
         "worst_joint_rms_rad": round(float(rms.max()), 5),
-        "lag_s": _lag(error, tracking.wanted[:, driven], fps),
-        "saturated_share": round(float(full.max()), 4),
-        "joints": {
-            robot.joint_names[k]: {
-                "rms_rad": round(float(r), 5),
-                "max_rad": round(float(m), 5),
-                "saturated_share": round(float(s), 4),
-                "peak_torque_Nm": round(float(t), 4),
-            }
-            for k, r, m, s, t in lines
-        },
+        "lag_s": _lag(error, wanted, fps),
+        **load,
+        "joints": joints,
     }
 
 
@@ -108,16 +115,23 @@ def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensa
     }
 
 
-def rollout_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
-    """Self-contacts while tracking, breakdown, speed of the simulation."""
-    contacts = rollout.contacts.own.without(built_in(robot))
-    steps = max(len(rollout.times), 1)
+def rollout_figures(rollout: Rollout, robot: Robot, until: float | None) -> dict[str, Any]:
+    """Self-contacts up to a fall at `until` [s], breakdown, speed of the simulation."""
+    contacts = own_contacts(rollout, robot, until)
+    states = max(len(rollout.times), 1)
     return {
-        "tracked_self_contact_share": round(len(np.unique(contacts.frame)) / steps, 4),
+        "tracked_self_contact_share": round(len(np.unique(contacts.frame)) / states, 4),
+        "tracked_self_contact_depth_m": round(float(contacts.depth.max(initial=0)), 5),
         "unstable_s": None if rollout.unstable is None else round(rollout.unstable, 4),
         "steps_per_second": round(rollout.steps_per_second),
-        "tracked_self_contacts": summary(contacts, robot, steps),
+        "tracked_self_contacts": summary(contacts, robot, states),
     }
+
+
+def own_contacts(rollout: Rollout, robot: Robot, until: float | None) -> Contacts:
+    """Contacts of the robot with itself up to a fall, less the `built_in` ones."""
+    contacts = rollout.contacts.own.without(built_in(robot))
+    return contacts if until is None else contacts.of(rollout.times[contacts.frame] < until)
 
 
 def fall_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
@@ -133,17 +147,10 @@ def fall_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
 
 def _feet(robot: Robot, contacts: Contacts) -> list[int]:
     """Bodies that may stand on the floor: the recognised feet and their toes, else whatever touches it first."""
-    try:
-        soles = recognise(robot).soles
-    except MatchError:
-        soles = {}
-    feet = {int(b) for points in soles.values() for b in points.bodies}
+    feet = feet_of(robot).all_bodies
     if not feet and len(contacts):
-        feet = set(contacts.bodies[contacts.frame == contacts.frame.min(), 1].tolist())
-    for body in range(1, robot.model.nbody):  # parents come before their children
-        if robot.model.body_parentid[body] in feet or robot.model.body_weldid[body] in feet:
-            feet.add(body)
-    return sorted(feet)
+        return sorted(with_toes(robot, set(contacts.bodies[contacts.frame == contacts.frame.min(), 1].tolist())))
+    return feet
 
 
 def _at(times: Floats, known: Floats, values: Floats) -> Floats:

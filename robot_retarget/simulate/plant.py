@@ -9,6 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
+from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 
 Mode = Literal["pinned", "free"]
@@ -113,7 +114,9 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
     place = {int(j): k for k, j in enumerate(robot.joint_ids)}
     for actuator in range(model.nu):
         servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
-    said = drives.notes if drives is not None else ()
+    said = list(drives.notes) if drives is not None else []
+    if mode == "free" and not feet_of(robot).names:
+        said.append("no feet are recognised: the bodies that touch the floor first may stand on it")
     return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives)
 
 

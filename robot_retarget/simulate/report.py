@@ -9,33 +9,28 @@ from typing import Any
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.files import replacing
+from robot_retarget.retarget.warn import Warnings
 from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.figures import (
+    Tracking,
     at_frames,
+    between_figures,
     fall_figures,
+    own_contacts,
     plain_figures,
     replay_figures,
     rollout_figures,
     tracking_figures,
 )
-from robot_retarget.simulate.plant import Plant
+from robot_retarget.simulate.foreseen import foreseen_figures
+from robot_retarget.simulate.plant import Mode, Plant
+from robot_retarget.simulate.stance import Stance, stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
+from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory
 
 NAMED_PAIRS = 3
 """So many overlapping pairs get a sentence of their own."""
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """What is still a pass. A simulation that breaks down fails in any case, and so does a fall in mode `free`."""
-
-    tracking_rms: float = 0.2
-    """Of the worst joint [rad]: 11°, what a servo of 50 ms lag loses at 4 rad/s."""
-    penetration: float = 0.001
-    """Of the robot with itself in the replay [m]; no frame may be deeper."""
-    range_excess: float = 0.01
-    """Beyond a joint's range in the replay [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +48,9 @@ class Report:
     robot: str
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
-    """For plots: `time` (F,) [s]; `wanted`, `measured`, `error` (F, n) [rad]; `torque` (F, n) [N m]."""
+    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `plain`, `error` (F, n) [rad]; `torque` (F, n) and
+    `bounds` (n,) [N m]. At the states of a free rollout: `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`,
+    `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and `down` (N, K)."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
@@ -82,67 +79,137 @@ class Report:
         return Path(path)
 
 
-def build_report(
-    trajectory: Trajectory,
-    plant: Plant,
-    replayed: Contacts,
-    rollout: Rollout,
-    plain: Rollout,
-    mode: str,
-    sha256: str,
-    thresholds: Thresholds,
-) -> Report:
-    """Put figures together and pass the verdict; `plain` is the rollout without compensation, maybe the same."""
-    robot = plant.robot
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A trajectory and what became of it."""
+
+    trajectory: Trajectory
+    plant: Plant
+    mode: Mode
+    replayed: Contacts
+    rollout: Rollout
+    plain: Rollout
+    """Without compensation; the same where none was asked for."""
+    warnings: Warnings | None = None
+
+
+def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
+    """Put figures together and pass the verdict."""
+    trajectory, plant, rollout, robot = played.trajectory, played.plant, played.rollout, played.plant.robot
+    free = played.mode == "free"
     tracking = at_frames(trajectory, robot, rollout)
+    fall = fall_figures(rollout, robot) if free else {}
+    stance = stance_of(plant, rollout) if free else None
+    until = fall.get("fall_s")
     figures: dict[str, Any] = {
-        "mode": mode,
+        "mode": played.mode,
         "frames": len(trajectory),
         "fps": round(trajectory.fps, 4),
         "duration_s": round(trajectory.duration, 4),
         **tracking_figures(tracking, plant, rollout, trajectory.fps),
-        **plain_figures(trajectory, plant, plain, compensated=plain is not rollout),
-        **replay_figures(trajectory, robot, replayed, thresholds.penetration),
-        **rollout_figures(rollout, robot),
-        **(fall_figures(rollout, robot) if mode == "free" else {}),
+        **plain_figures(trajectory, plant, played.plain, compensated=played.plain is not rollout),
+        **replay_figures(trajectory, robot, played.replayed, thresholds.penetration),
+        **between_figures(trajectory, robot),
+        **rollout_figures(rollout, robot, until),
+        **fall,
+        **(stance_figures(stance, until) if free else {}),
+        **_foreseen(played, until),
         "notes": list(plant.notes),
     }
     reasons = judge(figures, thresholds)
-    series = {
-        "time": tracking.times,
-        "wanted": tracking.wanted,
-        "measured": tracking.measured,
-        "error": tracking.error,
-        "torque": tracking.torque,
-    }
+    series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
     return Report("fail" if reasons else "pass", reasons, figures, sha256, robot.name, series=series)
 
 
-def judge(figures: Mapping[str, Any], thresholds: Thresholds) -> tuple[str, ...]:
+def _foreseen(played: Played, until: float | None) -> dict[str, Any]:
+    if played.warnings is None:
+        return {}
+    contacts = own_contacts(played.rollout, played.plant.robot, until)
+    return {"foreseen": foreseen_figures(played.warnings, contacts, played.rollout.times, played.plant.robot)}
+
+
+def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floats]:
+    return {
+        "time": tracking.times,
+        "wanted": tracking.wanted,
+        "measured": tracking.measured,
+        "plain": plain.measured,
+        "error": tracking.error,
+        "torque": tracking.torque,
+        "bounds": plant.bounds,
+    }
+
+
+def _stands(stance: Stance | None) -> dict[str, Floats]:
+    if stance is None:
+        return {}
+    return {
+        "state_time": stance.times,
+        "com": stance.com,
+        "zmp": stance.zmp,
+        "com_margin": stance.com_margin,
+        "zmp_margin": stance.zmp_margin,
+        "soles": stance.points[..., :2],
+        "down": stance.down,
+    }
+
+
+def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     """The reasons against a trajectory, none for a pass."""
+    reasons = [*_upright(figures), *_servos(figures, most)]
+    reasons += _overlaps(figures["self_contacts"], most.penetration, "overlap")
+    if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
+        depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
+        pair = " and ".join(figures["between_frames_bodies"])
+        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
+    if figures.get("fall_s") is None:
+        planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
+        hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
+        reasons += _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
+        if (figures.get("foot_slip_m") or 0) > most.foot_slip:
+            reasons.append(f"a foot slides {100 * figures['foot_slip_m']:.1f} cm while it stands")
+    if figures["range_excess_rad"] > most.range_excess:
+        reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
+    return tuple(reasons)
+
+
+def _upright(figures: Mapping[str, Any]) -> list[str]:
+    """Whether the simulation and the robot came to the end."""
     reasons = []
     if figures["unstable_s"] is not None:
         reasons.append(f"the simulation broke down at {figures['unstable_s']:g} s")
     if figures.get("fall_s") is not None:
         when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
         reasons.append(f"fell: {figures['fall_body']} touched the floor {when}")
-    if (figures.get("worst_joint_rms_rad") or 0) > thresholds.tracking_rms:
+    return reasons
+
+
+def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
+    """What is too much for the servos."""
+    reasons = []
+    if (figures.get("worst_joint_rms_rad") or 0) > most.tracking_rms:
         reasons.append(
             f"{figures['worst_joint']} tracks {figures['worst_joint_rms_rad']:.3g} rad off (rms), "
-            f"more than {thresholds.tracking_rms:g} rad"
+            f"more than {most.tracking_rms:g} rad"
         )
-    reasons += _overlaps(figures["self_contacts"], thresholds.penetration)
-    if figures["range_excess_rad"] > thresholds.range_excess:
-        reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
-    return tuple(reasons)
+    if figures["speed_ratio"] > most.speed_ratio:
+        reasons.append(
+            f"{figures['speed_ratio_joint']} would have to turn {figures['speed_ratio']:.2g} times as fast as it can"
+        )
+    if figures.get("saturated_share", 0) > most.saturated_share:
+        share = 100 * figures["saturated_share"]
+        reasons.append(f"{figures['saturated_joint']} gives all the torque it has {share:.0f} % of the time")
+    if figures.get("temperature_rise_K", 0) > most.temperature_rise:
+        reasons.append(f"{figures['hottest_joint']} warms up by {figures['temperature_rise_K']:.0f} K")
+    return reasons
 
 
-def _overlaps(pairs: list[dict[str, Any]], penetration: float) -> list[str]:
+def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> list[str]:
     """A sentence for each of the deepest pairs, and one for how many more there are; pairs come deepest first."""
     deep = [line for line in pairs if line["depth_m"] > penetration]
     sentences = [
-        f"{' and '.join(line['bodies'])} overlap by up to {1000 * line['depth_m']:.1f} mm, "
+        f"{' and '.join(line['bodies'])} {what} by up to {1000 * line['depth_m']:.1f} mm, "
         f"touching in {line['frames']} frames"
         for line in deep[:NAMED_PAIRS]
     ]
-    return [*sentences, f"{len(deep) - NAMED_PAIRS} more pairs overlap"] if len(deep) > NAMED_PAIRS else sentences
+    return [*sentences, f"{len(deep) - NAMED_PAIRS} more pairs {what}"] if len(deep) > NAMED_PAIRS else sentences

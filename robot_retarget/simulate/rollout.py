@@ -7,15 +7,17 @@ from pathlib import Path
 from typing import cast, get_args
 
 from robot_retarget.errors import UsageError
+from robot_retarget.retarget.warn import Warnings
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
-from robot_retarget.simulate.report import Report, Thresholds, build_report
+from robot_retarget.simulate.report import Played, Report, build_report
 from robot_retarget.simulate.servo_model import Drives, drives_of
 from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
+from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 
@@ -28,6 +30,7 @@ def simulate(
     playback: Playback | None = None,
     compensate: bool = True,
     thresholds: Thresholds | None = None,
+    warnings: Warnings | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
 
@@ -43,7 +46,9 @@ def simulate(
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback beside.
-        thresholds: what is still a pass.
+        thresholds: what is still a pass (`thresholds.read_thresholds` reads them from TOML).
+        warnings: of the trajectory (`retarget.warn.warnings_of`); the report then says how they agree with the
+            contacts that happened.
 
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
@@ -59,9 +64,8 @@ def simulate(
     if compensate:
         command = compensated(plant, played, cast(Mode, mode), playback)
         rollout = roll_out(plant, played, cast(Mode, mode), playback, command)
-    return build_report(
-        played, plant, replayed, rollout, plain, mode, fingerprint(trajectory), thresholds or Thresholds()
-    )
+    outcome = Played(played, plant, cast(Mode, mode), replayed, rollout, plain, warnings)
+    return build_report(outcome, fingerprint(trajectory), thresholds or Thresholds())
 
 
 def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:

@@ -9,12 +9,12 @@ Speed takes its torque away outside the clip, so the whole is a position actuato
 `position` does it in every version, integrates the damping implicitly, and gives what its `dcmotor` gives.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import tau
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
+from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError, ServoError
 from robot_retarget.motors import MOTORS, Motor, motor_named
 from robot_retarget.robot.catalog import read_toml
@@ -97,6 +97,11 @@ class Drives:
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray | list):
                 object.__setattr__(self, name, frozen(value))
+
+    def of(self, chosen: Ints) -> "Drives":
+        """Those of some of the hinges."""
+        picked = {name: value[chosen] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **picked)
 
     @property
     def no_load_speed(self) -> Floats:

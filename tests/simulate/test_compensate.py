@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_trajectories import hold, swing, wander
 from shared_files import SHARED, needs_shared
+from simulate.motions import bob
 
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.compensate import _rates, _spline, _torques, compensated
@@ -30,19 +31,6 @@ def nod(joint: str, amplitude: float, hertz: float, seconds: float) -> Trajector
     phase = 2 * np.pi * hertz * np.arange(len(qpos)) / 100
     qpos[:, OP3.qpos_index[OP3.joint_names.index(joint)]] += amplitude * (1 - np.cos(phase)) / 2
     return Trajectory(qpos, 100, OP3.joint_names, "op3", "nod")
-
-
-def bob(seconds: float = 4.0) -> Trajectory:
-    """A slow squat on both feet: hips, knees and ankles share the bend."""
-    deep = 0.25 * (1 - np.cos(2 * np.pi * np.arange(round(seconds * 50) + 1) / 100)) / 2
-    qpos = hold(OP3, seconds).qpos.copy()
-    bend = {"hip_pitch": (-1, 1), "knee": (2, -2), "ank_pitch": (1, -1)}
-    for joint, signs in bend.items():
-        for side, sign in zip("lr", signs, strict=True):
-            qpos[:, OP3.qpos_index[OP3.joint_names.index(f"{side}_{joint}")]] += sign * deep
-    low = np.array([np.cos(q) for q in 0.36 + deep]) - np.cos(0.36)
-    qpos[:, 2] += 0.22 * low
-    return Trajectory(qpos, 50, OP3.joint_names, "op3", "bob")
 
 
 def test_the_torques_make_forward_dynamics_accelerate_as_wanted():

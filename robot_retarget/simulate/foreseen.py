@@ -1,0 +1,45 @@
+"""Whether the contacts that happened on the servos are those that were warned of, and the other way round."""
+
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.retarget.warn import Warnings
+from robot_retarget.robot.model import Robot
+from robot_retarget.simulate.contacts import Contacts
+
+APART = 0.1
+"""Touches of a pair this long after one another are two contacts [s]."""
+LATE = 0.25
+"""Servos lag, so a contact may come so much later than the warning ends [s]."""
+
+
+def foreseen_figures(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
+    """Count contacts (self-contacts `contacts` at `times` of their frames) and warnings against each other."""
+    happened = touches(contacts, times, robot)
+    told = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in warnings.events]
+    leads, fulfilled = [], set()
+    for pair, start in happened:
+        before = [k for k, (p, since, last) in enumerate(told) if p == pair and since <= start <= last + LATE]
+        fulfilled |= set(before)
+        if before:
+            leads.append(start - told[before[0]][1])
+    return {
+        "warnings": len(told),
+        "warnings_fulfilled": len(fulfilled),
+        "tracked_contacts": len(happened),
+        "tracked_contacts_foreseen": len(leads),
+        "median_lead_s": round(float(np.median(leads)), 4) if leads else None,
+    }
+
+
+def touches(contacts: Contacts, times: np.ndarray, robot: Robot) -> list[tuple[frozenset[str], float]]:
+    """Each contact of two links with the time of its beginning, in order; links as the warnings name them."""
+    model, found = robot.model, []
+    for first, second in sorted(contacts.pairs()):
+        pair = frozenset(model.body(int(model.body_weldid[body])).name for body in (first, second))
+        at = np.unique(times[contacts.of((contacts.bodies == (first, second)).all(1)).frame])
+        at = at[at >= 0]
+        starts = at[np.diff(at, prepend=-np.inf) > APART]
+        found += [(pair, float(start)) for start in starts]
+    return sorted(found, key=lambda touch: touch[1])

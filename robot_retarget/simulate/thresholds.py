@@ -1,0 +1,54 @@
+"""What is still a pass: one table, that a TOML file may override line by line."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from robot_retarget.errors import UsageError, known
+from robot_retarget.robot.catalog import read_toml
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """The most that is let pass. A simulation that breaks down fails in any case, and so does a fall in mode `free`."""
+
+    tracking_rms: float = 0.2
+    """Of the worst joint [rad]: 11°, what a servo of 50 ms lag loses at 4 rad/s."""
+    penetration: float = 0.001
+    """Of the robot with itself in the replay [m]; no frame may be deeper."""
+    between_frames: float = 0.005
+    """Of the robot with itself on the straight way from frame to frame [m]; a servo gives way so much for some 4 N."""
+    tracked_penetration: float = 0.002
+    """Of the robot with itself on the servos [m]: the softness of the contact of a limb that is pressed on."""
+    range_excess: float = 0.01
+    """Beyond a joint's range in the replay [rad]."""
+    speed_ratio: float = 2.0
+    """Of the fastest joint to what it can do; a servo asked for twice its speed is somewhere else."""
+    saturated_share: float = 0.5
+    """Of the time that a servo may give all it has."""
+    temperature_rise: float = 40.0
+    """Of the hottest servo over the trajectory [K]: room temperature to 70 °C."""
+    foot_slip: float = 0.01
+    """How far a foot may slide while it stands [m], in mode `free`."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0:
+                raise UsageError(f"the threshold {name} must be a number, 0 or more, got {value!r}")
+
+
+def read_thresholds(path: str | Path) -> Thresholds:
+    """Thresholds from TOML: `tracking_rms = 0.1`; what the file does not name keeps its default, `inf` switches one off.
+
+    Raises:
+        RobotError: the file cannot be read as TOML.
+        UsageError: it names a threshold that is not known, or gives one that is no number.
+    """
+    table = read_toml(Path(path))
+    names = [field.name for field in fields(Thresholds)]
+    strange = [name for name in table if name not in names]
+    if strange:
+        raise UsageError(f"{path}: no threshold {strange[0]!r}; {known(names)}")
+    try:
+        return Thresholds(**table)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
