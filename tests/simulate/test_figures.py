@@ -135,7 +135,7 @@ def test_a_kick_at_full_speed_falls_and_says_when():
 def test_a_limb_through_the_trunk_names_the_pair_with_its_depth():
     report = simulate(swing(OP3, "l_sho_roll", 0.9, 0.25, 4.0), OP3)
     assert report.verdict == "fail"
-    assert report.reasons[0].startswith("body_link and l_el_link overlap by up to")
+    assert any(reason.startswith("body_link and l_el_link overlap by up to") for reason in report.reasons)
 
 
 def test_ten_times_the_speed_asks_for_more_than_servos_have():
