@@ -145,6 +145,9 @@ def import_map(
     servo_map = read_foreign(file, offsets, model)
     _write(output, dump_map(servo_map))
     console.say(f"wrote {output}: {len(servo_map.servos)} servos; look over signs, zeros and ranges before playing")
+    cut = [servo.joint for servo in servo_map.servos if servo.cut]
+    if cut:
+        console.note(f"The one turn of position mode cuts the range of {', '.join(cut)}.")
 
 
 def play(

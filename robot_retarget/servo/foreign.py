@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from math import pi, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +19,17 @@ TODDLERBOT = {
     "XL330": "XL330-M288",
 }
 """Full names of the models that its configuration abbreviates."""
+OP3 = {"XM-430": "XM430-W350"}
+"""What early OP3.robot files call the servos."""
 
 
 def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str | None = None) -> ServoMap:
     """A servo map from a file of another project, recognised by what is in it.
 
     Args:
-        path: OP3.robot; lerobot calibration JSON; pypot JSON; ToddlerBot config.json (its joints) .
+        path: OP3.robot; lerobot calibration JSON; pypot JSON; ToddlerBot's config.json or config_motors.json.
         offsets: the `offset.yaml` [rad] that belongs to an OP3.robot.
-        model: of servos whose file names none (lerobot).
+        model: of servos whose file names none (lerobot), or instead of what it names.
 
     Raises:
         ServoError: the file cannot be read, or is none of these.
@@ -35,7 +37,7 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
     text = _text(path)
     try:
         if not text.lstrip().startswith("{"):
-            return _op3(text, _offsets(offsets), Path(path).stem.lower())
+            return _op3(text, _offsets(offsets), Path(path).stem.lower(), model)
         table = json.loads(text)
         for holds, reader in _READERS:
             if holds(table):
@@ -49,7 +51,7 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
     raise ServoError(f"{path}: neither OP3.robot nor a JSON file of lerobot, pypot or ToddlerBot")
 
 
-def _op3(text: str, offsets: dict[str, float], name: str) -> ServoMap:
+def _op3(text: str, offsets: dict[str, float], name: str, model: str | None) -> ServoMap:
     """[ device info ]: type | port | id | model | protocol | joint | items. A joint's zero is 2048 + its offset."""
     servos, baud, section = [], 1_000_000, ""
     for line in (line.split("#")[0].strip() for line in text.splitlines()):
@@ -58,9 +60,9 @@ def _op3(text: str, offsets: dict[str, float], name: str) -> ServoMap:
         elif line and section == "port info":
             baud = int(line.split("|")[1])
         elif line.startswith("dynamixel") and section == "device info":
-            _, _, identity, model, _, joint = (part.strip() for part in line.split("|")[:6])
+            _, _, identity, named, _, joint = (part.strip() for part in line.split("|")[:6])
             zero = CENTRE + round(offsets.get(joint, 0.0) * TICKS_PER_RADIAN)
-            servos.append(Servo(joint, int(identity), _model(model), zero=zero))
+            servos.append(Servo(joint, int(identity), _model(model or OP3.get(named, named)), zero=zero))
     if not servos:
         raise ServoError("no dynamixel stands under [ device info ]")
     strange = sorted(set(offsets) - {servo.joint for servo in servos})
@@ -95,23 +97,42 @@ def _pypot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
 
 
 def _toddlerbot(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
-    """`joints` with id, spec, init_pos and limits [rad]; a gear ratio is turns of the joint for one of the servo."""
-    servos = []
+    """`joints` with id, spec, init_pos and limits [rad]. A motor's joint (`_drive`, `_act`) turns with its servo, one to
+    one; what gears and rods make of that are other joints of the model, the passive ones."""
+    servos, passive = [], []
     for joint, entry in table["joints"].items():
-        if entry.get("type", "dynamixel") != "dynamixel":
+        if entry.get("is_passive", False) or entry.get("type", "dynamixel") != "dynamixel":
+            passive.append(joint)
             continue
-        zero = round(float(entry["init_pos"]) * TICKS_PER_RADIAN)
-        gear = 1 / float(entry.get("gear_ratio", 1.0)) if entry.get("transmission") == "spur_gear" else 1.0
-        low, high = float(entry["lower_limit"]), float(entry["upper_limit"])
-        spec = model or TODDLERBOT.get(str(entry["spec"]), str(entry["spec"]))
-        servos.append(Servo(joint, int(entry["id"]), _model(spec), 1, zero, gear, max(low, -2 * pi), min(high, 2 * pi)))
+        low, high = (max(-2 * pi, min(2 * pi, float(entry[end]))) for end in ("lower_limit", "upper_limit"))
+        servos.append(_toddlerbot_servo(joint, int(entry["id"]), model or entry["spec"], entry, low, high))
+    baud = int(table.get("general", {}).get("dynamixel_baudrate", 2_000_000))
+    return ServoMap(name, tuple(servos), baud, passive=tuple(passive))
+
+
+def _toddlerbot_motors(table: dict[str, Any], name: str, model: str | None) -> ServoMap:
+    """`motor` and `init_pos` [rad] of each motor, in the order of their ids from 0; no limits."""
+    servos = [
+        _toddlerbot_servo(joint, k, model or entry["motor"], entry, -pi, pi)
+        for k, (joint, entry) in enumerate(table.items())
+    ]
     return ServoMap(name, tuple(servos), 2_000_000)
+
+
+def _toddlerbot_servo(joint: str, identity: int, spec: str, entry: dict[str, Any], lower: float, upper: float) -> Servo:
+    zero = round(float(entry["init_pos"]) * TICKS_PER_RADIAN)
+    return Servo(joint, identity, _model(TODDLERBOT.get(spec, spec)), zero=zero, lower=lower, upper=upper)
+
+
+def _all_have(table: Any, key: str) -> bool:
+    return bool(table) and all(isinstance(entry, dict) and key in entry for entry in table.values())
 
 
 _READERS: tuple[tuple[Callable[[Any], bool], Callable[[dict[str, Any], str, str | None], ServoMap]], ...] = (
     (lambda table: "motors" in table and "controllers" in table, _pypot),
     (lambda table: "joints" in table, _toddlerbot),
-    (lambda table: bool(table) and all(isinstance(v, dict) and "homing_offset" in v for v in table.values()), _lerobot),
+    (lambda table: _all_have(table, "homing_offset"), _lerobot),
+    (lambda table: _all_have(table, "motor"), _toddlerbot_motors),
 )
 
 

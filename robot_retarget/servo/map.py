@@ -64,8 +64,19 @@ class Servo:
     @property
     def tick_range(self) -> tuple[int, int]:
         """Lowest and highest goal position that keeps the joint in its range and the servo in one turn."""
+        low, high = self._ends
+        return max(low, 0), min(high, LAST_POSITION)
+
+    @property
+    def cut(self) -> bool:
+        """Whether the turn of the servo ends before the joint's range."""
+        low, high = self._ends
+        return low < 0 or high > LAST_POSITION
+
+    @property
+    def _ends(self) -> tuple[int, int]:
         ends = sorted((self.ticks(self.lower), self.ticks(self.upper)))
-        return max(ends[0], 0), min(ends[1], LAST_POSITION)
+        return ends[0], ends[1]
 
 
 @dataclass(frozen=True)
@@ -111,6 +122,8 @@ class ServoMap:
     baud: int = 1_000_000
     limits: Limits = field(default_factory=Limits)
     stop: Stop = field(default_factory=Stop)
+    passive: tuple[str, ...] = ()
+    """Joints of the robot that no servo turns: springs, rods, the far side of gears."""
 
     def __post_init__(self) -> None:
         if not self.servos:
@@ -168,7 +181,10 @@ def load_map(name: str | Path) -> ServoMap:
 
 def dump_map(servo_map: ServoMap) -> str:
     """A servo map as TOML; `load_map` reads the same map back."""
-    lines = [f'robot = "{servo_map.robot}"', f"baud = {servo_map.baud}", "", "[limits]"]
+    lines = [f'robot = "{servo_map.robot}"', f"baud = {servo_map.baud}"]
+    if servo_map.passive:
+        lines += [f"passive = [{', '.join(map(_toml, servo_map.passive))}]"]
+    lines += ["", "[limits]"]
     lines += [f"{f.name} = {getattr(servo_map.limits, f.name)!r}" for f in fields(Limits)]
     if servo_map.stop.pose:
         lines += ["", "[stop.pose]", *(f'"{joint}" = {angle!r}' for joint, angle in servo_map.stop.pose.items())]
@@ -179,13 +195,17 @@ def dump_map(servo_map: ServoMap) -> str:
 
 
 def _from_table(table: dict[str, Any]) -> ServoMap:
-    _only(table, {"robot", "baud", "limits", "stop", "servo"}, "the map")
+    _only(table, {"robot", "baud", "passive", "limits", "stop", "servo"}, "the map")
+    passive = table.get("passive", [])
+    if not (isinstance(passive, list) and all(isinstance(joint, str) for joint in passive)):
+        raise ServoError(f"the map: passive cannot be {passive!r}, it is a list of joints")
     servos = [
         _build(Servo, {"joint": joint, **_dict(entry, joint)}, joint) for joint, entry in table.get("servo", {}).items()
     ]
     limits = _build(Limits, _dict(table.get("limits", {}), "[limits]"), "[limits]")
     stop = _build(Stop, _dict(table.get("stop", {}), "[stop]"), "[stop]")
-    return ServoMap(str(table.get("robot", "")), tuple(servos), int(table.get("baud", 1_000_000)), limits, stop)
+    robot, baud = str(table.get("robot", "")), int(table.get("baud", 1_000_000))
+    return ServoMap(robot, tuple(servos), baud, limits, stop, tuple(passive))
 
 
 def _build(kind: Any, values: dict[str, Any], where: str) -> Any:

@@ -66,7 +66,7 @@ def make_plan(
         ServoError: a joint of the trajectory has no servo or a servo no joint, the part is empty, or repeating it
             would jump.
     """
-    bare = [joint for joint in trajectory.joint_names if joint not in servo_map.joints]
+    bare = [joint for joint in trajectory.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
     if bare:
         raise ServoError(f"the servo map does not cover {', '.join(bare)}; it has {', '.join(servo_map.joints)}")
     idle = [joint for joint in servo_map.joints if joint not in trajectory.joint_names]

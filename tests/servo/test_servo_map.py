@@ -4,6 +4,7 @@ import json
 from math import pi
 from pathlib import Path
 
+import numpy as np
 import pytest
 from emulated import ARM
 from hypothesis import given
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.foreign import read_foreign
-from robot_retarget.servo.map import Servo, dump_map, load_map, shipped_maps
+from robot_retarget.servo.map import Servo, ServoMap, dump_map, load_map, shipped_maps
+from robot_retarget.servo.plan import make_plan
+from robot_retarget.trajectory import Trajectory
 
 SERVOS = st.builds(
     Servo,
@@ -103,6 +106,8 @@ def test_an_op3_robot_file_with_offsets_becomes_a_map(tmp_path: Path) -> None:
     read = read_foreign(tmp_path / "OP3.robot", tmp_path / "offset.yaml")
     assert (read.baud, read.ids, read.joints) == (2_000_000, (1, 2), ("r_sho_pitch", "l_sho_pitch"))
     assert [s.zero for s in read.servos] == [2048 + 65, 2048]
+    (tmp_path / "OP3.robot").write_text(OP3.replace("XM430-W350", "XM-430"))
+    assert {s.model for s in read_foreign(tmp_path / "OP3.robot").servos} == {"XM430-W350"}
 
 
 def test_a_lerobot_calibration_becomes_a_map(tmp_path: Path) -> None:
@@ -125,12 +130,37 @@ def test_a_pypot_configuration_becomes_a_map(tmp_path: Path) -> None:
     assert servo.lower == pytest.approx(-30 * pi / 180)
 
 
-def test_a_toddlerbot_configuration_becomes_a_map(tmp_path: Path) -> None:
+def test_a_toddlerbot_configuration_becomes_a_map_of_motors_that_turn_their_own_joints(tmp_path: Path) -> None:
     path = tmp_path / "toddler.json"
-    joint = {"id": 3, "type": "dynamixel", "spec": "XC330", "init_pos": pi, "lower_limit": -1, "upper_limit": 1.5}
-    path.write_text(json.dumps({"general": {}, "joints": {"neck": joint, "soft": {"type": "passive"}}}))
-    (servo,) = read_foreign(path).servos
-    assert (servo.joint, servo.zero, servo.upper, servo.type.name) == ("neck", 2048, 1.5, "XC330-T288")
+    drive = {"is_passive": False, "transmission": "gear", "id": 3, "type": "dynamixel", "spec": "XC330"}
+    drive |= {"gear_ratio": 0.9, "init_pos": pi, "lower_limit": -1, "upper_limit": 1.5}
+    driven = {"is_passive": True, "transmission": "gear", "lower_limit": -0.9, "upper_limit": 1.35}
+    joints = {"neck_yaw_drive": drive, "neck_yaw_driven": driven}
+    path.write_text(json.dumps({"general": {"dynamixel_baudrate": 1_000_000}, "joints": joints}))
+    read = read_foreign(path)
+    (servo,) = read.servos
+    assert (servo.joint, servo.zero, servo.gear, servo.upper) == ("neck_yaw_drive", 2048, 1.0, 1.5)
+    assert (servo.type.name, read.baud, read.passive) == ("XC330-T288", 1_000_000, ("neck_yaw_driven",))
+    again = tmp_path / "again.toml"
+    again.write_text(dump_map(read), encoding="utf-8")
+    assert load_map(again) == read
+
+
+def test_a_toddlerbot_list_of_motors_numbers_them_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "config_motors.json"
+    path.write_text(json.dumps({name: {"motor": "2XC430", "init_pos": pi / 2} for name in ("hip", "knee")}))
+    assert [(s.joint, s.id, s.zero, s.model, s.cut) for s in read_foreign(path).servos] == [
+        ("hip", 0, 1024, "2XC430-W250", True),
+        ("knee", 1, 1024, "2XC430-W250", True),
+    ]
+
+
+def test_a_passive_joint_needs_no_servo() -> None:
+    trajectory = Trajectory(np.array([[0.1, 0.2]] * 3), 50, ("j", "rod"), "arm")
+    servos = (Servo("j", 1, "XM430-W350"),)
+    with pytest.raises(ServoError, match="does not cover rod"):
+        make_plan(trajectory, ServoMap("arm", servos))
+    assert make_plan(trajectory, ServoMap("arm", servos, passive=("rod",))).angles.tolist() == [[0.1]] * 3
 
 
 @pytest.mark.parametrize(
@@ -139,7 +169,7 @@ def test_a_toddlerbot_configuration_becomes_a_map(tmp_path: Path) -> None:
         ("{}", "neither OP3"),
         ("{", "Expecting"),
         ("hello", "no dynamixel stands"),
-        ('{"joints": {"a": {}}}', "'init_pos'"),
+        ('{"joints": {"a": {}}}', "'lower_limit'"),
     ],
 )
 def test_what_is_none_of_these_is_refused(tmp_path: Path, text: str, message: str) -> None:
