@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from math import radians
+from math import pi, radians
 from pathlib import Path
 from typing import Any
 
