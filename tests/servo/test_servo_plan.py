@@ -1,0 +1,56 @@
+"""A plan is the part of the trajectory asked for, at the speed asked for; the ways to and from it are soft."""
+
+import numpy as np
+import pytest
+from emulated import ARM
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_retarget.errors import ServoError
+from robot_retarget.servo.map import Limits
+from robot_retarget.servo.plan import glide, make_plan
+from robot_retarget.trajectory import Trajectory
+
+RAMP = Trajectory(np.linspace(0, 1, 101)[:, None] * np.ones(4), 50, ARM.joints, "arm")
+"""Half a radian a second, for two seconds."""
+
+
+def test_a_part_is_played_at_its_speed() -> None:
+    plan = make_plan(RAMP, ARM, speed=0.5, start=0.4, stop=1.2)
+    assert plan.duration == pytest.approx(1.6)
+    assert [plan.at(t)[0] for t in (0.0, 0.8, 1.6, 9.0)] == pytest.approx([0.2, 0.4, 0.6, 0.6])
+    assert plan.top_speed == pytest.approx(0.25)
+
+
+def test_what_ends_where_it_began_is_looped() -> None:
+    times = np.arange(0, 1.001, 0.02)[:, None]
+    waves = Trajectory(0.3 * np.sin(2 * np.pi * times) * np.ones(4), 50, ARM.joints, "arm")
+    plan = make_plan(waves, ARM, loops=3)
+    assert plan.duration == pytest.approx(3)
+    assert [plan.at(t)[1] for t in (0.25, 1.25, 2.25)] == pytest.approx([0.3] * 3, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("wish", "message"),
+    [
+        ({"loops": 2}, "its end is 1.00 rad from its beginning"),
+        ({"loops": 0}, "--loop 0"),
+        ({"speed": 9.0}, "--speed 9 is not in"),
+        ({"start": 1.5, "stop": 1.0}, r"--from 1.5 --to 1 is no part of 0…2 s"),
+        ({"stop": 3.0}, r"--to 3 is no part"),
+    ],
+)
+def test_a_part_that_cannot_be_played_is_refused(wish: dict[str, float], message: str) -> None:
+    with pytest.raises(ServoError, match=message):
+        make_plan(RAMP, ARM, **wish)  # pyright: ignore[reportArgumentType]
+
+
+@given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.lists(st.floats(-3, 3), min_size=4, max_size=4))
+def test_a_glide_goes_from_pose_to_pose_within_its_speed(start: list[float], end: list[float]) -> None:
+    limits = Limits(approach_speed=0.8, approach_time=1.0)
+    way = glide(np.array(start), np.array(end), 100.0, limits)
+    assert way.duration >= 1.0 - 0.01
+    assert way.top_speed <= 0.8 * 1.02
+    assert way.at(0.0) == pytest.approx(start) and way.at(way.duration) == pytest.approx(end)
+    speeds = np.abs(np.diff(way.angles, axis=0))
+    assert speeds[[0, -1]].max() <= speeds.max() / 5 + 1e-12
