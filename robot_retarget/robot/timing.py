@@ -38,13 +38,16 @@ def sample(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
     """
     frames = np.arange(len(trajectory)) / trajectory.fps
     at = np.clip(times, 0.0, frames[-1])
-    left = np.clip(np.searchsorted(frames, at) - 1, 0, max(len(frames) - 2, 0))
-    right = np.minimum(left + 1, len(frames) - 1)
-    share = ((at - frames[left]) * trajectory.fps)[:, None]
-    qpos = trajectory.qpos[left] * (1 - share) + trajectory.qpos[right] * share
+    qpos = _straight(trajectory.qpos, frames, at)
     for start in _quaternions(robot):
         qpos[:, start : start + 4] = _slerp(frames, trajectory.qpos[:, start : start + 4], at)
     return qpos
+
+
+def sample_hinges(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
+    """Hinge angles (N, n) [rad] as `sample` has them, without the root."""
+    frames = np.arange(len(trajectory)) / trajectory.fps
+    return _straight(trajectory.qpos[:, robot.qpos_index], frames, np.clip(times, 0.0, frames[-1]))
 
 
 def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
@@ -64,6 +67,14 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:
     """Velocities (T − 1, n) of the hinges from each frame to the next [rad/s]."""
     return np.diff(trajectory.qpos[:, robot.qpos_index], axis=0) * trajectory.fps
+
+
+def _straight(values: Floats, frames: Floats, at: Floats) -> Floats:
+    left = np.clip(np.searchsorted(frames, at) - 1, 0, max(len(frames) - 2, 0))
+    right = np.minimum(left + 1, len(frames) - 1)
+    length = frames[1] if len(frames) > 1 else 1.0
+    share = ((at - frames[left]) / length)[:, None]
+    return values[left] * (1 - share) + values[right] * share
 
 
 def _quaternions(robot: Robot) -> list[int]:

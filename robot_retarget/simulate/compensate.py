@@ -111,7 +111,7 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
     qvel, qacc = _rates(model, qpos, rate)
-    soles = feet_of(plant.robot).soles if mode == "free" else None
+    soles = feet_of(plant.robot).corners if mode == "free" else None
     dofs = plant.robot.dof_index
     held = np.setdiff1d(np.arange(model.nv), dofs)
     torque = np.empty((len(qpos), len(dofs)))

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.errors import MatchError
+from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
+
+NONE = Points(np.zeros(0, int), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +25,8 @@ class Feet:
     """Sole points of all feet, K in all."""
     owner: np.ndarray
     """(K,) the place of the foot that each sole point belongs to."""
+    corners: Points
+    """Four of each foot, that span its sole."""
 
     @property
     def all_bodies(self) -> list[int]:
@@ -32,18 +37,22 @@ class Feet:
 def feet_of(robot: Robot) -> Feet:
     """The recognised feet; empty for a robot that is no humanoid."""
     try:
-        soles = recognise(robot).soles
+        anatomy = recognise(robot)
+        soles = anatomy.soles
     except MatchError:
-        soles = {}
+        anatomy, soles = None, {}
     names = tuple(soles)
     bodies = tuple(with_toes(robot, {int(b) for b in soles[name].bodies}) for name in names)
-    if not names:
-        return Feet((), (), Points(np.zeros(0, int), np.zeros((0, 3))), np.zeros(0, int))
-    points = Points(
-        np.concatenate([soles[name].bodies for name in names]), np.concatenate([soles[name].offsets for name in names])
-    )
+    if anatomy is None or not names:
+        return Feet((), (), NONE, np.zeros(0, int), NONE)
+    points = _together([soles[name] for name in names])
+    corners = _together([sole_corners(anatomy, name) for name in names])
     owner = np.repeat(np.arange(len(names)), [len(soles[name].bodies) for name in names])
-    return Feet(names, bodies, points, owner)
+    return Feet(names, bodies, points, owner, corners)
+
+
+def _together(points: list[Points]) -> Points:
+    return Points(np.concatenate([p.bodies for p in points]), np.concatenate([p.offsets for p in points]))
 
 
 def with_toes(robot: Robot, foot: set[int]) -> frozenset[int]:

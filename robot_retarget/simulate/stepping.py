@@ -11,7 +11,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import UsageError
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import sample
+from robot_retarget.robot.timing import sample, sample_hinges
 from robot_retarget.simulate.contacts import ContactLog, Contacts
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates, root_dofs
 from robot_retarget.trajectory import Trajectory
@@ -91,7 +91,7 @@ def roll_out(
     dt = nsub * model.opt.timestep
     ticks = round((playback.settle_before + trajectory.duration + playback.settle_after) / dt)
     times = dt * np.arange(max(ticks, 1)) - playback.settle_before
-    goals = sample(command or trajectory, robot, times - playback.delay)[:, robot.qpos_index]
+    goals = sample_hinges(command or trajectory, robot, times - playback.delay)
     data = mujoco.MjData(model)
     data.qpos[:] = trajectory.qpos[0]
     if mode == "free":

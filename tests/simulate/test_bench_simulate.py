@@ -1,0 +1,18 @@
+"""The bench runs, and a rollout costs about what its steps cost."""
+
+import runpy
+
+import pytest
+from made_trajectories import hold
+from shared_files import ROOT
+
+from robot_retarget.robot import load_robot
+
+BENCH = runpy.run_path(str(ROOT / "scripts/bench_simulate.py"))
+
+
+def test_the_bench_prints_a_row_for_each_mode_and_no_great_overhead(capsys: pytest.CaptureFixture[str]) -> None:
+    ratios = BENCH["report"](hold(load_robot("op3"), 1.0), "stand", 5, 2)
+    rows = capsys.readouterr().out.splitlines()
+    assert [row.split(" | ")[1] for row in rows] == ["pinned", "free"]
+    assert max(ratios) < 1.6  # 1.15 on an idle machine; other tests run beside this one
