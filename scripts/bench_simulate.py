@@ -2,7 +2,8 @@
 
     python scripts/bench_simulate.py            # the shipped clips on op3
 
-Prints a table; the ratio is of the least of several runs in turns, so that other work on the machine weighs on both.
+Prints a table; the ratio is the median of several turns of one and the other, so that other work on the machine weighs on
+both.
 """
 
 import argparse
@@ -44,15 +45,15 @@ def bare_loop(plant: Plant, trajectory: Trajectory) -> Callable[[], None]:
     return loop
 
 
-def in_turns(first: Callable[[], object], second: Callable[[], object], rounds: int) -> tuple[float, float]:
-    """The least time of each [s]."""
-    least = [np.inf, np.inf]
-    for _ in range(rounds):
+def in_turns(first: Callable[[], object], second: Callable[[], object], rounds: int) -> tuple[float, float, float]:
+    """The median time of each [s], and the median of second / first from turn to turn."""
+    times = np.empty((rounds, 2))
+    for turn in times:
         for k, run in enumerate((first, second)):
             began = time.perf_counter()
             run()
-            least[k] = min(least[k], time.perf_counter() - began)
-    return least[0], least[1]
+            turn[k] = time.perf_counter() - began
+    return float(np.median(times[:, 0])), float(np.median(times[:, 1])), float(np.median(times[:, 1] / times[:, 0]))
 
 
 def report(trajectory: Trajectory, name: str, rounds: int, worlds: int) -> list[float]:
@@ -60,7 +61,9 @@ def report(trajectory: Trajectory, name: str, rounds: int, worlds: int) -> list[
     robot, ratios = rr.load_robot("op3"), []
     for mode in MODES:
         plant = plant_of(robot, mode)
-        bare, ours = in_turns(bare_loop(plant, trajectory), lambda p=plant, m=mode: roll_out(p, trajectory, m), rounds)
+        bare, ours, ratio = in_turns(
+            bare_loop(plant, trajectory), lambda p=plant, m=mode: roll_out(p, trajectory, m), rounds
+        )
         began = time.perf_counter()
         command = compensated(plant, trajectory, mode)
         planned = time.perf_counter() - began
@@ -69,9 +72,9 @@ def report(trajectory: Trajectory, name: str, rounds: int, worlds: int) -> list[
         spent = time.perf_counter() - began
         frames = worlds * len(trajectory) / spent
         steps = round(roll_out(plant, trajectory, mode).steps_per_second)
-        ratios.append(ours / bare)
+        ratios.append(ratio)
         print(
-            f"| {name} | {mode} | {1000 * bare:.0f} | {1000 * ours:.0f} | {ours / bare:.2f} | {steps} "
+            f"| {name} | {mode} | {1000 * bare:.0f} | {1000 * ours:.0f} | {ratio:.2f} | {steps} "
             f"| {1000 * planned:.0f} | {len(many)} in {spent:.2f} s | {frames:.0f} |",
             flush=True,
         )
