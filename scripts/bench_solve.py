@@ -21,14 +21,17 @@ from retarget_figures import figures
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget import frame as frame_module
+from robot_retarget.retarget import quadratic as quadratic_module
 from robot_retarget.retarget import solve as solve_module
 from robot_retarget.retarget.compiled import Compiled, QuadraticProgram
 from robot_retarget.retarget.edges import Edges, build_edges
-from robot_retarget.retarget.frame import FrameSolver, place_root
+from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem, build_problem
+from robot_retarget.retarget.quadratic import Landscape
 from robot_retarget.retarget.separation import Separation
 from robot_retarget.retarget.solve import Smoothing, solve
+from robot_retarget.retarget.starts import place_root
 from robot_retarget.retarget.transfer import MOST_FPS
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.shipped import SAMPLES
@@ -43,13 +46,15 @@ MODES = {"frame by frame": Smoothing(passes=0), WHOLE: Smoothing()}
 IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
+MOVES: list[tuple[object, str]] = [(frame_module, "integrate"), (quadratic_module, "difference")]
+MOVES += [(solve_module, f) for f in ("integrate", "difference")]
 PARTS: dict[str, list[tuple[object, str]]] = {
     "kinematics and normal equations": [(Compiled, "__call__")],
     "separation of links": [(Separation, "near")],
     PROGRAM: [(QuadraticProgram, "solve")],
     "closed chains, gears": [(Coupling, "__call__"), (Coupling, "closed")],
-    "configurations q ⊕ v, q ⊖ p": [(m, f) for m in (frame_module, solve_module) for f in ("integrate", "difference")],
-    "Python around the quadratic model": [(FrameSolver, "_model"), (FrameSolver, "_step")],
+    "configurations q ⊕ v, q ⊖ p": MOVES,
+    "Python around the quadratic model": [(Landscape, "around"), (Landscape, "pulled"), (FrameSolver, "_step")],
     "Python of the descent": [(FrameSolver, "descend")],
 }
 """What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""

@@ -13,11 +13,11 @@ from robot_retarget.retarget.match import Match
 class StanceRule:
     """What counts as standing; speeds in leg lengths per second, heights in leg lengths over the foot's lowest."""
 
-    enter_speed: float = 0.22
-    leave_speed: float = 0.3
+    enter_speed: float = 0.3
+    leave_speed: float = 0.4
     enter_height: float = 0.08
     leave_height: float = 0.10
-    shortest: float = 0.2
+    shortest: float = 0.15
     """A stance or a swing shorter than this is taken for noise [s]."""
 
 

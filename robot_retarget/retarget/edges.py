@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
@@ -25,23 +26,30 @@ NEAR_GAIN = 4.0
 TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
 """A hand this near to another part, over the path between them, touches it [-]; to any other part 0.1."""
 
+TOUCH_LEAD = 0.1
+"""A touch begins to count this long before it is there, and ends this long after [s]."""
+
 
 @dataclass(frozen=True)
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 4.0
+    posture: float = 60.0
     """Pairwise distances over their path length."""
-    touch: float = 200.0
+    touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
     compass: float = 3.0
     """Bone directions."""
+    give: float = 0.02
+    """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
     girdle: float = 1.0
     """Directions of the hip line and the shoulder line."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
+    rest: float = 0.003
+    """Joints as the robot stands [1/rad²]."""
 
 
 # Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame
@@ -62,6 +70,10 @@ class Edges:
     """(T, E) δ, the wished distance [m]."""
     priority: Floats
     """(T, E) π, weight included, per squared error over the path length."""
+    touching: Ints
+    """Rows of the posture edges whose parts can touch, (C,)."""
+    touch: Floats
+    """(T, C) what they count on top when they do."""
     path_length: Floats
     """(E,) τ on the robot [m]."""
     lines: Ints
@@ -100,7 +112,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
     """
     w = weights or Weights()
     x = grounded(match.human_positions(motion), match, motion.fps)
-    pairs, distance, priority, tau = _posture(x, match, w)
+    pairs, distance, priority, tau, touching, touch = _posture(x, match, w, motion.fps)
     lines, line_weight = _lines(match, w)
     toward = x[:, lines[:, 0]] - x[:, lines[:, 1]]
     direction = toward / np.maximum(np.linalg.norm(toward, axis=2, keepdims=True), 1e-9)
@@ -113,6 +125,8 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         pairs,
         distance,
         priority,
+        touching,
+        touch,
         tau,
         lines,
         direction,
@@ -126,7 +140,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
     )
 
 
-def _posture(x: Floats, match: Match, w: Weights) -> tuple[Ints, Floats, Floats, Floats]:
+def _posture(x: Floats, match: Match, w: Weights, fps: float) -> tuple[Ints, Floats, Floats, Floats, Ints, Floats]:
     i, j = np.triu_indices(len(match.keypoints), 1)
     near_or_far = normalised_distances(x, match.parents, match.human_bones)[:, i, j]
     tau = path_weights(match.parents, match.robot_bones)[i, j]
@@ -137,8 +151,23 @@ def _posture(x: Floats, match: Match, w: Weights) -> tuple[Ints, Floats, Floats,
     reach = np.array([_touch_reach(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)])
     touching = np.exp(-((near_or_far / np.maximum(reach, 1e-9)) ** 8)) * (reach > 0)
     mean = len(match.keypoints) / max(int(keep.sum()), 1)
-    pi = w.posture * mean * pi + w.touch * touching
-    return np.stack([i, j], 1)[keep], (tau * near_or_far)[:, keep], pi[:, keep], tau[keep]
+    pi = w.posture * mean * pi
+    can = np.flatnonzero(reach[keep] > 0)
+    return (
+        np.stack([i, j], 1)[keep],
+        (tau * near_or_far)[:, keep],
+        pi[:, keep],
+        tau[keep],
+        can,
+        w.touch * _foreseen(touching[:, keep][:, can], round(TOUCH_LEAD * fps)),
+    )
+
+
+def _foreseen(touching: Floats, frames: int) -> Floats:
+    """How much pairs touch (T, C), reached and left gently: the most of the frames around, then their mean."""
+    width = 2 * frames + 1
+    most = maximum_filter1d(touching, width, axis=0, mode="nearest")
+    return np.maximum(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0)  # its running sum may end at −1e-17
 
 
 def _touch_reach(a: str, b: str) -> float:

@@ -122,8 +122,8 @@ class Stepping:
 def footholds(held: np.ndarray, corners: Floats) -> Floats:
     """(T, F, 4, 3) where the corners should be [m].
 
-    A stance is at the middle of where the draft put the foot. In between, a foot follows the draft, shifted along the
-    floor from the one foothold's offset to the next one's, so that it neither leaps away nor lands with a leap.
+    A stance is at the middle of where the draft put the foot. In between, a foot follows the draft, each corner shifted
+    from the one foothold's offset to the next one's, so that it neither leaps away nor lands with a leap or a slap.
 
     Args:
         held: (T, F, 4) what is held.
@@ -136,18 +136,18 @@ def footholds(held: np.ndarray, corners: Floats) -> Floats:
             whole = held[start:stop, foot].all(axis=1)
             seen = corners[start:stop, foot][whole] if whole.any() else corners[start:stop, foot]
             places[start:stop, foot] = laid(np.median(seen, axis=0), np.asarray(whole.any()))
-        places[~stands, foot, :, :2] += _shift_between(stands, (places - corners)[:, foot, :, :2].mean(axis=1))
+        places[~stands, foot] += _shift_between(stands, (places - corners)[:, foot])
     return places
 
 
 def _shift_between(stands: np.ndarray, offset: Floats) -> Floats:
-    """(swing frames, 1, 2) the offset of the stances on either side, blended with zero speed at both ends."""
+    """(swing frames, 4, 3) the corners' offsets at the stances on either side, blended with zero speed at both ends."""
     frames = np.arange(len(stands))
     known = frames[stands]
     if not known.size:
-        return np.zeros((int((~stands).sum()), 1, 2))
+        return np.zeros((int((~stands).sum()), CORNERS, 3))
     after = np.searchsorted(known, frames[~stands])
     first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
-    share = np.clip((frames[~stands] - first) / np.maximum(last - first, 1), 0.0, 1.0)[:, None]
+    share = np.clip((frames[~stands] - first) / np.maximum(last - first, 1), 0.0, 1.0)[:, None, None]
     smooth = share**2 * (3 - 2 * share)
-    return ((1 - smooth) * offset[first] + smooth * offset[last])[:, None]
+    return (1 - smooth) * offset[first] + smooth * offset[last]

@@ -1,10 +1,14 @@
 """One frame's problem as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
 
-    minimise  Σ π (d_ij(q ⊕ v) − δ_ij)²/τ_ij²  +  Σ w ‖(x_a − x_b)/ℓ − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
-                 + Σ h ‖c(q ⊕ v) − p‖²/ℓ²
+    minimise  Σ π ϱ(e_ij)  +  Σ ϖ e_ij²  +  Σ w ‖(x_a − x_b)/ℓ − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
+                 + Σ h ‖c(q ⊕ v) − p‖²/ℓ²  +  w ‖q_joint − rest‖²
     subject to  lower ≤ q_joint ⊕ v ≤ upper,   z_sole(q ⊕ v) ≥ 0
+    with  e_ij = (d_ij(q ⊕ v) − δ_ij)/τ_ij,   ϱ(e) = 2 s² (√(1 + (e/s)²) − 1)
 
-The last sum holds the corners c of a standing sole at their places p; its weight is so high that they stay within a
+ϱ is e² for small errors and 2 s |e| for large ones: two builds differ in a few distances (shoulder to shoulder, head to
+shoulder) that no posture can mend, and squares would bend the rest of the body towards them. Its quadratic model is
+that of iteratively reweighted least squares, which lies above it everywhere. Touching pairs ϖ count by their squares.
+The sum with h holds the corners c of a standing sole at their places p; its weight is so high that they stay within a
 tenth of a millimetre where the leg has six hinges to reach them, and never makes the rest infeasible.
 
 The structure points → distances → normal matrix is kept (nothing is expanded to scalars beyond the kinematics), so one
@@ -22,7 +26,7 @@ from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.retarget.match import Match
 from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.kinematics import point_function
+from robot_retarget.robot.kinematics import place_function, point_function
 
 MARKER_ARM = 0.1
 """Markers stand this far from their segment's origin [m]; the cost does not depend on it."""
@@ -35,7 +39,9 @@ class Problem:
     robot: Robot
     match: Match
     model: Compiled
-    """(q, δ, π, u, r, y, h, p) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their slopes (F, nv)."""
+    """(q, δ, π, ϖ, u, r, y, h, p) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their slopes (F, nv)."""
+    cost: Compiled
+    """The first of these alone."""
     stress: Compiled
     """(q, δ) ↦ (d − δ)/τ of every posture edge (E)."""
     heights: Compiled
@@ -49,31 +55,65 @@ class Problem:
 
 def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | None = None) -> Problem:
     """Assemble the functions for a robot; the wished values stay parameters."""
-    w = weights or Weights()
     points, sole_rows, corner_rows, feet = _all_points(robot, match, edges)
-    q = ca.MX.sym("q", robot.model.nq)
+    q, wished = ca.MX.sym("q", robot.model.nq), _Wished(edges, len(corner_rows) // 3)
+    terms = _Terms(robot, match, edges, weights or Weights(), wished, corner_rows)
     x, jacobian = point_function(robot, points)(q)
-    wished = _Wished(edges, len(corner_rows) // 3)
-    stretch, slope = _posture(x, jacobian, edges, wished.delta)
-    blocks = [
-        (ca.sqrt(wished.pi) * stretch, ca.diag(ca.sqrt(wished.pi)) @ slope),
-        _compass(x, jacobian, edges, wished.u),
-        _markers(x, jacobian, edges, wished.r, w),
-        _path(x, jacobian, match, wished.y, w),
-        _holds(x[corner_rows], jacobian[corner_rows, :], wished, match.robot_leg),
-    ]
-    residual, rows = (ca.vertcat(*[block[k] for block in blocks]) for k in (0, 1))
-    outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, x[sole_rows], jacobian[sole_rows, :]]
+    cost, residual, rows = terms.around(q, x, jacobian)
+    places = place_function(robot, points)(q)
+    nowhere = ca.MX(places.numel(), robot.model.nv)
     return Problem(
         robot,
         match,
-        dense_function("model", [q, *wished.all], outputs),
-        dense_function("stress", [q, wished.delta], [stretch]),
-        dense_function("heights", [q], [x[sole_rows]]),
-        dense_function("corners", [q], [x[corner_rows]]),
+        dense_function(
+            "model",
+            [q, *wished.all],
+            [cost, rows.T @ residual, rows.T @ rows, x[sole_rows], jacobian[sole_rows, :]],
+        ),
+        dense_function("cost", [q, *wished.all], [terms.around(q, places, nowhere)[0]]),
+        dense_function("stress", [q, wished.delta], [_posture(places, nowhere, edges, wished.delta)[0]]),
+        dense_function("heights", [q], [place_function(robot, _some(points, sole_rows))(q)[2::3]]),
+        dense_function("corners", [q], [place_function(robot, _some(points, corner_rows))(q)]),
         feet,
         len(sole_rows),
     )
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """Everything that is summed, as expressions of the points x and their Jacobian."""
+
+    robot: Robot
+    match: Match
+    edges: Edges
+    weights: Weights
+    wished: "_Wished"
+    corners: list[int]
+
+    def around(self, q: ca.MX, x: ca.MX, jacobian: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """The cost, and residuals and rows whose squares are its quadratic model."""
+        w, wished, edges = self.weights, self.wished, self.edges
+        stretch, slope = _posture(x, jacobian, edges, wished.delta)
+        give = ca.sqrt(1 + (stretch / w.give) ** 2)
+        root = ca.sqrt(wished.pi / give)
+        squared = [
+            _touch(stretch, slope, edges, wished.touch),
+            _compass(x, jacobian, edges, wished.u),
+            _markers(x, jacobian, edges, wished.r, w),
+            _path(x, jacobian, self.match, wished.y, w),
+            _rest(self.robot, q, w),
+            _holds(x[self.corners], jacobian[self.corners, :], wished, self.match.robot_leg),
+        ]
+        blocks = [(root * stretch, ca.diag(root) @ slope), *squared]
+        residual, rows = (ca.vertcat(*[block[k] for block in blocks]) for k in (0, 1))
+        cost = 2 * w.give**2 * ca.dot(wished.pi, give - 1) + sum(ca.sumsqr(block[0]) for block in squared)
+        return cost, residual, rows
+
+
+def _some(points: Points, rows: list[int]) -> Points:
+    """The points that stacked coordinates belong to."""
+    chosen = np.unique(np.array(rows, dtype=np.int64) // 3)
+    return Points(points.bodies[chosen], points.offsets[chosen])
 
 
 class _Wished:
@@ -82,15 +122,17 @@ class _Wished:
     def __init__(self, edges: Edges, corners: int):
         self.delta, self.pi = ca.MX.sym("delta", len(edges.pairs)), ca.MX.sym("pi", len(edges.pairs))
         self.u, self.r = ca.MX.sym("u", edges.direction[0].size), ca.MX.sym("r", 3 * 2 * len(edges.segments))
+        self.touch = ca.MX.sym("touch", len(edges.touching))
         self.y, self.h, self.p = ca.MX.sym("y", 3), ca.MX.sym("h", 3 * corners), ca.MX.sym("p", 3 * corners)
-        self.all = [self.delta, self.pi, self.u, self.r, self.y, self.h, self.p]
+        self.all = [self.delta, self.pi, self.touch, self.u, self.r, self.y, self.h, self.p]
 
 
 def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
-    """δ, π, u, r, y of one frame, as `Problem.model` takes them before the footholds h and p."""
+    """δ, π, ϖ, u, r, y of one frame, as `Problem.model` takes them before the footholds h and p."""
     return (
         edges.distance[frame],
         edges.priority[frame],
+        edges.touch[frame],
         edges.direction[frame].ravel(),
         edges.frames[frame][:, :, [0, 2]].transpose(0, 2, 1).ravel(),
         edges.root[frame],
@@ -135,6 +177,13 @@ def _posture(x: ca.MX, jacobian: ca.MX, edges: Edges, delta: ca.MX) -> tuple[ca.
     return (d - delta) * scale, ca.diag(scale) @ slope
 
 
+def _touch(stretch: ca.MX, slope: ca.MX, edges: Edges, priority: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """√π (d − δ)/τ of the pairs that can touch: by the square, however far apart they still are."""
+    rows = edges.touching.tolist()
+    root = ca.sqrt(priority)
+    return root * stretch[rows], ca.diag(root) @ slope[rows, :]
+
+
 def _compass(x: ca.MX, jacobian: ca.MX, edges: Edges, u: ca.MX) -> tuple[ca.MX, ca.MX]:
     """√w ((x_a − x_b)/ℓ − u), three rows a line."""
     take = ca.kron(_difference(x.numel() // 3, edges.lines[:, 0], edges.lines[:, 1]), ca.DM.eye(3))
@@ -160,6 +209,14 @@ def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tupl
     k = match.index("pelvis") if "pelvis" in match.keypoints else 0
     scale = np.sqrt(w.path) / match.robot_leg
     return (x[3 * k : 3 * k + 3] - y) * scale, jacobian[3 * k : 3 * k + 3, :] * scale
+
+
+def _rest(robot: Robot, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
+    """√w (q_joint − standing): decides where no edge does, as about the axis of a straight arm."""
+    rows = np.zeros((len(robot.joint_ids), robot.model.nv))
+    rows[np.arange(len(rows)), robot.dof_index] = np.sqrt(w.rest)
+    hinges = robot.qpos_index
+    return np.sqrt(w.rest) * (q[hinges.tolist()] - robot.standing()[hinges]), ca.DM(rows)
 
 
 def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:

@@ -12,6 +12,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot import Robot
 
+_YZX, _ZXY = [1, 2, 0], [2, 0, 1]
+
 
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
@@ -35,11 +37,11 @@ class Separation:
         distance, pair, place, normal = self._contacts(qpos)
         order = np.argsort(distance)[: self.most]
         first, second = self.model.geom_bodyid[pair[order]].T
-        arm = place[order] - self.data.subtree_com[self.model.body_rootid[first]]
-        turn, travel = self.data.cdof[:, :3], self.data.cdof[:, 3:]
+        arm, along = place[order] - self.data.subtree_com[self.model.body_rootid[first]], normal[order]
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
-        slope = normal[order] @ travel.T + np.cross(arm, normal[order]) @ turn.T
-        slope = slope * (self.carried[second] - self.carried[first])
+        moment = arm[:, _YZX] * along[:, _ZXY] - arm[:, _ZXY] * along[:, _YZX]
+        slope = np.concatenate([moment, along], axis=1) @ self.data.cdof.T
+        slope *= self.carried[second] - self.carried[first]
         return distance[order], slope, self.rest[pair[order, 0], pair[order, 1]]
 
     def depth(self, qpos: Floats) -> float:

@@ -14,6 +14,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.problem import frame_parameters
+from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 
@@ -30,6 +31,8 @@ class Sketching:
     """How long each way is followed to either side [s]."""
     iterations: int = 6
     """At most, per frame that is followed: the fine solution comes later."""
+    tolerance: float = 1e-2
+    """As `Options.tolerance`, for the same reason."""
     ways: int = 3
     """At most, per moment."""
     same: float = 0.15
@@ -67,7 +70,7 @@ class _Pool:
     def seek(self, moment: int, reach: int) -> None:
         """Find ways at a moment and follow each to both sides."""
         frame = int(self.frames[moment])
-        found = self.solver.ways(self._wished(moment), self.edges, frame)
+        found = ways(self.solver, self._wished(moment), self.edges, frame)
         for pose in found[: self.sketching.ways]:
             if self._add(moment, pose):
                 self._follow(pose, range(moment + 1, min(moment + reach + 1, len(self.frames))))
@@ -98,8 +101,9 @@ class _Pool:
         return np.array([[float((difference(robot, a.qpos, b.qpos) ** 2).sum()) for b in here] for a in before])
 
     def _follow(self, pose: Pose, moments: range) -> None:
+        most, least_gain = self.sketching.iterations, self.sketching.tolerance
         for moment in moments:
-            pose = self.solver.descend(pose.qpos, self._wished(moment), None, self.sketching.iterations)
+            pose = self.solver.descend(pose.qpos, self._wished(moment), iterations=most, tolerance=least_gain)
             if not self._add(moment, pose):
                 return
 

@@ -10,11 +10,13 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
-from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose, Pull
+from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem, frame_parameters
+from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Solution, Status
+from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.model import FREE, SLIDE
@@ -22,6 +24,10 @@ from robot_retarget.trajectory import Trajectory
 
 Progress = Callable[[int, int], None]
 """Told (frames done, frames in all)."""
+
+
+PASS_TOLERANCE = 1e-5
+"""A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
 
 
 SETTLED = 0.01
@@ -37,11 +43,11 @@ class Smoothing:
     """How the whole clip is brought to agree with a smooth path (`clip_passes`)."""
 
     passes: int = 8
-    weight: float = 10.0
+    weight: float = 40.0
     """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
     root: float = 10.0
     """How much more the root is drawn, per rad² and per squared leg length [-]."""
-    stiffness: float = 6.0
+    stiffness: float = 20.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
 
 
@@ -62,7 +68,7 @@ def solve(
     """
     began = time.perf_counter()
     chosen, smoothly = options or Options(), smoothing or Smoothing()
-    solver = FrameSolver(problem, chosen, problem.match.robot_leg)
+    solver = FrameSolver(problem, chosen)
     held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
     count = _Count(progress, len(edges) * max(smoothly.passes, 1))
     if smoothly.passes == 0 or len(edges) < 3:
@@ -78,16 +84,25 @@ def solve(
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: "_Count") -> list[Pose]:
     """Each frame from the one before; a foot that begins to stand stays where it was."""
     robot, stepping, poses = solver.robot, Stepping(held), []
-    before = solver.ways((*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
+    before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
     for t in range(len(edges)):
         holds = solver.grip.hold(*stepping.at(t, _corners(solver.problem, before)))
         neighbours = [before[robot.qpos_index]] if t else []
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
+        start = _onward(robot, poses, box) if t > 1 else before
         wished = (*frame_parameters(edges, t), *holds)
-        poses.append(solver.descend(before, wished, None, solver.options.iterations, box))
+        poses.append(solver.lifted(solver.descend(start, wished, box=box)))
         before = poses[-1].qpos
         count.one()
     return poses
+
+
+def _onward(robot: Robot, poses: list[Pose], box: Box) -> Floats:
+    """Where the last two poses lead to by the next frame, as far as the box allows."""
+    before, last = poses[-2].qpos, poses[-1].qpos
+    start = integrate(robot, last, difference(robot, before, last))
+    start[robot.qpos_index] = np.clip(start[robot.qpos_index], box.lower, box.upper)
+    return start
 
 
 def clip_passes(
@@ -122,12 +137,14 @@ def clip_passes(
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
             box, pull = _reachable(solver, poses, t, fps), Pull(path[t], -dual[t], weight)
-            poses[t] = _resumed(pose, solver.descend(pose.qpos, wished[t], pull, 1, box), robot)
+            poses[t] = _resumed(
+                pose, solver.descend(pose, wished[t], pull=pull, iterations=1, tolerance=PASS_TOLERANCE, box=box), robot
+            )
             count.one()
     for t in _still_overlapping(solver, poses):
         pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[t].qpos, wished[t], pull, solver.options.iterations, box)
-    return poses
+        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pull, box=box)
+    return [solver.lifted(pose) for pose in poses]
 
 
 def _resumed(before: Pose, after: Pose, robot: Robot) -> Pose:
@@ -153,9 +170,9 @@ def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Bo
 
 def _still_overlapping(solver: FrameSolver, poses: list[Pose]) -> list[int]:
     """Frames whose links the passes left inside each other; they get a full descent."""
-    if solver.separation is None:
+    if solver.landscape.separation is None:
         return []
-    return [t for t, pose in enumerate(poses) if solver.separation.depth(pose.qpos) > OVERLAP]
+    return [t for t, pose in enumerate(poses) if solver.landscape.separation.depth(pose.qpos) > OVERLAP]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:

@@ -55,8 +55,7 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
 def point_function(robot: Robot, points: Points) -> ca.Function:
     """q (nq) ↦ positions (3P, stacked x y z per point) [m] and their Jacobian by v (3P, nv)."""
     q, v = ca.SX.sym("q", robot.model.nq), ca.SX.sym("v", robot.model.nv)
-    frames = _symbolic_frames(robot.model, q, v)
-    stacked = ca.vertcat(*[p + r @ ca.DM(o) for (p, r), o in _located(frames, points)])
+    stacked = _stacked(robot, points, q, v)
     at_rest = ca.substitute([stacked, ca.jacobian(stacked, v)], [v], [ca.SX.zeros(robot.model.nv)])
     return ca.Function("points", [q], at_rest, ["q"], ["x", "J"])
 
@@ -75,6 +74,18 @@ def mass_function(robot: Robot) -> ca.Function:
         centre += float(share) * (position + rotation @ ca.DM(offset))
     at_rest = ca.substitute([centre, ca.jacobian(centre, v)], [v], [ca.SX.zeros(model.nv)])
     return ca.Function("mass", [q], at_rest, ["q"], ["x", "J"])
+
+
+def place_function(robot: Robot, points: Points) -> ca.Function:
+    """q (nq) ↦ the positions alone (3P): a quarter of the work."""
+    q = ca.SX.sym("q", robot.model.nq)
+    return ca.Function("places", [q], [_stacked(robot, points, q, ca.SX.zeros(robot.model.nv))], ["q"], ["x"])
+
+
+def _stacked(robot: Robot, points: Points, q: Any, v: Any) -> Any:
+    """Positions of points at q ⊕ v, x y z one point after the other."""
+    frames = _symbolic_frames(robot.model, q, v)
+    return ca.vertcat(*[p + r @ ca.DM(o) for (p, r), o in _located(frames, points)])
 
 
 def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:

@@ -1,0 +1,99 @@
+"""The quadratic model of a frame's cost around a configuration, and the rows that bound a step from there."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.retarget.problem import Problem
+from robot_retarget.retarget.separation import Separation
+from robot_retarget.robot.coupling import Coupling
+from robot_retarget.robot.kinematics import difference
+
+REACH = 0.08
+"""Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
+MARGIN = 0.006
+"""They stay this share of a leg apart."""
+SEPARATION_COST = 1e6
+"""Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
+COUPLED = 30.0
+"""Weight of joints that are geared together and chains that close, over the squared leg length."""
+SUNK = -1e-4
+"""A start this deep under the floor [m] takes its first steps whatever they cost."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Σ w (q ⊖ anchor − offset)²: draws a pose towards another, per tangent direction."""
+
+    anchor: Floats
+    offset: Floats
+    weight: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ least; the last variable is the slack of separation."""
+
+    cost: float
+    gradient: Floats
+    """g (nv)."""
+    normal: Floats
+    """N (nv, nv)."""
+    rows: Floats
+    """(rows, nv + 1)."""
+    least: Floats
+    missing: float
+    """How much the nearest links lack to be apart, over the leg length."""
+    sunk: bool
+    """Whether a sole is under the floor."""
+
+    def decrease(self, step: Floats, slack: float) -> float:
+        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
+        posture = -float(step @ (2 * self.gradient + self.normal @ step))
+        return posture + SEPARATION_COST * (self.missing**2 - slack**2)
+
+
+class Landscape:
+    """The cost of one frame's problem around any configuration."""
+
+    def __init__(self, problem: Problem, separation: bool):
+        self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
+        self.separation = Separation(self.robot, REACH * self.leg) if separation else None
+        self.coupling = Coupling(self.robot)
+        self.rows = problem.soles + (self.separation.most if self.separation else 0)
+
+    def around(self, q: Floats, wished: tuple[Floats, ...]) -> Quadratic:
+        """What the edges, gears, floor and links say at a configuration."""
+        cost, gradient, normal, floor, slope = self.problem.model(q, *wished)
+        total = float(cost[0])
+        if self.coupling.present:
+            violation, tie = self.coupling(q)
+            scale = COUPLED / self.leg**2
+            total += scale * float(violation @ violation)
+            gradient, normal = gradient + scale * (tie.T @ violation), normal + scale * (tie.T @ tie)
+        nv, floors = len(gradient), len(floor)
+        rows, least = np.zeros((self.rows, nv + 1)), np.full(self.rows, -np.inf)
+        rows[:floors, :nv], least[:floors] = slope, -floor
+        missing = self._apart(q, rows[floors:], least[floors:]) if self.separation is not None else 0.0
+        total += SEPARATION_COST * missing**2
+        return Quadratic(total, gradient, normal, rows, least, missing, bool(floor.min(initial=0.0) < SUNK))
+
+    def _apart(self, q: Floats, rows: Floats, least: Floats) -> float:
+        """Fill in the rows of near links; how much the nearest lack, over the leg length."""
+        assert self.separation is not None
+        distance, slope, rest = self.separation.near(q)
+        wanted = np.minimum(MARGIN * self.leg, rest) - distance  # links that rest nearer may stay so
+        near = len(distance)
+        rows[:near, :-1], rows[:near, -1], least[:near] = slope, 1.0, wanted
+        return float(wanted.max(initial=0.0)) / self.leg
+
+    def pulled(self, here: Quadratic, q: Floats, pull: Pull | None) -> Quadratic:
+        """The model with a pull on top."""
+        if pull is None:
+            return here
+        change = difference(self.robot, pull.anchor, q) - pull.offset
+        normal = here.normal.copy()
+        normal[np.diag_indices_from(normal)] += pull.weight
+        cost = here.cost + float(pull.weight @ change**2)
+        return replace(here, cost=cost, gradient=here.gradient + pull.weight * change, normal=normal)

@@ -1,0 +1,72 @@
+"""Where to start when no frame before tells: standing poses with limbs that were drawn and cost little."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.retarget.edges import Edges
+from robot_retarget.retarget.frame import FrameSolver, Options, Pose
+from robot_retarget.retarget.problem import Problem
+from robot_retarget.retarget.separation import carrying
+from robot_retarget.robot.kinematics import body_frames
+
+ROUGHLY = 1e-2
+"""As `Options.tolerance`: the ways are told apart long before they are exact."""
+
+
+def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
+    """Where descents from several starts end, the cheapest first.
+
+    The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost
+    little among many drawn within their ranges: the best of each limb together, the second best, and so on.
+    """
+    robot, problem = solver.robot, solver.problem
+    placed = [
+        place_root(problem, q, edges.root[frame], edges.facing[frame]) for q in (robot.neutral(), robot.standing())
+    ]
+    placed += _limbs_drawn(problem, solver.options, placed[1], wished)
+    ends = [solver.descend(q, wished, iterations=2 * solver.options.iterations, tolerance=ROUGHLY) for q in placed]
+    return sorted(ends, key=lambda pose: pose.cost)
+
+
+def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
+    robot = problem.robot
+    draw, best = np.random.default_rng(options.seed), [base.copy() for _ in range(options.starts)]
+    for limb in limbs(problem):
+        columns = robot.qpos_index[limb]
+        angles = draw.uniform(robot.lower[limb], robot.upper[limb], (options.drawn, len(limb)))
+        poses = np.repeat(base[None], len(angles), axis=0)
+        poses[:, columns] = angles
+        cost = [float(problem.cost(pose, *wished)[0][0]) for pose in poses]
+        for start, k in zip(best, np.argsort(cost), strict=False):
+            start[columns] = angles[k]
+    return best
+
+
+def limbs(problem: Problem) -> list[Ints]:
+    """The hinges of each arm and of the head: those that move the hand or head and not the chest."""
+    robot, spots, moves = problem.robot, problem.match.anatomy.spots, carrying(problem.robot.model)
+    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(robot.model.nv, dtype=bool)
+    found = []
+    for end in ("l_hand", "r_hand", "head"):
+        if end in spots:
+            own = np.logical_and(moves[spots[end].body], np.logical_not(still))
+            found.append(np.flatnonzero(own[robot.dof_index]))
+    return [limb for limb in found if limb.size]
+
+
+def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
+    """A pose with its free root turned and moved so that the pelvis has the wished frame (3, 3) and place (3,) [m]."""
+    robot, anatomy = problem.robot, problem.match.anatomy
+    if not robot.floating:
+        return qpos
+    body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
+    address = int(robot.model.jnt_qposadr[robot.root_joints[0]])
+    moved = np.array(qpos)
+    positions, rotations = (frames[0] for frames in body_frames(robot, moved[None]))
+    turn = facing @ (rotations[body] @ axes).T
+    spot = anatomy.spots.get("pelvis")
+    middle = positions[robot.root_body] if spot is None else positions[spot.body] + rotations[spot.body] @ spot.offset
+    quaternion = Rotation.from_matrix(turn @ rotations[robot.root_body]).as_quat(scalar_first=True)
+    moved[address : address + 7] = [*(pelvis - turn @ (middle - positions[robot.root_body])), *quaternion]
+    return moved
