@@ -108,7 +108,7 @@ def run(
     limits: Limits = None,
     json: Json = False,
 ) -> None:
-    """Retarget, warn, simulate, report: trajectory.npz, report.json, warnings.csv, strip.png, video.mp4 in a folder."""
+    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png, video.mp4."""
     verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, fps, map_file, json)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
@@ -226,6 +226,7 @@ def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_fil
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     _show(result, robot, target, quiet=json)
+    _write_page(report, result, target)
     solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
     if json:
         files = sorted(path.name for path in target.iterdir())
@@ -277,6 +278,19 @@ def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
         film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
     for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
         console.note(sentence)
+
+
+def _write_page(report: "Report", result: "Result", target: Path) -> None:
+    """Write report.html with what was drawn; what hinders it is said."""
+    from robot_retarget.view import Unavailable
+    from robot_retarget.view.page import save_page
+
+    trajectory = result.trajectory
+    warnings = result.warnings if len(trajectory) > 1 else None
+    pictures = target / "strip.png", target / "video.mp4"
+    page = save_page(report, trajectory, target / "report.html", warnings=warnings, strip=pictures[0], film=pictures[1])
+    if isinstance(page, Unavailable):
+        console.note(page.reason)
 
 
 def _plot_warnings(warnings: "Warnings", path: Path) -> None:

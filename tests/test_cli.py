@@ -84,7 +84,7 @@ def test_run_fills_the_folder(tmp_path: Path) -> None:
     done = run("run", WAVE, "--robot", "op3", "--frames", "0:6", "--out", tmp_path / "out")
     assert done.returncode in (0, 1), done.stderr
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"trajectory.npz", "report.json"} <= names
+    assert {"trajectory.npz", "report.json", "report.html"} <= names
 
 
 def test_every_command_shows_an_example() -> None:

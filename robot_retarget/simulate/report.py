@@ -22,9 +22,9 @@ from robot_retarget.simulate.figures import (
     rollout_figures,
     tracking_figures,
 )
-from robot_retarget.simulate.foreseen import foreseen_figures
+from robot_retarget.simulate.foreseen import foreseen_figures, touches
 from robot_retarget.simulate.plant import Mode, Plant
-from robot_retarget.simulate.stance import Stance, stance_figures, stance_of
+from robot_retarget.simulate.stance import Stance, planned_stance, stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory
@@ -49,8 +49,15 @@ class Report:
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
     """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `plain`, `error` (F, n) [rad]; `torque` (F, n) and
-    `bounds` (n,) [N m]. At the states of a free rollout: `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`,
-    `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and `down` (N, K)."""
+    `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode `free`, else as planned, for a robot with feet:
+    `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`, `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
+    `down` (N, K)."""
+
+    joint_names: tuple[str, ...] = ()
+    """Of the columns of the series."""
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    touches: tuple[tuple[frozenset[str], float], ...] = ()
+    """Pairs of links that touched on the servos, and when [s]."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
@@ -99,7 +106,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     free = played.mode == "free"
     tracking = at_frames(trajectory, robot, rollout)
     fall = fall_figures(rollout, robot) if free else {}
-    stance = stance_of(plant, rollout) if free else None
+    stance = stance_of(plant, rollout) if free else planned_stance(plant, trajectory)
     until = fall.get("fall_s")
     figures: dict[str, Any] = {
         "mode": played.mode,
@@ -118,7 +125,11 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     }
     reasons = judge(figures, thresholds)
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
-    return Report("fail" if reasons else "pass", reasons, figures, sha256, robot.name, series=series)
+    touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
+    return Report(
+        "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
+        series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched),
+    )  # fmt: skip
 
 
 def _foreseen(played: Played, until: float | None) -> dict[str, Any]:

@@ -9,13 +9,16 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.feet import Feet, feet_of
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
+from robot_retarget.trajectory import Trajectory
 
 DOWN = 0.003
 """Sole points of a touching foot this near to the floor carry it [m]."""
@@ -62,6 +65,45 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
     com = rollout.com[:, :2]
     margin = margins(np.stack([com, zmp]), points[..., :2], down)
     return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
+
+
+def planned_stance(plant: Plant, trajectory: Trajectory) -> Stance | None:
+    """How the robot would stand if it followed the trajectory on a floor under its lowest sole point of every frame.
+
+    The zero moment point is that of the centre of mass alone, c − (z / g) c̈: limbs that whirl are left out.
+    None for a robot without recognised feet or a free root.
+    """
+    robot, feet = plant.robot, feet_of(plant.robot)
+    if not feet.names or not robot.floating:
+        return None
+    points = world_points(robot, feet.soles, trajectory.qpos)
+    floor = points[..., 2].min(axis=1)
+    points[..., 2] -= floor[:, None]
+    down = points[..., 2] < 2 * DOWN
+    touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
+    com = _centres(robot, trajectory.qpos)
+    pushed = com[:, :2] - (com[:, 2] - floor)[:, None] / 9.81 * _second(com[:, :2], trajectory.fps)
+    margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
+    times = np.arange(len(trajectory)) / trajectory.fps
+    return Stance(feet, times, touching, points, down, com[:, :2], pushed, margin[0], margin[1])
+
+
+def _centres(robot: Robot, qpos: Floats) -> Floats:
+    data, found = mujoco.MjData(robot.model), np.empty((len(qpos), 3))
+    for k, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        found[k] = data.subtree_com[robot.root_body]
+    return found
+
+
+def _second(values: Floats, fps: float) -> Floats:
+    """Second time derivative of columns, smoothed over two frames."""
+    if len(values) < 3:
+        return np.zeros_like(values)
+    smooth = gaussian_filter1d(values, 2.0, axis=0, mode="nearest")
+    return np.gradient(np.gradient(smooth, 1 / fps, axis=0), 1 / fps, axis=0)
 
 
 def floor_height(model: mujoco.MjModel) -> float:

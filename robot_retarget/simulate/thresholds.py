@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import NamedTuple
 
 from robot_retarget.errors import UsageError, known
 from robot_retarget.robot.catalog import read_toml
@@ -34,6 +35,28 @@ class Thresholds:
         for name, value in vars(self).items():
             if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0:
                 raise UsageError(f"the threshold {name} must be a number, 0 or more, got {value!r}")
+
+
+class Check(NamedTuple):
+    """Which figure a threshold bounds, and how to say so."""
+
+    threshold: str
+    figure: str
+    what: str
+    unit: str
+
+
+CHECKS = (
+    Check("tracking_rms", "worst_joint_rms_rad", "tracking error of the worst joint (rms)", "rad"),
+    Check("speed_ratio", "speed_ratio", "planned speed of the fastest joint, in its top speeds", ""),
+    Check("saturated_share", "saturated_share", "time a servo gives all it has", "of all"),
+    Check("temperature_rise", "temperature_rise_K", "warming of the hottest servo", "K"),
+    Check("penetration", "self_contact_depth_m", "overlap of the robot with itself, planned", "m"),
+    Check("between_frames", "between_frames_depth_m", "the same between frames", "m"),
+    Check("tracked_penetration", "tracked_self_contact_depth_m", "the same on the servos", "m"),
+    Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m"),
+    Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad"),
+)
 
 
 def read_thresholds(path: str | Path) -> Thresholds:

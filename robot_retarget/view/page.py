@@ -1,0 +1,205 @@
+"""The report as one page: verdict first, then figures, charts, pictures. No script, nothing from elsewhere: it opens offline.
+
+Charts are SVG from matplotlib rather than an interactive library: a plotting script of megabytes would be most of the
+file, and what a person wants here is to see at once what is wrong.
+"""
+
+import base64
+import html
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.files import replacing
+from robot_retarget.retarget.warn import Warnings
+from robot_retarget.simulate.report import Report
+from robot_retarget.simulate.thresholds import CHECKS
+from robot_retarget.trajectory import Trajectory, fingerprint
+from robot_retarget.view import charts
+from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
+from robot_retarget.view.picture import Unavailable
+
+TEMPLATE = Path(__file__).with_name("page.html")
+
+
+def save_page(
+    report: Report,
+    trajectory: Trajectory,
+    path: str | Path,
+    *,
+    warnings: Warnings | None = None,
+    strip: Path | None = None,
+    film: Path | None = None,
+) -> Path | Unavailable:
+    """Write `report.html`, whole or not at all.
+
+    Args:
+        trajectory: that the report is of.
+        warnings: of the trajectory, for the timeline.
+        strip: a picture (PNG) to embed, where there is one.
+        film: an mp4 to embed, where there is one.
+
+    Raises:
+        TrajectoryError: the report is of another trajectory.
+        OutputError: it cannot be written.
+    """
+    if fingerprint(trajectory) != report.trajectory_sha256:
+        raise TrajectoryError("the report is of another trajectory: their sha256 differ")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return Unavailable(NEEDS_MATPLOTLIB)
+    page = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=html.escape(f"{trajectory.source or 'a trajectory'} on {report.robot}: {report.verdict}"),
+        verdict=report.verdict,
+        motion=html.escape(trajectory.source or "a trajectory"),
+        robot=html.escape(report.robot),
+        how=_how(report),
+        reasons=_reasons(report),
+        cards=_cards(report.figures),
+        pictures=_pictures(strip, film),
+        charts=_charts(report, warnings),
+        checks=_checks(report),
+        joints=_joints(report.figures["joints"]),
+        notes=_notes(report.figures["notes"]),
+        sha256=report.trajectory_sha256,
+        version=html.escape(report.version),
+    )
+    with replacing(path) as scratch:
+        scratch.write_text(page, encoding="utf-8")
+    return Path(path)
+
+
+def _how(report: Report) -> str:
+    f = report.figures
+    mode = "standing free on a floor" if f["mode"] == "free" else "held by the pelvis"
+    goals = "goals make up for lag and load" if f["compensated"] else "goals as they are"
+    return f"{f['duration_s']:g} s, {f['frames']} frames at {f['fps']:g} fps · {mode} · {goals}"
+
+
+def _reasons(report: Report) -> str:
+    if not report.reasons:
+        return "<p>It tracks, stays within its limits and touches nothing it should not.</p>"
+    return _list(report.reasons)
+
+
+def _cards(f: Any) -> str:
+    """The figures a person asks for first; those the simulation has none of are left out."""
+    cards = [("tracking error, rms", _degrees(f.get("tracking_rms_rad")), _before(f))]
+    if "fall_s" in f:
+        cards.append(("upright", "yes" if f["fall_s"] is None else f"fell at {f['fall_s']:g} s", f["fall_body"] or ""))
+        cards.append(("foot slip", _scaled(f["foot_slip_m"], 100, "cm"), ""))
+        cards.append(("least margin of balance", _scaled(f["zmp_margin_m"], 100, "cm"), "zero moment point"))
+    cards.append(("torque at its limit", _scaled(f.get("saturated_share"), 100, "%"), f.get("saturated_joint") or ""))
+    cards.append(
+        (
+            "top speed",
+            _scaled(f["speed_ratio"], 100, "%"),
+            f"of what {f['speed_ratio_joint']} can" if f["speed_ratio_joint"] else "",
+        )
+    )
+    if "temperature_rise_K" in f:
+        cards.append(("warming", f"{f['temperature_rise_K']:.1f} K", f["hottest_joint"]))
+        cards.append(("energy", f"{f['energy_J']:.0f} J", f"up to {f['peak_supply_current_A']:.1f} A"))
+    cards.append(("time touching itself", _scaled(f["tracked_self_contact_share"], 100, "%"), _foreseen(f)))
+    return "".join(
+        f"<div class='card'><span>{html.escape(name)}</span><b>{html.escape(value)}</b><i>{html.escape(more)}</i></div>"
+        for name, value, more in cards
+    )
+
+
+def _before(f: Any) -> str:
+    plain = f.get("plain_tracking_rms_rad")
+    return "" if plain is None else f"{_degrees(plain)} in plain playback"
+
+
+def _foreseen(f: Any) -> str:
+    told = f.get("foreseen")
+    if not told or not told["tracked_contacts"]:
+        return ""
+    return f"{told['tracked_contacts_foreseen']} of {told['tracked_contacts']} contacts foreseen"
+
+
+def _degrees(radians: float | None) -> str:
+    return "–" if radians is None else f"{radians * 57.29578:.2f}°"
+
+
+def _scaled(value: float | None, scale: float, unit: str) -> str:
+    return "–" if value is None else f"{scale * value:.3g} {unit}"
+
+
+def _pictures(strip: Path | None, film: Path | None) -> str:
+    parts = []
+    if strip is not None and strip.is_file():
+        parts.append(f"<img alt='moments of the motion' src='data:image/png;base64,{_encoded(strip)}'>")
+    if film is not None and film.is_file():
+        parts.append(f"<video controls loop muted src='data:video/mp4;base64,{_encoded(film)}'></video>")
+    return f"<section><h2>The motion</h2>{''.join(parts)}</section>" if parts else ""
+
+
+def _encoded(path: Path) -> str:
+    return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def _charts(report: Report, warnings: Warnings | None) -> str:
+    planned = "" if report.figures["mode"] == "free" else ", as planned"
+    drawn = (
+        ("Tracking", "the joints that plain playback follows worst", lambda: charts.tracking(report)),
+        ("Error by joint", "", lambda: charts.errors(report)),
+        ("Torque against its limit", "", lambda: charts.torques(report)),
+        ("Balance" + planned, "over the soles, and how far inside them", lambda: charts.balance(report)),
+        (
+            "Warnings of self-contact",
+            "bars: warned of; red: touches in the plan; triangles: began to touch on the servos",
+            lambda: charts.timeline(report, warnings),
+        ),
+    )
+    if not len(report.series.get("time", ())):
+        return ""
+    parts = [(title, said, draw()) for title, said, draw in drawn]
+    return "".join(f"<section><h2>{t}</h2><p class='said'>{s}</p>{chart}</section>" for t, s, chart in parts if chart)
+
+
+def _checks(report: Report) -> str:
+    f, rows = report.figures, [_check(report.figures["unstable_s"] is None, "the simulation runs to its end")]
+    if "fall_s" in f:
+        rows.append(_check(f["fall_s"] is None, "nothing but the feet touches the floor"))
+    for check in CHECKS:
+        value, most = f.get(check.figure), getattr(report.thresholds, check.threshold)
+        if value is not None:
+            rows.append(_check(value <= most, check.what, f"{value:.4g}", f"{most:g} {check.unit}"))
+    return _table(("", "what", "figure", "most"), rows)
+
+
+def _check(passed: bool, what: str, value: str = "", most: str = "") -> str:
+    mark = "<td class='yes'>✓</td>" if passed else "<td class='no'>✗</td>"
+    return f"<tr>{mark}<td>{what}</td><td>{value}</td><td>{most}</td></tr>"
+
+
+def _joints(joints: Any) -> str:
+    """Every joint a row, every figure a column."""
+    keys = list(dict.fromkeys(key for own in joints.values() for key in own))
+    rows = [
+        f"<tr><td>{html.escape(name)}</td>{''.join(f'<td>{_number(own.get(key))}</td>' for key in keys)}</tr>"
+        for name, own in joints.items()
+    ]
+    return _table(("joint", *(key.replace("_", " ") for key in keys)), rows)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
+def _table(heads: Sequence[str], rows: Iterable[str]) -> str:
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in heads)
+    return f"<div class='wide'><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+
+
+def _notes(notes: Sequence[str]) -> str:
+    return f"<section><h2>Notes</h2>{_list(notes)}</section>" if notes else ""
+
+
+def _list(sentences: Iterable[str]) -> str:
+    return "<ul>" + "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences) + "</ul>"

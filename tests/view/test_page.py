@@ -1,0 +1,120 @@
+"""The report's page opens offline in a browser, without errors, with its charts to be seen."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_trajectories import hold, swing
+from PIL import Image
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.retarget.warn import warnings_of
+from robot_retarget.robot import load_robot
+from robot_retarget.simulate.rollout import simulate
+from robot_retarget.view.charts import MEASURED, PLAIN, WANTED
+from robot_retarget.view.page import save_page
+
+OP3 = load_robot("op3")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium to open the page in")
+QUIET = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--enable-logging=stderr",
+    "--window-size=1180,3600",
+]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A motion that fails, on its feet: an arm swings through the trunk."""
+    folder = tmp_path_factory.mktemp("page")
+    moved = swing(OP3, "l_sho_roll", 0.9, 0.5, 2.0)
+    warnings = warnings_of(moved, OP3)
+    report = simulate(moved, OP3, mode="free", warnings=warnings)
+    Image.new("RGB", (60, 20), (200, 30, 60)).save(folder / "strip.png")
+    written = save_page(report, moved, folder / "report.html", warnings=warnings, strip=folder / "strip.png")
+    assert written == folder / "report.html"
+    return folder / "report.html"
+
+
+def opened(path: Path, folder: Path) -> tuple[str, np.ndarray]:
+    """What a browser says of a page, and the page as it shows it."""
+    shot = folder / "shot.png"
+    command = [str(CHROMIUM), *QUIET, f"--user-data-dir={folder / 'profile'}", f"--screenshot={shot}", path.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    return done.stderr, np.asarray(Image.open(shot).convert("RGB"), dtype=int)
+
+
+def count(pixels: np.ndarray, colour: str) -> int:
+    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
+    return int((np.abs(pixels - rgb).max(axis=2) < 24).sum())
+
+
+@needs_chromium
+def test_a_browser_shows_every_chart_without_a_word_of_complaint(page: Path, tmp_path: Path) -> None:
+    said, pixels = opened(page, tmp_path)
+    assert "CONSOLE" not in said
+    assert count(pixels, MEASURED) > 4000 and count(pixels, PLAIN) > 1500 and count(pixels, WANTED) > 2000
+    assert count(pixels, "#c81e3c") > 1000  # the picture
+
+
+@needs_chromium
+def test_a_page_with_an_error_would_be_noticed(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.html"
+    broken.write_text("<script>missing()</script>", encoding="utf-8")
+    said, pixels = opened(broken, tmp_path)
+    assert "CONSOLE" in said and count(pixels, MEASURED) == 0
+
+
+def test_the_page_asks_nothing_of_the_network_and_runs_no_script(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", text)
+    assert sources and all(source.startswith(("data:", "#")) for source in sources)
+    assert "<script" not in text and "@import" not in text and "url(http" not in text
+
+
+def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text.index('class="badge">fail') < text.index("What was judged")
+    assert "overlap by up to" in text and "✗" in text
+    assert re.findall(r'<svg[^>]*id="(\w+)"', text) == ["tracking", "errors", "torques", "balance", "timeline"]
+
+
+def test_ids_of_the_charts_do_not_meet(page: Path) -> None:
+    ids = re.findall(r'\bid="([^"]+)"', page.read_text(encoding="utf-8"))
+    clips = [name for name in ids if len(name) == 11 and name.startswith("p")]
+    assert len(clips) == len(set(clips)) > 0
+
+
+def test_what_people_called_their_files_is_only_text(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    named = replace(hold(OP3, 0.2), source="<script>alert(1)</script>")
+    save_page(simulate(named, OP3), named, tmp_path / "report.html")
+    assert "<script" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_report_of_another_trajectory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TrajectoryError, match="of another trajectory"):
+        save_page(simulate(hold(OP3, 0.2), OP3), hold(OP3, 0.4), tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_simulation_that_broke_down_at_once_still_has_a_page(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    moved = hold(OP3, 0.2)
+    report = simulate(moved, OP3)
+    bare = replace(report, verdict="fail", reasons=("the simulation broke down at -1 s",), series={})
+    save_page(bare, moved, tmp_path / "report.html")
+    assert "broke down" in (tmp_path / "report.html").read_text(encoding="utf-8")
