@@ -17,11 +17,11 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
-from robot_retarget.simulate.plant import Mode, Plant
+from robot_retarget.simulate.plant import Mode, Plant, root_dofs
 from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.within import within
 from robot_retarget.trajectory import Trajectory
@@ -112,6 +112,7 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
     data = mujoco.MjData(model)
     qvel, qacc = _rates(model, qpos, rate)
     soles = feet_of(plant.robot).corners if mode == "free" else None
+    root, links = root_dofs(plant.robot), _Links(plant)
     dofs = plant.robot.dof_index
     held = np.setdiff1d(np.arange(model.nv), dofs)
     torque = np.empty((len(qpos), len(dofs)))
@@ -122,12 +123,12 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse.copy()
         if soles is not None and len(soles):
-            force -= _pushed(model, data, soles, force[:6])
-        torque[k] = force[dofs]
+            force -= _pushed(model, data, soles, root, force[root])
+        torque[k] = links.driven(qpos[k], force)[dofs]
     return torque, qvel[:, dofs]
 
 
-def _pushed(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, wrench: Floats) -> Floats:
+def _pushed(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
     """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
     places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
     planted = np.flatnonzero(places[:, 2] < places[:, 2].min() + PLANTED)
@@ -139,8 +140,34 @@ def _pushed(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, wrench: F
     generators = np.hstack(columns)
     # Two feet can share a load in many ways: the ridge picks the evenest, which changes smoothly.
     ridge = EVENNESS * np.eye(generators.shape[1])
-    share, _ = nnls(np.vstack([generators[:6], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
+    share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
     return generators @ share
+
+
+class _Links:
+    """Hinges that no servo drives hang on others by the model's equality constraints: their load goes to those.
+
+    With J the constraints' Jacobian, forces τ + Jᵀλ do the same; λ is chosen such that nothing is left for the loose hinges.
+    """
+
+    def __init__(self, plant: Plant):
+        driven = plant.robot.dof_index[plant.driven]
+        self._loose = np.setdiff1d(plant.robot.dof_index, driven)
+        self._model = copy.copy(plant.model)
+        bits = mujoco.mjtDisableBit
+        self._model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
+        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self._data = mujoco.MjData(self._model)
+
+    def driven(self, qpos: Floats, force: Floats) -> Floats:
+        """The same effect (nv,) with no force on loose hinges, at best."""
+        if not self._loose.size or not self._model.neq:
+            return force
+        self._data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(self._model, self._data)
+        jacobian = np.array(self._data.efc_J).reshape(-1, self._model.nv)
+        pull, *_ = np.linalg.lstsq(jacobian[:, self._loose].T, -force[self._loose], rcond=1e-6)
+        return force + jacobian.T @ pull
 
 
 def _ahead(goals: Floats, playback: Playback) -> Floats:

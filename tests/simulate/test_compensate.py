@@ -4,7 +4,7 @@ import daqp
 import mujoco
 import numpy as np
 import pytest
-from made_trajectories import hold, swing, wander
+from made_trajectories import hold, robot_of, swing, wander
 from shared_files import SHARED, needs_shared
 from simulate.motions import bob
 
@@ -128,3 +128,24 @@ def test_a_robot_with_its_own_actuators_is_compensated_too():
     moved = swing(g1, "left_shoulder_pitch_joint", 0.5, 0.5, 2.0)
     figures = simulate(moved, g1).figures
     assert figures["tracking_rms_rad"] < 0.2 * figures["plain_tracking_rms_rad"]
+
+
+COUPLED = """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>
+<body name="base"><geom size=".02"/><body name="first"><joint name="first" axis="0 1 0" range="-90 90" damping=".5"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass=".2" contype="0" conaffinity="0"/></body>
+<body name="second" pos="0 .2 0"><joint name="second" axis="0 1 0" range="-90 90" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1" contype="0" conaffinity="0"/></body></body></worldbody>
+<equality><joint joint1="second" joint2="first" polycoef="0 1 0 0 0" solref="0.004 1"/></equality>
+<actuator><position joint="first" kp="40"/></actuator></mujoco>"""
+
+
+def test_a_servo_carries_what_hangs_on_it_by_an_equality_constraint(tmp_path):
+    """One servo, two arms geared one to one: it must hold the weight of both, m g l / 2 each."""
+    robot = robot_of(COUPLED, tmp_path / "coupled.xml")
+    plant = plant_of(robot, "pinned")
+    assert plant.servos.tolist() == [0, -1]
+    torque, _ = _torques(plant, np.zeros((5, 2)), 125.0, "pinned")
+    assert torque[2, 0] == pytest.approx(-1.2 * 9.81 * 0.15, rel=1e-3) and torque[2, 1] == pytest.approx(0, abs=1e-9)
+    still = hold(robot, 2.0)
+    sagged, held = (roll_out(plant, still, "pinned", command=c) for c in (None, compensated(plant, still)))
+    assert np.abs(held.hinges[-1]).max() < 0.1 * np.abs(sagged.hinges[-1]).max()

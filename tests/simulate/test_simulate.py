@@ -12,6 +12,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.rollout import simulate
+from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint
 
@@ -211,3 +212,26 @@ def test_other_robots_hold_their_stand_pinned(robot):
     report = simulate(hold(loaded, 0.5), loaded)
     assert report.figures["unstable_s"] is None
     assert report.figures["tracking_max_rad"] < 0.1
+
+
+def test_a_hinge_that_the_model_drives_not_gets_a_servo_by_name(tmp_path):
+    """Fewer actuators than joints: the two of the elbows are taken out."""
+    spec = mujoco.MjSpec.from_file(str(OP3.path))
+    for element in [*spec.keys, *(a for a in spec.actuators if a.target in ("l_el", "r_el"))]:
+        spec.delete(element)
+    robot = robot_of(spec.to_xml(), tmp_path / "op3.xml")
+    report = simulate(swing(robot, "l_el", 0.3, 0.3, 1.0), robot)
+    assert any(note.startswith("the model has no position servo on l_el, r_el") for note in report.figures["notes"])
+    assert report.figures["joints"]["l_el"]["rms_rad"] < 0.05
+
+
+def test_a_floor_is_laid_where_the_scene_has_none():
+    report = simulate(hold(OP3, 0.2), OP3, mode="free")
+    assert "the model has no floor: a plane z = 0 added" in report.figures["notes"]
+    assert report.figures["support_share"] == {"l": 1.0, "r": 1.0}
+
+
+def test_a_playback_out_of_reason_is_refused():
+    for wrong in ({"rate": 0}, {"delay": -0.1}, {"settle_before": float("nan")}):
+        with pytest.raises(UsageError, match="must be a number of at least"):
+            Playback(**wrong)
