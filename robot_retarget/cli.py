@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stde
 """
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,6 +42,14 @@ Fps = Annotated[
 ]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
 Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
+Legs = Annotated[str, typer.Option(help="follow the human's, or stand: both feet stay where they are.")]
+Balance = Annotated[
+    str,
+    typer.Option(
+        help="static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
+        "servos.toml and for legs that stand."
+    ),
+]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 
 
@@ -79,6 +88,8 @@ def solve(
     fps: Fps = None,
     map_file: Overrides = None,
     limits: Limits = None,
+    legs: Legs = "follow",
+    balance: Balance = "auto",
     explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
     json: Json = False,
 ) -> None:
@@ -87,9 +98,10 @@ def solve(
     from robot_retarget.files import require_writable
 
     require_writable(output)
-    result = _retarget(_read(motion, frames), _load_robot(robot, limits), fps, map_file, quiet=json)
+    wishes = _Wishes(fps, map_file, legs, balance)
+    result = _retarget(_read(motion, frames), _load_robot(robot, limits), wishes, quiet=json)
     result.trajectory.save(output)
-    facts = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
+    facts = describe_solution(result.solution, result.notes)
     if json:
         console.dump(facts)
     else:
@@ -106,10 +118,13 @@ def run(
     fps: Fps = None,
     map_file: Overrides = None,
     limits: Limits = None,
+    legs: Legs = "follow",
+    balance: Balance = "auto",
     json: Json = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png, video.mp4."""
-    verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, fps, map_file, json)
+    wishes = _Wishes(fps, map_file, legs, balance)
+    verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, wishes, json)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
 
@@ -118,10 +133,13 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("demo"),
     clip: Annotated[str, typer.Option(help="A shipped clip.")] = "wave",
     robot: RobotName = "op3",
+    legs: Legs = "follow",
+    balance: Balance = "auto",
     json: Json = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
-    verdict = _run(_read(_sample(clip), None), _load_robot(robot, None), out, None, None, json)
+    wishes = _Wishes(None, None, legs, balance)
+    verdict = _run(_read(_sample(clip), None), _load_robot(robot, None), out, wishes, json)
     if json or not (MODELS / robot / "servos.toml").is_file():
         return
     if verdict == "pass":
@@ -210,24 +228,35 @@ app.add_typer(servos_app, name="servos")
 app.command(epilog="Example: robot-retarget play dance.npz --servos op3 --port /dev/ttyUSB0")(play)
 
 
-def _run(motion: "Motion", robot: "Robot", out: Path, fps: float | None, map_file: Path | None, json: bool) -> str:
-    """Solve, simulate, show: fill a folder and say how it went. Returns the verdict."""
+@dataclass(frozen=True)
+class _Wishes:
+    """What a user may say about how a motion is retargeted."""
+
+    fps: float | None
+    map_file: Path | None
+    legs: str
+    balance: str
+
+
+def _run(motion: "Motion", robot: "Robot", out: Path, wishes: _Wishes, json: bool) -> str:
+    """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
     from robot_retarget.describe import describe_solution
     from robot_retarget.files import folder
     from robot_retarget.retarget.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     target = folder(out)
-    result = _retarget(motion, robot, fps, map_file, quiet=json)
+    result = _retarget(motion, robot, wishes, quiet=json)
     result.trajectory.save(target / "trajectory.npz")
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    report = roll_out(result.trajectory, robot, warnings=warnings)
+    mode = "free" if result.balance else "pinned"
+    report = roll_out(result.trajectory, robot, mode=mode, warnings=warnings)
     report.save(target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     _show(result, robot, target, quiet=json)
     _write_page(report, result, target)
-    solved = describe_solution(result.solution, (*result.motion.notes, *result.match.notes))
+    solved = describe_solution(result.solution, result.notes)
     if json:
         files = sorted(path.name for path in target.iterdir())
         console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
@@ -302,11 +331,19 @@ def _plot_warnings(warnings: "Warnings", path: Path) -> None:
     console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
 
 
-def _retarget(motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, quiet: bool) -> "Result":
+def _retarget(motion: "Motion", robot: "Robot", wishes: _Wishes, quiet: bool) -> "Result":
     from robot_retarget.retarget.transfer import retarget
 
     with console.progress(f"retarget to {robot.name}", quiet) as advance:
-        return retarget(motion, robot, fps=fps, overrides=map_file, progress=advance)
+        return retarget(
+            motion,
+            robot,
+            fps=wishes.fps,
+            overrides=wishes.map_file,
+            legs=wishes.legs,
+            balance=wishes.balance,
+            progress=advance,
+        )
 
 
 def _read(path: Path, frames: str | None) -> "Motion":

@@ -32,6 +32,10 @@ class TrajectoryError(RobotRetargetError):
     """A trajectory file that is broken, or belongs to another robot."""
 
 
+class BalanceError(RobotRetargetError):
+    """A motion that a robot standing free cannot play; says when, why, and what to ask for instead."""
+
+
 class GraphError(RobotRetargetError):
     """An edge, vertex or realization that contradicts the definition of the graph."""
 

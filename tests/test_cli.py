@@ -36,7 +36,7 @@ def assert_refused(done: subprocess.CompletedProcess[str], *parts: str) -> None:
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("solved") / "wave.npz"
-    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:12", "-o", path)
+    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:12", "--balance", "off", "-o", path)
     assert done.returncode == 0, done.stderr
     return path
 
@@ -46,6 +46,14 @@ def test_solve_writes_the_trajectory_of_the_contract(solved: Path) -> None:
         assert archive["qpos"].shape == (12, 27) and archive["qpos"].dtype == np.float64
         assert float(archive["fps"]) == 30.0 and archive["joint_names"].shape == (20,)
         assert {"robot", "source", "format_version"} <= {*archive.files}
+
+
+def test_a_servo_robot_gets_a_stand_before_and_after_unless_balance_is_off(tmp_path: Path) -> None:
+    path = tmp_path / "wave.npz"
+    done = run("solve", WAVE, "--robot", "op3", "--frames", "0:12", "--legs", "stand", "-o", path)
+    assert done.returncode == 0 and "with a stand before and after" in done.stderr
+    with np.load(path, allow_pickle=False) as archive:
+        assert len(archive["qpos"]) > 12 + 2 * 30
 
 
 def test_info_prints_the_map_of_a_motion_and_of_a_robot() -> None:

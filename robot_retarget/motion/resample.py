@@ -28,7 +28,19 @@ def resample(motion: Motion, fps: float) -> Motion:
     if fps == motion.fps or len(motion) == 1:
         return replace(motion, fps=fps)
     count = max(1, round(motion.duration * fps)) + 1
-    at = np.clip(np.arange(count) * motion.fps / fps, 0, len(motion) - 1)
+    return at_frames(motion, np.arange(count, dtype=np.float64) * motion.fps / fps, fps)
+
+
+def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
+    """The motion at (T,) whole or broken numbers of its frames, in any order, the ends held beyond them; played at `fps`."""
+    if len(motion) == 1:
+        return replace(
+            motion,
+            positions=np.repeat(motion.positions, len(frames), axis=0),
+            fps=fps,
+            rotations=_held(motion, len(frames)),
+        )
+    at = np.clip(frames, 0, len(motion) - 1)
     before = np.minimum(at.astype(int), len(motion) - 2)
     share = np.asarray(at - before, dtype=np.float64)[:, None]
     if motion.rotations is None:
@@ -37,6 +49,10 @@ def resample(motion: Motion, fps: float) -> Motion:
     translations, turns = backward(parents, motion.positions, motion.rotations)
     positions, rotations = forward(parents, _lerp(translations, before, share), _slerp(turns, before, share))
     return replace(motion, positions=positions, rotations=rotations, fps=fps)
+
+
+def _held(motion: Motion, count: int) -> Floats | None:
+    return None if motion.rotations is None else np.repeat(motion.rotations, count, axis=0)
 
 
 def _lerp(values: Floats, before: np.ndarray, share: Floats) -> Floats:

@@ -34,7 +34,9 @@ class Options:
     """Poses drawn per limb for these."""
     seed: int = 0
     separation: bool = True
-    """Keep links apart."""
+    """Keep links apart ..."""
+    margin: float = 0.006
+    """... by this share of a leg."""
     footholds: bool = True
     """Keep standing feet where they are."""
 
@@ -78,7 +80,7 @@ class FrameSolver:
         self.problem, self.options, self.robot = problem, options, problem.robot
         self.hinges, self.leg = self.robot.dof_index, problem.match.robot_leg
         self.ranges = Box(self.robot.lower, self.robot.upper)
-        self.landscape = Landscape(problem, options.separation)
+        self.landscape = Landscape(problem, options.separation, options.margin)
         self.grip = grip_of(self.robot, problem.match.anatomy)
         self.program = QuadraticProgram(
             self.robot.model.nv + 1, self.landscape.rows

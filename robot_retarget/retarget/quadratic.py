@@ -12,8 +12,6 @@ from robot_retarget.robot.kinematics import difference
 
 REACH = 0.08
 """Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
-MARGIN = 0.006
-"""They stay this share of a leg apart."""
 SEPARATION_COST = 1e6
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
 COUPLED = 30.0
@@ -57,9 +55,10 @@ class Quadratic:
 class Landscape:
     """The cost of one frame's problem around any configuration."""
 
-    def __init__(self, problem: Problem, separation: bool):
+    def __init__(self, problem: Problem, separation: bool, margin: float):
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
         self.separation = Separation(self.robot, REACH * self.leg) if separation else None
+        self.margin = margin * self.leg
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
 
@@ -83,7 +82,7 @@ class Landscape:
         """Fill in the rows of near links; how much the nearest lack, over the leg length."""
         assert self.separation is not None
         distance, slope, rest = self.separation.near(q)
-        wanted = np.minimum(MARGIN * self.leg, rest) - distance  # links that rest nearer may stay so
+        wanted = np.minimum(self.margin, rest) - distance  # links that rest nearer may stay so
         near = len(distance)
         rows[:near, :-1], rows[:near, -1], least[:near] = slope, 1.0, wanted
         return float(wanted.max(initial=0.0)) / self.leg

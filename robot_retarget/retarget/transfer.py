@@ -5,11 +5,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from robot_retarget.motion import Motion
-from robot_retarget.retarget.edges import Weights, build_edges
+from robot_retarget.motion.resample import at_frames
+from robot_retarget.retarget.balance import Balanced, balance_of, balanced
+from robot_retarget.retarget.edges import Edges, Weights, build_edges
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.match import Match, match
-from robot_retarget.retarget.problem import build_problem
+from robot_retarget.retarget.planting import MARGIN
+from robot_retarget.retarget.problem import Problem, build_problem
 from robot_retarget.retarget.solution import Solution
 from robot_retarget.retarget.solve import Progress, Smoothing, solve
 from robot_retarget.retarget.warn import Warnings, warnings_of
@@ -27,8 +32,15 @@ class Result:
     solution: Solution
     match: Match
     motion: Motion
-    """The motion as it was solved: cut and resampled."""
+    """The motion as it was solved: cut and resampled, and where it was balanced, slowed and held as the robot's is."""
     robot: Robot
+    balance: Balanced | None = None
+    """How it was brought into balance, where it was."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What there is to say about motion, match and balance, a sentence each."""
+        return (*self.motion.notes, *self.match.notes, *(self.balance.notes if self.balance else ()))
 
     @property
     def trajectory(self) -> Trajectory:
@@ -54,6 +66,8 @@ def retarget(
     weights: Weights | None = None,
     options: Options | None = None,
     smoothing: Smoothing | None = None,
+    legs: str = "follow",
+    balance: str = "off",
     progress: Progress | None = None,
 ) -> Result:
     """Carry a human motion over to a robot.
@@ -64,13 +78,22 @@ def retarget(
         weights: how much each kind of edge counts.
         options: how long the solver searches, and what it keeps.
         smoothing: how the whole clip is smoothed; `Smoothing(passes=0)` leaves the causal pass.
+        legs: `follow` the human's, or `stand`: both feet stay where they are in a balanced stand.
+        balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point; the motion
+            then begins and ends in a balanced stand and is slowed down where it has to be (`balance.paced`). `off`
+            leaves it as it is; `auto` is static for robots with a `servos.toml` beside their MJCF and for legs that
+            stand, else off.
         progress: called with (frames done, frames in all).
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
-        UsageError: fps out of range.
+        UsageError: fps out of range, an unknown choice of legs or balance, or legs that stand without balance.
+        BalanceError: the motion leaves the floor, or the robot has no feet to stand on.
     """
     began = time.perf_counter()
+    mode = balance_of(robot, legs, balance)
+    if mode != "off":
+        options = replace(options or Options(), margin=MARGIN)
     motion = motion.resample(min(motion.fps, MOST_FPS) if fps is None else fps)
     matched = match(motion, robot, overrides)
     edges = build_edges(motion, matched, weights)
@@ -78,4 +101,28 @@ def retarget(
     prepared = time.perf_counter() - began
     solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
     timed = replace(solution, timings={"prepare": prepared, **solution.timings})
-    return Result(timed, matched, motion, robot)
+    result = Result(timed, matched, motion, robot)
+    return result if mode == "off" else _in_balance(result, edges, problem, legs, mode)
+
+
+def _in_balance(draft: Result, edges: Edges, problem: Problem, legs: str, mode: str) -> Result:
+    """The draft, brought into balance; its frames are judged by the human's at the same moment."""
+    began = time.perf_counter()
+    found = balanced(draft.robot, draft.match, edges.stances, draft.trajectory, legs, mode)
+    frames = np.round(found.score.at).astype(int)
+    solution = draft.solution
+    stress = [np.abs(problem.stress(q, edges.distance[t])[0]) for q, t in zip(found.qpos, frames, strict=True)]
+    trajectory = replace(draft.trajectory, qpos=found.qpos)
+    timings = {**solution.timings, "balance": time.perf_counter() - began}
+    solution = replace(
+        solution,
+        trajectory=trajectory,
+        status=tuple(solution.status[t] for t in frames),
+        cost=solution.cost[frames],
+        errors=np.array(stress),
+        iterations=solution.iterations[frames],
+        timings=timings,
+    )
+    return replace(
+        draft, solution=solution, motion=at_frames(draft.motion, found.score.at, draft.motion.fps), balance=found
+    )

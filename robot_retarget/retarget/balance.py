@@ -1,0 +1,282 @@
+"""A draft becomes a motion that stands: from a balanced stand, over planted feet, back into a balanced stand.
+
+    draft ──support──▶ footholds ──retime──▶ timeline ──zmp──▶ path of the centre of mass ──planting──▶ configurations
+
+Nothing of it looks at the human again: the draft is what the robot should do, and is changed as little as balance asks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import BalanceError, UsageError, known
+from robot_retarget.retarget.footing import HOLD, flattened
+from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.planting import Planter
+from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched
+from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
+from robot_retarget.retarget.support import foothold_places, planted_feet
+from robot_retarget.retarget.zmp import Plan, Polygon, Steadiness, plan_centre, support
+from robot_retarget.robot import Robot
+from robot_retarget.robot.dynamics import zero_moment_points
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.timing import sample
+from robot_retarget.trajectory import Trajectory
+
+LEAD = 1.5
+"""Least time from the stand into the clip's first pose, and from its last one back [s]."""
+LIFT = 0.8
+"""Of it, to lift or put down a foot that is in the air in that pose [s]."""
+LEAD_SPEED = 1.2
+"""Peak joint speed on the way [rad/s]."""
+SWING = 1e3
+"""Weight of a foot in the air, over the squared leg length."""
+ARC = 0.1
+"""Height to which a swinging foot is lifted at least, over the leg length."""
+QUICK = 0.04
+"""Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What is to be played: T frames."""
+
+    qpos: Floats
+    """(T, nq)."""
+    corners: Floats
+    """(T, F, 4, 3) of the soles [m]."""
+    planted: np.ndarray
+    """(T, F) feet on the floor."""
+    fps: float
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A playback that stands, as far as it was planned."""
+
+    qpos: Floats
+    """(K, nq)."""
+    score: Score
+    places: Floats
+    """(K, F, 4, 3) of the soles [m]."""
+    plan: Plan
+    slowdown: float
+    """Duration within the clip over the clip's own."""
+    zmp: Floats
+    """(K, 2) [m]."""
+    margin: Floats
+    """(K,) of the zero moment point inside the full support polygon [m]."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the clip, a sentence each."""
+        slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
+        return (f"balanced: {slower}, with a stand before and after",)
+
+
+def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps: float, legs: str) -> Clip:
+    """Decide on which feet the draft stands.
+
+    Raises:
+        BalanceError: it leaves the floor.
+    """
+    if legs == "stand":
+        places = stand_places(planter)
+        stand = balanced_stand(planter, places)
+        posed = over_stand(planter, draft, stand, fps)
+        count = len(draft)
+        return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
+    corners = planter.corners(draft)
+    return Clip(draft, corners, planted_feet(stances, planter.feet, corners, planter.leg, fps), fps)
+
+
+LEGS = ("follow", "stand")
+MODES = ("auto", "static", "dynamic", "off")
+
+
+def balance_of(robot: Robot, legs: str, balance: str) -> str:
+    """The mode of balance for a robot: what was asked for, or what `auto` means for it.
+
+    Raises:
+        UsageError: an unknown choice, or legs that stand without balance.
+        BalanceError: balance is asked for, and the robot cannot stand free.
+    """
+    for what, choice, choices in (("legs", legs, LEGS), ("balance", balance, MODES)):
+        if choice not in choices:
+            raise UsageError(f"unknown {what} {choice!r}; {known(choices)}")
+    if legs == "stand" and balance == "off":
+        raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
+    servos = robot.floating and robot.path.with_name("servos.toml").is_file()
+    mode = ("static" if servos or legs == "stand" else "off") if balance == "auto" else balance
+    if mode != "off" and not robot.floating:
+        raise BalanceError(f"balance {mode!r} needs a robot with a free root; the root of {robot.name!r} is not free")
+    return mode
+
+
+def balanced(
+    robot: Robot, match: Match, stances: dict[str, np.ndarray], draft: Trajectory, legs: str, mode: str
+) -> Balanced:
+    """Bring a draft into balance.
+
+    Args:
+        stances: the human's (`contacts.stances`), frame by frame of the draft.
+
+    Raises:
+        BalanceError: the motion leaves the floor, or the robot has fewer than two feet.
+    """
+    if len(match.anatomy.soles) < 2:
+        raise BalanceError(f"{robot.name} has no two feet to stand on: do without balance (balance 'off')")
+    planter = Planter(robot, match)
+    clip = clip_of(planter, draft.qpos, stances, draft.fps, legs)
+    return paced(planter, clip, Steadiness(static=mode == "static"))
+
+
+def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None = None) -> Balanced:
+    """The clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs the time."""
+    chosen = pacing or Pacing()
+    stretch = np.ones(len(clip.qpos) - 1)
+    outline = outlined(planter, clip, stretch, how)
+    for _ in range(chosen.shifts):
+        late = outline.plan.excess > chosen.excess
+        if not late.any() or stretch.mean() > chosen.slowest:
+            break
+        stretch = stretched(stretch, outline.score, shift_needs(late, outline.score, chosen), chosen)
+        outline = outlined(planter, clip, stretch, how)
+    found = played(planter, outline)
+    for _ in range(chosen.rounds):
+        needs = motion_needs(planter.robot, found.qpos, found.margin / outline.reach, clip.fps, chosen)
+        if needs.max() <= 1.0 or stretch.mean() > chosen.slowest:
+            break
+        stretch = stretched(stretch, outline.score, needs, chosen)
+        outline = outlined(planter, clip, stretch, how)
+        found = played(planter, outline)
+    return found
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is wished at every frame of a playback, and where the centre of mass has to be."""
+
+    score: Score
+    wished: Floats
+    """(K, nq)."""
+    places: Floats
+    """(K, F, 4, 3) of the soles [m]."""
+    supports: list[Polygon]
+    plan: Plan
+    slowdown: float
+
+    @property
+    def reach(self) -> Floats:
+        """(K,) from the middle of each support to its nearest edge [m]."""
+        return np.array([p.margin(p.middle) for p in self.supports])
+
+
+def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> Outline:
+    """Lay the clip out in time and plan its balance, frame t lasting stretch_t (T − 1,) times as long."""
+    ends = [_end_places(planter, clip, t) for t in (0, -1)]
+    stands = [balanced_stand(planter, places) for places in ends]
+    score = write_score(planter, clip, stands, stretch)
+    wished = _wished(planter, clip, stands, score)
+    places = _places(planter, clip, ends, score)
+    supports = _supports(score, places)
+    centre = planter.centres(wished)
+    plan = plan_centre(centre[:, :2], centre[:, 2], supports, clip.fps, how)
+    return Outline(score, wished, places, supports, plan, float(stretch.mean()))
+
+
+def played(planter: Planter, outline: Outline) -> Balanced:
+    """The configurations that follow an outline."""
+    qpos = _planted(planter, outline.wished, outline.places, outline.score, outline.plan)
+    zmp = zero_moment_points(planter.robot, qpos, outline.score.fps, QUICK)
+    margin = np.array([p.margin(x) for p, x in zip(outline.supports, zmp, strict=True)])
+    return Balanced(qpos, outline.score, outline.places, outline.plan, outline.slowdown, zmp, margin)
+
+
+def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Score:
+    """Lay the clip between its two stands, frame by frame of the playback."""
+    fps, last = clip.fps, len(clip.qpos) - 1
+    times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
+    inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
+    lead, tail = (_lead_shares(planter, stand, clip, t) for stand, t in zip(stands, (0, -1), strict=True))
+    at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
+    share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
+    planted = clip.planted[np.round(at).astype(int)]
+    up = round(LIFT * fps)
+    planted[: len(lead) - up] = True
+    planted[len(at) - len(tail) + up :] = True
+    return Score(at, share, planted, fps)
+
+
+def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int) -> Floats:
+    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then time to lift a foot that is in the air."""
+    index = planter.robot.qpos_index
+    way = np.abs(clip.qpos[frame, index] - stand[index]).max()
+    count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
+    s = np.linspace(0.0, 1.0, count)
+    shares = s**3 * (10 - 15 * s + 6 * s**2)
+    lifting = 0 if clip.planted[frame].all() else round((LIFT + 0.4) * clip.fps)
+    return np.concatenate([shares, np.ones(lifting)])
+
+
+def _wished(planter: Planter, clip: Clip, stands: list[Floats], score: Score) -> Floats:
+    """(K, nq) the draft at the score's times, blended with the stands joint by joint."""
+    robot = planter.robot
+    trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
+    wished = sample(trajectory, robot, score.at / clip.fps)
+    middle = len(score.at) // 2
+    for k in np.flatnonzero(score.share < 1):
+        stand = stands[0] if k < middle else stands[1]
+        wished[k] = integrate(robot, stand, score.share[k] * difference(robot, stand, wished[k]))
+    return wished
+
+
+def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
+    """(F, 4, 3) where the feet stand before the clip or after it; a foot in the air stands beside the other."""
+    corners, planted = clip.corners[frame], clip.planted[frame]
+    own = stand_places(planter)
+    if planted.all() or not planted.any():
+        return flattened(corners)
+    there, here = flattened(corners[planted][0]), own[planted][0]
+    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (here, there))
+    turn = np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])
+    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    return there.mean(axis=0) + (own - here.mean(axis=0)) @ spin.T
+
+
+def _places(planter: Planter, clip: Clip, ends: list[Floats], score: Score) -> Floats:
+    """(K, F, 4, 3) where the soles go."""
+    before = np.minimum(score.at.astype(int), len(clip.corners) - 2)
+    part = (score.at - before)[:, None, None, None]
+    corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
+    first, last = np.flatnonzero(score.at > 0)[0], np.flatnonzero(score.at < score.at[-1])[-1]
+    for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
+        aside = score.planted[frames] & ~clip.planted[frame]
+        corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
+    return foothold_places(score.planted, corners, ARC * planter.leg, score.fps)
+
+
+def _supports(score: Score, places: Floats) -> list[Polygon]:
+    """K hulls of the planted soles."""
+    known: dict[bytes, Polygon] = {}
+    found = []
+    for planted, corners in zip(score.planted, places, strict=True):
+        standing = corners[planted].reshape(-1, 3)
+        key = standing.tobytes()
+        if key not in known:
+            known[key] = support(standing)
+        found.append(known[key])
+    return found
+
+
+def _planted(planter: Planter, wished: Floats, places: Floats, score: Score, plan: Plan) -> Floats:
+    """(K, nq) each frame from the correction of the one before."""
+    robot, found = planter.robot, []
+    correction = np.zeros(robot.model.nv)
+    for k, wish in enumerate(wished):
+        grip = np.where(score.planted[k], HOLD, SWING)
+        start = integrate(robot, wish, correction)
+        found.append(planter.plant(start, wish, places[k], plan.centre[k], grip))
+        correction = difference(robot, wish, found[-1])
+    return np.array(found)

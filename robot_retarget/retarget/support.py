@@ -1,0 +1,143 @@
+"""On which feet the robot stands while it plays a clip: not the human's labels, but what they mean for flat hard soles.
+
+A human lifts a heel, rolls onto the toes, shifts a foot by a centimetre; a small robot with stiff soles keeps such a
+foot flat where it is. Only a foot that is lifted well, or that comes down elsewhere, is taken off the floor.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import BalanceError
+from robot_retarget.retarget.contacts import intervals
+from robot_retarget.retarget.footing import flattened
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """What counts as a step of the robot; lengths in units of its leg."""
+
+    speed: float = 0.6
+    """A sole slower than this [1/s] ..."""
+    height: float = 0.06
+    """... and lower than this stands, whatever the human's label says."""
+    drift: float = 0.6
+    """The lowest sole within this time to either side is on the floor: captures lose their height [s]."""
+    shortest: float = 0.12
+    """A stance or a swing shorter than this is noise; without a foot on the floor for longer, it is a jump [s]."""
+    lift: float = 0.12
+    """A foot lifted less ..."""
+    travel: float = 0.12
+    """... and put down nearer to where it stood stays planted."""
+
+
+def planted_feet(
+    stances: dict[str, np.ndarray],
+    feet: tuple[str, ...],
+    corners: Floats,
+    leg: float,
+    fps: float,
+    rule: StepRule | None = None,
+) -> np.ndarray:
+    """(T, F) which feet of the robot are planted; at least one at every frame, both where weight goes from one to the other.
+
+    Args:
+        stances: the human's, per foot (T, 2) toe and heel (`contacts.stances`).
+        corners: (T, F, 4, 3) of the robot's soles as retargeted [m].
+
+    Raises:
+        BalanceError: the motion leaves the floor.
+    """
+    chosen = rule or StepRule()
+    low, speed = _over_floor(corners, chosen.drift * fps), _speed(corners, fps)
+    _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
+    told = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
+    planted = np.stack(told, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
+    planted = median_filter(planted, (2 * round(chosen.shortest * fps / 2) + 1, 1), mode="nearest")
+    for foot in range(len(feet)):
+        _keep_down(planted[:, foot], corners[:, foot], low[:, foot], leg, chosen)
+    nobody = np.flatnonzero(~planted.any(axis=1))
+    planted[nobody, speed[nobody].argmin(axis=1)] = True
+    _hand_over(planted)
+    return planted
+
+
+def _over_floor(corners: Floats, reach: float) -> Floats:
+    """(T, F) height of the lowest corner over the lowest of all within `reach` frames [m]."""
+    low = corners[..., 2].min(axis=2)
+    floor = minimum_filter1d(low.min(axis=1), 2 * round(reach) + 1, mode="nearest")
+    return low - floor[:, None]
+
+
+def _speed(corners: Floats, fps: float) -> Floats:
+    """(T, F) of the soles' middles along the floor, over a tenth of a second [m/s]."""
+    middle = uniform_filter1d(corners.mean(axis=2)[..., :2], max(1, round(0.1 * fps)), axis=0, mode="nearest")
+    return np.linalg.norm(np.gradient(middle, 1 / fps, axis=0), axis=2)
+
+
+def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
+    for start, stop in intervals(airborne):
+        if (stop - start) / fps > rule.shortest:
+            raise BalanceError(
+                f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
+                "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
+            )
+
+
+def _keep_down(planted: np.ndarray, corners: Floats, low: Floats, leg: float, rule: StepRule) -> None:
+    """Swings that neither lift the foot nor carry it elsewhere become stance, in place."""
+    for start, stop in intervals(~planted):
+        before, after = max(start - 1, 0), min(stop, len(planted) - 1)
+        moved = np.linalg.norm((corners[after] - corners[before]).mean(axis=0)[:2])
+        if low[start:stop].max() < rule.lift * leg and moved < rule.travel * leg:
+            planted[start:stop] = True
+
+
+def _hand_over(planted: np.ndarray) -> None:
+    """Where one frame stands on one foot and the next on another, both frames stand on both."""
+    switch = np.flatnonzero(~(planted[:-1] & planted[1:]).any(axis=1))
+    both = planted[switch] | planted[switch + 1]
+    planted[switch], planted[switch + 1] = both, both
+
+
+def foothold_places(planted: np.ndarray, corners: Floats, lift: float, fps: float) -> Floats:
+    """(T, F, 4, 3) where the corners go: flat and still in stance, over a low arc from foothold to foothold between.
+
+    In the middle of a swing a foot is where the draft `corners` have it, where that is higher than the arc; near both
+    ends it rises from its foothold and comes down on the next, flat.
+
+    Args:
+        planted: (T, F); the first and the last frame stand on all feet.
+        corners: (T, F, 4, 3) of the draft [m].
+        lift: height of the arc [m].
+    """
+    places = corners.copy()
+    for foot in range(planted.shape[1]):
+        for start, stop in intervals(planted[:, foot]):
+            places[start:stop, foot] = flattened(np.median(corners[start:stop, foot], axis=0))
+        for start, stop in intervals(~planted[:, foot]):
+            ends = places[start - 1, foot], places[stop, foot]
+            places[start:stop, foot] = _swing(*ends, corners[start - 1 : stop + 1, foot], lift, fps)
+    return places
+
+
+def _swing(start: Floats, end: Floats, draft: Floats, lift: float, fps: float) -> Floats:
+    """(S, 4, 3) between two footholds; `draft` (S + 2, 4, 3) begins and ends a frame outside."""
+    inner = len(draft) - 2
+    share = (np.arange(1, inner + 1) / (inner + 1))[:, None, None]
+    line = start + smoothstep(share) * (end - start)
+    shift = (1 - smoothstep(share)) * (start - draft[0]) + smoothstep(share) * (end - draft[-1])
+    own = draft[1:-1] + shift * [1.0, 1.0, 0.0]
+    part = smoothstep(np.clip(np.minimum(share, 1 - share) * 3, 0.0, 1.0))
+    placed = line + part * (own - line)
+    arc = lift * np.sin(np.pi * share[:, 0, 0]) ** 2
+    missing = np.maximum(arc - placed[:, :, 2].min(axis=1), 0.0)
+    placed[:, :, 2] += missing[:, None]
+    return placed
+
+
+def smoothstep(share: Floats) -> Floats:
+    """3 s² − 2 s³: from 0 to 1, at rest at both ends."""
+    return share**2 * (3 - 2 * share)

@@ -1,0 +1,165 @@
+"""A path of the centre of mass over a clip, planned with preview: one quadratic program over all frames.
+
+    minimise  Σ ‖c_t − c⁰_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
+    subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t + e_t) ≤ b_t + s_t   (zero moment point)
+
+with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Everything a later frame needs is known at
+every earlier one, so weight is shifted before a foot lifts.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+from scipy.spatial import ConvexHull
+
+from robot_retarget.arrays import Floats
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """How carefully the centre of mass is planned."""
+
+    keep: float = 0.55
+    """Share of the support polygon that is used, shrunk towards its middle."""
+    static: bool = True
+    """Whether the centre of mass itself stays inside, not the zero moment point only."""
+    jerk: float = 1e-4
+    """Weight of the squared third derivative [s⁶]."""
+    pull: float = 1.0
+    """Weight of the wished path."""
+    penalty: float = 1e5
+    """Weight of what must leave the polygon."""
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """A convex support {x : A x ≤ b}, b shrunk towards its middle."""
+
+    normals: Floats
+    """(E, 2) outward unit normals."""
+    bounds: Floats
+    """(E,) [m]."""
+    middle: Floats
+    """(2,) [m]."""
+
+    def shrunk(self, keep: float) -> "Polygon":
+        """The same shape, `keep` times as large about its middle."""
+        inner = self.normals @ self.middle
+        return Polygon(self.normals, inner + keep * (self.bounds - inner), self.middle)
+
+    def margin(self, point: Floats) -> float:
+        """How far inside a point (2,) is, negative outside [m]."""
+        return float((self.bounds - self.normals @ point).min())
+
+
+def support(corners: Floats) -> Polygon:
+    """The convex hull of points (N, 3) or (N, 2) on the floor [m]."""
+    flat = corners[:, :2]
+    hull = ConvexHull(flat)
+    vertices = flat[hull.vertices]
+    edges, area = _unique(hull.equations), hull.volume
+    turned = np.roll(vertices, -1, axis=0)
+    cross = vertices[:, 0] * turned[:, 1] - turned[:, 0] * vertices[:, 1]
+    middle = ((vertices + turned) * cross[:, None]).sum(0) / (6 * area)
+    return Polygon(edges[:, :2], -edges[:, 2], middle)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A planned path."""
+
+    centre: Floats
+    """(T, 2) of the centre of mass [m]."""
+    excess: Floats
+    """(T,) by how much it leaves the shrunk polygons [m]."""
+
+
+def plan_centre(
+    wished: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness, offset: Floats | None = None
+) -> Plan:
+    """Plan the path of the centre of mass.
+
+    Args:
+        wished: (T, 2) c⁰ [m].
+        height: (T,) of the centre of mass over the floor [m].
+        supports: T polygons.
+        offset: (T, 2) e, what limbs add to the zero moment point of a point mass [m].
+    """
+    count = len(wished)
+    offset = np.zeros((count, 2)) if offset is None else offset
+    acceleration = _second(count) * fps**2
+    point = sparse.eye(count) - sparse.diags(height / GRAVITY) @ acceleration
+    kinds = [(sparse.eye(count), np.zeros((count, 2)))] if how.static else []
+    kinds.append((point, offset))
+    shrunk = [polygon.shrunk(how.keep) for polygon in supports]
+    rows, least = zip(*[_inside(shrunk, take, extra) for take, extra in kinds], strict=True)
+    third = _third(count) * fps**3
+    smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count)
+    hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
+    gradient = np.concatenate([-2 * how.pull * wished[:, 0], -2 * how.pull * wished[:, 1], np.zeros(count)])
+    found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
+    return Plan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
+
+
+def _inside(supports: list[Polygon], take: Any, extra: Floats) -> tuple[Any, Floats]:
+    """Rows (c_x, c_y, s) ↦ A_t (take c + extra)_t − s_t ≤ b_t of all frames, and their bounds."""
+    frames = np.concatenate([np.full(len(p.bounds), t) for t, p in enumerate(supports)])
+    normals, bounds = np.concatenate([p.normals for p in supports]), np.concatenate([p.bounds for p in supports])
+    pick = sparse.csr_matrix((np.ones(len(frames)), (np.arange(len(frames)), frames)), (len(frames), len(supports)))
+    taken = pick @ take
+    rows = sparse.hstack([sparse.diags(normals[:, 0]) @ taken, sparse.diags(normals[:, 1]) @ taken, -pick])
+    return rows, bounds - (normals * extra[frames]).sum(1)
+
+
+def _solve(h: Any, g: Floats, a: Any, upper: Floats) -> Floats:
+    """minimise ½ xᵀHx + gᵀx subject to A x ≤ upper, by OSQP's operator splitting."""
+    shape = {"h": _sparsity(h), "a": _sparsity(a)}
+    precise = {"eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 20000, "verbose": False}
+    solver = ca.conic("plan", "osqp", shape, {"error_on_fail": False, "osqp": precise})
+    sides = {"lba": -np.inf, "uba": upper, "lbx": -np.inf, "ubx": np.inf}
+    return solver(h=_matrix(h), g=g, a=_matrix(a), **sides)["x"].full().ravel()
+
+
+def _columns(matrix: Any) -> Any:
+    columns = sparse.csc_matrix(matrix)
+    columns.sort_indices()
+    return columns
+
+
+def _sparsity(matrix: Any) -> ca.Sparsity:
+    columns = _columns(matrix)
+    return ca.Sparsity(*matrix.shape, columns.indptr.tolist(), columns.indices.tolist())
+
+
+def _matrix(matrix: Any) -> ca.DM:
+    return ca.DM(_sparsity(matrix), _columns(matrix).data)
+
+
+def _bands(values: list[float], first: int, shape: tuple[int, int]) -> Any:
+    """A matrix with constant values on the diagonals from `first` on."""
+    diagonals: Any = range(first, first + len(values))
+    return sparse.diags(values, diagonals, shape)
+
+
+def _second(count: int) -> Any:
+    """Second differences; at rest before the first frame and after the last."""
+    matrix = _bands([1.0, -2.0, 1.0], -1, (count, count)).tolil()
+    matrix[0, 0] = matrix[count - 1, count - 1] = -1.0
+    return matrix.tocsr()
+
+
+@cache
+def _third(count: int) -> Any:
+    return _bands([-1.0, 3.0, -3.0, 1.0], 0, (max(count - 3, 0), count)).tocsr()
+
+
+def _unique(equations: Floats) -> Floats:
+    """Edges of a hull without those that lie in one line with their neighbour."""
+    rounded = np.round(equations, 9)
+    return equations[np.sort(np.unique(rounded, axis=0, return_index=True)[1])]

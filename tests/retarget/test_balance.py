@@ -1,0 +1,217 @@
+"""What a motion in balance must be: feet that stand still, mass over them, a stand at either end, no fall."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import robot_retarget as rr
+from robot_retarget.errors import BalanceError, UsageError
+from robot_retarget.retarget.footing import HOLD
+from robot_retarget.retarget.planting import Planter
+from robot_retarget.retarget.stand import balanced_stand, stand_places
+from robot_retarget.retarget.support import foothold_places, planted_feet
+from robot_retarget.retarget.transfer import Result
+from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
+from robot_retarget.robot import world_points
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.simulate.compensate import compensated
+from robot_retarget.simulate.rollout import plant_of
+from robot_retarget.simulate.stepping import Playback, roll_out
+
+SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
+LEFT, RIGHT = SQUARE / 2 + [0.0, 0.06], SQUARE / 2 - [0.0, 0.06]
+
+
+@pytest.fixture(scope="module")
+def standing() -> Result:
+    """A walk in place: the feet never leave the floor."""
+    motion = rr.read_motion(SAMPLES / "walk.bvh").resample(15)
+    return rr.retarget(motion, rr.load_robot("op3"), legs="stand", balance="static")
+
+
+@pytest.fixture(scope="module")
+def squat() -> Result:
+    return rr.retarget(rr.read_motion(SAMPLES / "squat.bvh"), rr.load_robot("op3"), balance="static")
+
+
+@pytest.fixture(scope="module")
+def planter() -> Planter:
+    robot = rr.load_robot("op3")
+    return Planter(robot, rr.match(rr.read_motion(SAMPLES / "wave.bvh"), robot))
+
+
+def mass_centres(robot: rr.Robot, qpos: np.ndarray) -> np.ndarray:
+    data, found = mujoco.MjData(robot.model), []
+    for q in qpos:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        found.append(data.subtree_com[robot.root_body].copy())
+    return np.array(found)
+
+
+@given(arrays(float, (7, 2), elements=st.floats(-1, 1)), arrays(float, 2, elements=st.floats(-1.2, 1.2)))
+@settings(max_examples=60, deadline=None)
+def test_a_point_is_inside_a_support_where_some_corners_surround_it(corners: np.ndarray, point: np.ndarray) -> None:
+    corners = corners + np.random.default_rng(0).normal(scale=0.05, size=corners.shape)
+    margin = support(corners).margin(point)
+    around = np.sort(np.arctan2(*(corners - point).T))
+    widest = np.diff([*around, around[0] + 2 * np.pi]).max()
+    assert abs(margin) < 1e-6 or (margin > 0) == (widest < np.pi)
+
+
+def test_a_planned_path_keeps_mass_and_zero_moment_point_over_the_feet_and_shifts_before_a_foot_lifts() -> None:
+    both, left = support(np.concatenate([LEFT, RIGHT])), support(LEFT)
+    supports = [both] * 60 + [left] * 30 + [both] * 60
+    how = Steadiness(keep=0.6)
+    plan = plan_centre(np.zeros((150, 2)), np.full(150, 0.25), supports, 30.0, how)
+    c = plan.centre
+    acceleration = np.zeros_like(c)
+    acceleration[1:-1] = (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
+    acceleration[0], acceleration[-1] = (c[1] - c[0]) * 30.0**2, (c[-2] - c[-1]) * 30.0**2
+    zmp = c - 0.25 / GRAVITY * acceleration
+    for polygon, mass, point in zip(supports, c, zmp, strict=True):
+        assert min(polygon.shrunk(0.6).margin(mass), polygon.shrunk(0.6).margin(point)) > -1e-4
+    assert plan.excess.max() < 1e-4
+    assert c[45, 1] > 0.005 and c[59, 1] > 0.025 and abs(c[0, 1]) < 0.005
+
+
+def test_a_shift_without_the_time_for_it_is_reported_as_excess() -> None:
+    left, right = support(LEFT), support(RIGHT)
+    plan = plan_centre(np.zeros((60, 2)), np.full(60, 0.25), [left] * 30 + [right] * 30, 30.0, Steadiness(keep=0.5))
+    assert plan.excess.max() > 0.01
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_planted_poses_have_their_soles_on_their_places_and_their_mass_over_its_spot(
+    planter: Planter, seed: int
+) -> None:
+    draw, robot = np.random.default_rng(seed), planter.robot
+    places = stand_places(planter)
+    stand = balanced_stand(planter, places)
+    wished = stand.copy()
+    wished[robot.qpos_index] += draw.normal(scale=0.2, size=len(robot.joint_names))
+    spot = places.mean(axis=(0, 1))[:2] + draw.uniform(-0.02, 0.02, 2)
+    pose = planter.plant(stand, wished, places, spot, np.full(2, HOLD), steps=30)
+    assert np.abs(planter.corners(pose[None])[0] - places).max() < 5e-4
+    assert np.abs(mass_centres(robot, pose[None])[0, :2] - spot).max() < 5e-4
+    assert (pose[robot.qpos_index] >= robot.lower - 1e-9).all() and (pose[robot.qpos_index] <= robot.upper + 1e-9).all()
+
+
+def soles(lift: float, travel: float = 0.0, frames: int = 60) -> np.ndarray:
+    """Two square soles; the left one rises by `lift` in the middle third and comes down `travel` further on."""
+    corners = np.zeros((frames, 2, 4, 3))
+    corners[:, 0, :, :2], corners[:, 1, :, :2] = LEFT, RIGHT
+    share = np.clip(np.linspace(-1, 2, frames), 0, 1)[:, None]
+    corners[:, 0, :, 2] += lift * np.sin(np.pi * share) ** 2
+    corners[:, 0, :, 0] += travel * share
+    return corners
+
+
+def labels(corners: np.ndarray) -> dict[str, np.ndarray]:
+    """As a human's: lifted the moment it rises at all."""
+    return {side: np.repeat(corners[:, k, :1, 2] < 1e-6, 2, axis=1) for k, side in enumerate("lr")}
+
+
+@pytest.mark.parametrize(
+    ("lift", "travel", "steps"), [(0.001, 0.0, False), (0.01, 0.0, False), (0.08, 0.0, True), (0.02, 0.1, True)]
+)
+def test_only_a_foot_that_is_lifted_well_or_put_elsewhere_leaves_the_floor(
+    lift: float, travel: float, steps: bool
+) -> None:
+    corners = soles(lift, travel)
+    planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+    assert planted[:, 1].all() and (not planted[:, 0].all()) == steps
+
+
+def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
+    corners = soles(0.08)
+    corners[:, 1, :, 2] = corners[:, 0, :, 2]
+    with pytest.raises(
+        BalanceError, match=r"no foot is on the floor from 0\.\d to 1\.\d s.*legs 'stand'.*balance 'off'"
+    ):
+        planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+
+
+def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
+    corners = soles(0.02, 0.1)
+    planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+    places = foothold_places(planted, corners, 0.03, 30.0)
+    swing = np.flatnonzero(~planted[:, 0])
+    assert np.abs(np.diff(places[:, 0], axis=0)).max() < 0.015
+    assert (places[planted[:, 0], 0, :, 2] == 0).all() and places[swing, 0, :, 2].min() >= 0
+    assert places[swing, 0, :, 2].min(axis=1).max() > 0.029
+
+
+def test_legs_that_stand_never_move_their_soles_whatever_the_human_does(standing: Result) -> None:
+    robot, anatomy = standing.robot, standing.match.anatomy
+    for sole in anatomy.soles.values():
+        places = world_points(robot, sole, standing.trajectory.qpos)
+        assert np.abs(places - places[0]).max() < 1e-3
+    hands = world_points(robot, standing.match.points, standing.trajectory.qpos)[:, standing.match.index("l_hand")]
+    assert np.ptp(hands, axis=0).max() > 0.02
+
+
+def test_a_playback_begins_and_ends_at_rest_in_a_balanced_stand(standing: Result, squat: Result) -> None:
+    for result in (standing, squat):
+        robot, qpos = result.robot, result.trajectory.qpos
+        for frame, step in ((0, 1), (-1, -2)):
+            centre = mass_centres(robot, qpos[[frame]])[0, :2]
+            corners = [world_points(robot, s, qpos[[frame]])[0] for s in result.match.anatomy.soles.values()]
+            polygon = support(np.concatenate(corners))
+            assert polygon.margin(centre) > 0.7 * polygon.margin(polygon.middle)
+            assert np.abs(qpos[frame] - qpos[step]).max() < 0.01
+
+
+def test_every_frame_has_its_human_and_its_figures(squat: Result) -> None:
+    solution = squat.solution
+    assert len(squat.motion) == len(squat.trajectory) == len(solution.errors) == len(solution.status)
+    assert squat.balance is not None and any("stand before and after" in note for note in squat.notes)
+
+
+def test_joints_keep_to_their_speeds(standing: Result) -> None:
+    robot, qpos = standing.robot, standing.trajectory.qpos[:, standing.robot.qpos_index]
+    assert (np.abs(np.diff(qpos, axis=0)) * standing.trajectory.fps <= robot.max_speed).all()
+
+
+def test_the_planned_zero_moment_point_is_the_one_of_the_contact_forces(squat: Result) -> None:
+    """A slow squat on the floor: where the simulated ground pushes, against the plan of the motion."""
+    assert squat.balance is not None
+    plant, playback = plant_of(squat.robot, "free"), Playback(settle_before=2.0)
+    command = compensated(plant, squat.trajectory, "free", playback)
+    rollout = roll_out(plant, squat.trajectory, "free", playback, command)
+    force, torque = rollout.ground[:, 2], rollout.ground[:, 3:]
+    pushed = np.stack([-torque[:, 1], torque[:, 0]], axis=1) / force[:, None]
+    times = np.arange(len(squat.trajectory)) / squat.trajectory.fps
+    seen = np.stack([np.interp(times, rollout.times, column) for column in pushed.T], axis=1)
+    assert np.abs(seen - squat.balance.zmp).max() < 0.01
+
+
+def test_a_balanced_squat_and_a_walk_in_place_stay_upright_on_servos(standing: Result, squat: Result) -> None:
+    for result in (standing, squat):
+        report = rr.simulate(result.trajectory, result.robot, mode="free", playback=Playback(settle_after=2.0))
+        assert report.figures["fall_s"] is None, report.reasons
+
+
+def test_choices_that_do_not_go_together_are_refused() -> None:
+    motion, robot = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 5), rr.load_robot("op3")
+    for legs, balance, said in (
+        ("hop", "auto", "follow, stand"),
+        ("follow", "often", "static"),
+        ("stand", "off", "needs"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            rr.retarget(motion, robot, legs=legs, balance=balance)
+
+
+def test_a_robot_without_a_free_root_cannot_be_balanced() -> None:
+    robot = rr.load_robot("op3")
+    bolted = replace(robot, root_joints=np.zeros(0, int))
+    with pytest.raises(BalanceError, match="free root"):
+        rr.retarget(rr.read_motion(SAMPLES / "wave.bvh").frames(0, 5), bolted, balance="static")
