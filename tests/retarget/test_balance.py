@@ -186,7 +186,7 @@ def test_the_planned_zero_moment_point_is_the_one_of_the_contact_forces(planter:
     robot, places = planter.robot, stand_places(planter)
     draft = np.tile(balanced_stand(planter, places), (120, 1))
     down = np.sin(np.pi * np.linspace(0, 1, 120)) ** 2
-    draft[:, 2] -= 0.05 * down
+    draft[:, 2] -= 0.09 * down
     draft[:, robot.qpos_index[[2, 3]]] += 0.8 * down[:, None] * [1.0, -1.0]
     clip = Clip(draft, np.tile(places, (120, 1, 1, 1)), np.ones((120, 2), bool), 30.0)
     found = paced(planter, clip, Steadiness())
