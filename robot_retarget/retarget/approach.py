@@ -140,7 +140,11 @@ def _squared(c: Floats, w: Floats, k: Floats) -> Floats:
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    return np.einsum("apf,apf->pf", a, b)
+    product = a * b
+    total = product[0]
+    total += product[1]
+    total += product[2]
+    return total
 
 
 def _unit(values: Floats) -> Floats:

@@ -1,11 +1,7 @@
 """Where a robot's joints go from here, and what MuJoCo says of its surfaces on the way.
 
-With the last step v = q^t − q^(t−1) of every joint and its change a = v^t − v^(t−1), both taken over one `STEP` of time
-whatever the frame rate, the joints stand k steps ahead at
-
-    q(k) = q + k v + e(k) a,    e(k) = τ(k − (τ − ½)(1 − exp(−k/τ))),
-
-brought within their ranges: the change of pace is kept on and fades over τ steps, so that e(k) → k(k + 1)/2 for k ≪ τ.
+The joints stand k steps ahead at q + g(k) v + h(k) a, brought within their ranges, with their last step v and its
+change a and the gains of `pace`.
 The root is left where it is: it moves no surface against another.
 """
 
@@ -14,16 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.retarget.pace import STEP
 from robot_retarget.robot import Robot
 from robot_retarget.robot.collidable import Clearance, Pairs
 from robot_retarget.robot.model import FREE
 
-STEP = 1 / 30
-"""Time over which a step is taken [s]: whole frames, at least one."""
-FADING = 8 / 30
-"""The time over which a change of pace fades, τ steps [s]."""
 REACH = 0.2
 """Surfaces farther apart than this count as this far [m]."""
+FOLLOWED = 0.1
+"""On the way, surfaces farther apart than this count as this far [m]."""
 CLOSING = 5e-4
 """A pair that comes no nearer than this within the horizon stays where it is [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
@@ -66,9 +61,9 @@ class Joints:
         still[..., self.columns] = qpos[..., self.columns]
         return still
 
-    def path(self, qpos: Floats, step: Floats, change: Floats, k: Floats, e: Floats) -> Floats:
-        """q(k): (K, nq) from one configuration, its step and its change of step (nq,)."""
-        ahead = qpos + k[:, None] * step + e[:, None] * change
+    def path(self, qpos: Floats, step: Floats, change: Floats, gains: Floats) -> Floats:
+        """(K, nq) from one configuration, its step and its change of step (nq,), by gains (2, K)."""
+        ahead = qpos + gains.T @ np.stack([step, change])
         return np.clip(ahead, np.minimum(self.lower, qpos), np.maximum(self.upper, qpos))
 
 
@@ -80,28 +75,29 @@ class Foresight:
     ):
         """Look `horizon` [s] ahead in steps of `step` [s]; `sure` is measured against margin − ½ doubt t²."""
         self.joints, self.clearance, self.slack = Joints(robot), Clearance(robot, pairs), slack
-        steps, fading = horizon / step, FADING / step
+        self.worth = 1.5 * margin
+        steps = horizon / step
         self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
         self.main = np.union1d(range(0, len(self.k), MAIN), len(self.k) - 1)
         self.other = np.setdiff1d(np.arange(len(self.k)), self.main)
-        self.e = fading * (self.k + (fading - 0.5) * np.expm1(-self.k / fading))
         self.times = np.concatenate([[0.0], self.k]) * step
         self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
 
-    def look(self, qpos: Floats, step: Floats, change: Floats, pairs: Ints, drop: Floats) -> Floats:
+    def look(self, qpos: Floats, step: Floats, change: Floats, gains: Floats, pairs: Ints, drop: Floats) -> Floats:
         """Distances (1 + K, N) of pairs (N,) now and at every instant [m]; `REACH` where it is not worth measuring.
 
         A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
-        `slack`, and it does not touch already: at the main instants, and at all where those bring it within `slack`.
+        `slack`, and it does not touch already: at the main instants, and at all where those bring it near enough.
         """
         found = np.full((1 + len(self.k), len(pairs)), REACH)
-        found[0] = self._placed(qpos, pairs)
+        found[0] = self.clearance.along(qpos[None], pairs, np.minimum(self.slack + drop + CLOSING, REACH))[0]
         follow = np.flatnonzero((found[0] > 0) & (found[0] - drop <= self.slack))
-        path = self.joints.path(qpos, step, change, self.k, self.e) if follow.size else found
-        for instants in (self.main, self.other):
-            for k in instants if follow.size else ():
-                found[1 + k, follow] = self._placed(path[k], pairs[follow])
-            follow = follow[found[1:, follow].min(axis=0) <= self.slack]
+        if follow.size:
+            path = self.joints.path(qpos, step, change, gains)
+            for instants in (self.main, self.other):
+                reach = np.full(len(follow), FOLLOWED)
+                found[1 + instants[:, None], follow] = self.clearance.along(path[instants], pairs[follow], reach)
+                follow = follow[found[1:, follow].min(axis=0) <= self.worth]
         return found
 
     def outlook(self, distances: Floats) -> Outlook:
@@ -121,10 +117,6 @@ class Foresight:
         closing = ahead.min(0) < now - CLOSING
         sure = np.where(closing, (self.asked[:, None] - ahead).max(0), -np.inf)
         return Outlook(now, np.where(closing, ahead[0], REACH), contact, depth, sure)
-
-    def _placed(self, qpos: Floats, pairs: Ints) -> list[float]:
-        self.clearance.place(qpos)
-        return [self.clearance.of(pair, REACH) for pair in pairs.tolist()]
 
 
 def span_of(fps: float) -> int:

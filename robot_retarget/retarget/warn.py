@@ -6,7 +6,7 @@ of the joints. A pair is then in one of four states,
 
     contact      the geoms touch now,
     imminent     for `confirm` seconds running, an instant t ahead showed an overlap deeper than ½ doubt t² − margin
-                 (or the very next step did),
+                 (or the very next step did); one look is enough where the stream has kept its pace (`pace`),
     approaching  an overlap is foreseen within the horizon,
     clear        none of these,
 
@@ -28,6 +28,7 @@ from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.retarget.approach import Approach, CapsulePairs
 from robot_retarget.retarget.events import Event, events_of
 from robot_retarget.retarget.foresight import Foresight, changes, span_of, strides
+from robot_retarget.retarget.pace import TRUSTED, Pace
 from robot_retarget.retarget.states import State, Windows
 from robot_retarget.robot import Robot
 from robot_retarget.robot.capsules import Capsules, fit_capsules
@@ -50,7 +51,7 @@ class WarnOptions:
     """How far ahead is looked [s]."""
     dead_band: float = 2e-4
     """Relative steps of 1/30 s up to this length are rest [m]: 6 mm/s, which covers 3 mm in the default horizon."""
-    slack: float = 0.03
+    slack: float = 0.02
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
     """Surfaces foreseen this near count as touching [m]."""
@@ -224,22 +225,29 @@ class Eye:
         self.foresight = Foresight(
             known.robot, known.pairs, options.horizon, step, options.margin, options.doubt, options.slack
         )
+        self.pace = Pace(self.foresight.k, step)
         self.windows = Windows(round(options.confirm / step) + 1, round(options.release / step) + 1)
 
     def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats, judge: Judge) -> Seen:
         """States at L looks, from configurations (L, nq), their steps and changes of step."""
         suspect, drop = near.ahead <= self.options.slack, near.distance - near.ahead
-        distances = [np.zeros((1 + len(self.foresight.k), 0))]
-        for t in np.flatnonzero(suspect.any(axis=1)):
+        distances, trusted = [np.zeros((1 + len(self.foresight.k), 0))], np.zeros((len(qpos), 1), bool)
+        single = self.foresight.joints.columns
+        for t in range(len(qpos)):
+            gains = self.pace.next(qpos[t, single], steps[t, single], changed[t, single])
+            trusted[t] = self.pace.trust >= TRUSTED
             pairs = np.flatnonzero(suspect[t])
-            distances.append(self.foresight.look(qpos[t], steps[t], changed[t], pairs, drop[t, pairs]))
+            if pairs.size:
+                distances.append(self.foresight.look(qpos[t], steps[t], changed[t], gains, pairs, drop[t, pairs]))
         outlook = self.foresight.outlook(np.concatenate(distances, axis=1))
         touching = spread(suspect, outlook.distance <= 0, False)
         contact = spread(suspect, outlook.contact, np.inf)
         called = np.where(np.isfinite(contact), State.APPROACHING, State.CLEAR)
         called[spread(suspect, outlook.next <= self.options.margin / 2, False)] = State.IMMINENT
+        foreseen = spread(suspect, outlook.sure > 0, False)
+        called[foreseen & trusted] = State.IMMINENT
         called[touching] = State.CONTACT
-        state = judge(spread(suspect, outlook.sure > 0, False), called)
+        state = judge(foreseen, called)
         return Seen(state, contact, spread(suspect, outlook.depth, 0.0), touching)
 
     def warnings(self, near: Approach, seen: Seen, frames: Ints) -> Warnings:

@@ -20,6 +20,8 @@ FEW_HINGES = 3
 POSES = 800
 NEVER = 0.005
 """A pair that stays farther apart than this in all those poses is left out [m]."""
+FEW_GEOMS = 4
+"""Links with more pairs of geoms than this, on the average, have those far apart sorted out by balls first."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Clearance:
 
     def __init__(self, robot: Robot, pairs: Pairs):
         self.model, self.data, self.pairs = robot.model, mujoco.MjData(robot.model), pairs
+        self._geoms = [np.array(geoms, dtype=np.int64).T for geoms in pairs.geoms]
 
     def place(self, qpos: Floats) -> None:
         """Take up a configuration (nq,)."""
@@ -67,6 +70,36 @@ class Clearance:
         for a, b in self.pairs.geoms[pair]:
             least = min(least, mujoco.mj_geomDistance(model, data, a, b, least, None))
         return least
+
+    def along(self, path: Floats, pairs: Ints, reach: Floats) -> Floats:
+        """Distances (K, N) of some pairs (N,) at configurations (K, nq) [m], `reach` (N,) for all that is farther."""
+        found = np.tile(reach, (len(path), 1))
+        if not len(pairs):
+            return found
+        tables = [self._geoms[pair] for pair in pairs.tolist()]
+        owner = np.repeat(np.arange(len(pairs)), [table.shape[1] for table in tables])
+        geoms = np.concatenate(tables, axis=1)
+        few = len(owner) <= FEW_GEOMS * len(pairs)
+        near = np.ones((len(path), len(owner)), bool) if few else self._near(path, geoms, reach[owner])
+        listed = list(zip(owner.tolist(), *geoms.tolist(), strict=True))
+        model, data = self.model, self.data
+        for qpos, row, chosen in zip(path, found, near, strict=True):
+            self.place(qpos)
+            least = row.tolist()
+            for k in np.flatnonzero(chosen).tolist():
+                pair, a, b = listed[k]
+                least[pair] = min(least[pair], mujoco.mj_geomDistance(model, data, a, b, least[pair], None))
+            row[:] = least
+        return found
+
+    def _near(self, path: Floats, geoms: Ints, reach: Floats) -> np.ndarray:
+        """(K, G) whether the balls around two geoms (2, G) come within reach (G,) of each other."""
+        centres = np.empty((len(path), self.model.ngeom, 3))
+        for k, qpos in enumerate(path):
+            self.place(qpos)
+            centres[k] = self.data.geom_xpos
+        gap = centres[:, geoms[0]] - centres[:, geoms[1]]
+        return np.einsum("kga,kga->kg", gap, gap) < (reach + self.model.geom_rbound[geoms].sum(axis=0)) ** 2
 
     def all(self, qpos: Floats, reach: float) -> Floats:
         """Distances (P,) at a configuration (nq,) [m]."""
