@@ -11,10 +11,11 @@ K = np.arange(1.0, 13.0)
 def watch(path: np.ndarray) -> tuple[Pace, np.ndarray]:
     """What is guessed at the end of a path (T, n), K steps ahead."""
     pace, gains = Pace(K, 1 / 30), np.zeros((2, len(K)))
-    for t in range(2, len(path)):
-        step, before = path[t] - path[t - 1], path[t - 1] - path[t - 2]
-        gains = pace.next(path[t], step, step - before)
-    return pace, path[-1] + gains.T @ np.stack([step, step - before])
+    steps = np.diff(path, axis=0)
+    changes = np.diff(steps, axis=0)
+    for now, step, change in zip(path[2:], steps[1:], changes, strict=True):
+        gains = pace.next(now, step, change)
+    return pace, path[-1] + gains.T @ np.stack([steps[-1], changes[-1]])
 
 
 def swing(count: int) -> np.ndarray:
