@@ -80,26 +80,27 @@ class Clearance:
         owner = np.repeat(np.arange(len(pairs)), [table.shape[1] for table in tables])
         geoms = np.concatenate(tables, axis=1)
         few = len(owner) <= FEW_GEOMS * len(pairs)
-        near = np.ones((len(path), len(owner)), bool) if few else self._near(path, geoms, reach[owner])
+        bounds = np.full((len(path), len(owner)), -np.inf) if few else self._bounds(path, geoms)
         listed = list(zip(owner.tolist(), *geoms.tolist(), strict=True))
         model, data = self.model, self.data
-        for qpos, row, chosen in zip(path, found, near, strict=True):
+        for qpos, row, bound in zip(path, found, bounds, strict=True):
             self.place(qpos)
-            least = row.tolist()
-            for k in np.flatnonzero(chosen).tolist():
+            least, order = row.tolist(), range(len(listed)) if few else np.argsort(bound).tolist()
+            for k, apart in zip(order, (bound if few else bound[order]).tolist(), strict=True):
                 pair, a, b = listed[k]
-                least[pair] = min(least[pair], mujoco.mj_geomDistance(model, data, a, b, least[pair], None))
+                if apart < least[pair]:
+                    least[pair] = min(least[pair], mujoco.mj_geomDistance(model, data, a, b, least[pair], None))
             row[:] = least
         return found
 
-    def _near(self, path: Floats, geoms: Ints, reach: Floats) -> np.ndarray:
-        """(K, G) whether the balls around two geoms (2, G) come within reach (G,) of each other."""
+    def _bounds(self, path: Floats, geoms: Ints) -> Floats:
+        """(K, G) how far apart the balls around two geoms (2, G) are [m]: less than the geoms."""
         centres = np.empty((len(path), self.model.ngeom, 3))
         for k, qpos in enumerate(path):
             self.place(qpos)
             centres[k] = self.data.geom_xpos
         gap = centres[:, geoms[0]] - centres[:, geoms[1]]
-        return np.einsum("kga,kga->kg", gap, gap) < (reach + self.model.geom_rbound[geoms].sum(axis=0)) ** 2
+        return np.sqrt(np.einsum("kga,kga->kg", gap, gap)) - self.model.geom_rbound[geoms].sum(axis=0)
 
     def all(self, qpos: Floats, reach: float) -> Floats:
         """Distances (P,) at a configuration (nq,) [m]."""
