@@ -80,7 +80,7 @@ def errors(report: Report) -> str:
         axes.set_ylabel("rms error [rad]")
         axes.grid(axis="x", visible=False)
         axes.margins(x=0.01)
-        axes.legend(loc="upper right", ncols=2)
+        figure.legend(loc="outside upper right", ncols=2)
 
     return _svg("errors", 2.5, draw)
 

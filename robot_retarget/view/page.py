@@ -81,7 +81,7 @@ def _how(report: Report) -> str:
 
 def _reasons(report: Report) -> str:
     if not report.reasons:
-        return "<p>It tracks, stays within its limits and touches nothing it should not.</p>"
+        return "<p>It comes to its end within every limit below.</p>"
     return _list(report.reasons)
 
 

@@ -1,5 +1,8 @@
 """Figures of standing, load, foresight and verdict against geometry, contact forces and hand-made cases."""
 
+import re
+from dataclasses import fields
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,14 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_trajectories import hold, robot_of, swing
 from scipy.spatial.transform import Rotation
+from shared_files import ROOT
 from simulate.motions import at_times, bob, kick, lean
 
 from robot_retarget.errors import RobotError, UsageError
+from robot_retarget.motors import MOTORS
 from robot_retarget.retarget.warn import warnings_of
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw
 from robot_retarget.simulate.rollout import plant_of, rollouts, simulate
+from robot_retarget.simulate.servo_model import drives
 from robot_retarget.simulate.stance import floor_height, margins, slips, stance_of, zero_moment_point
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds, read_thresholds
@@ -216,3 +222,15 @@ def test_a_turned_robot_has_the_same_margins():
     rounds = [hold(OP3, 1.0), Trajectory(turned, 50, OP3.joint_names, "op3")]
     first, second = (simulate(t, OP3, mode="free").figures for t in rounds)
     assert first["com_margin_m"] == pytest.approx(second["com_margin_m"], abs=1e-3)
+
+
+def test_the_documentation_has_the_thresholds_and_the_servos_as_they_are():
+    page = (ROOT / "docs/simulation.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([\d.]+)", page, re.MULTILINE))
+    for field in fields(Thresholds):
+        said = float(rows[field.name])
+        assert field.default in (said, said / 1000, said / 100), field.name
+    for name, stiffness in re.findall(r"^\| (\S+) \|(?:[^|]*\|){5} ([\d.]+) \|", page, re.MULTILINE):
+        if name in MOTORS:
+            servo = drives([MOTORS[name]], np.ones(1))
+            assert servo.stiffness[0] == pytest.approx(float(stiffness), abs=0.06)
