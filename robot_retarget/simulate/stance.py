@@ -9,12 +9,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.stand import root_address
+from robot_retarget.retarget.zmp import support
+from robot_retarget.robot.dynamics import momenta, zero_moment_points
 from robot_retarget.robot.kinematics import world_points
-from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.feet import Feet, feet_of
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
@@ -22,6 +23,8 @@ from robot_retarget.trajectory import Trajectory
 
 DOWN = 0.003
 """Sole points of a touching foot this near to the floor carry it [m]."""
+SMOOTH = 0.05
+"""Of the momenta of a plan [s]."""
 LIGHT = 0.05
 """Under this part of its weight on the ground a robot has no zero moment point worth the name."""
 
@@ -70,7 +73,6 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
 def planned_stance(plant: Plant, trajectory: Trajectory) -> Stance | None:
     """How the robot would stand if it followed the trajectory on a floor under its lowest sole point of every frame.
 
-    The zero moment point is that of the centre of mass alone, c − (z / g) c̈: limbs that whirl are left out.
     None for a robot without recognised feet or a free root.
     """
     robot, feet = plant.robot, feet_of(plant.robot)
@@ -81,29 +83,13 @@ def planned_stance(plant: Plant, trajectory: Trajectory) -> Stance | None:
     points[..., 2] -= floor[:, None]
     down = points[..., 2] < 2 * DOWN
     touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
-    com = _centres(robot, trajectory.qpos)
-    pushed = com[:, :2] - (com[:, 2] - floor)[:, None] / 9.81 * _second(com[:, :2], trajectory.fps)
+    on_floor = trajectory.qpos.copy()
+    on_floor[:, root_address(robot) + 2] -= floor
+    com = momenta(robot, on_floor, np.zeros((len(on_floor), robot.model.nv)))[0]
+    pushed = zero_moment_points(robot, on_floor, trajectory.fps, SMOOTH)
     margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
     times = np.arange(len(trajectory)) / trajectory.fps
     return Stance(feet, times, touching, points, down, com[:, :2], pushed, margin[0], margin[1])
-
-
-def _centres(robot: Robot, qpos: Floats) -> Floats:
-    data, found = mujoco.MjData(robot.model), np.empty((len(qpos), 3))
-    for k, q in enumerate(qpos):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(robot.model, data)
-        mujoco.mj_comPos(robot.model, data)
-        found[k] = data.subtree_com[robot.root_body]
-    return found
-
-
-def _second(values: Floats, fps: float) -> Floats:
-    """Second time derivative of columns, smoothed over two frames."""
-    if len(values) < 3:
-        return np.zeros_like(values)
-    smooth = gaussian_filter1d(values, 2.0, axis=0, mode="nearest")
-    return np.gradient(np.gradient(smooth, 1 / fps, axis=0), 1 / fps, axis=0)
 
 
 def floor_height(model: mujoco.MjModel) -> float:
@@ -139,12 +125,12 @@ def margins(places: Floats, corners: Floats, down: np.ndarray) -> Floats:
     return found
 
 
-def _inside(corners: Floats, places: Floats) -> Floats:
+def _inside(corners: Floats, places: Floats) -> list[float]:
     try:
-        edges = ConvexHull(corners).equations
+        polygon = support(corners)
     except (QhullError, ValueError):  # a point or a line has no inside
-        return -np.linalg.norm(places[:, None] - corners, axis=2).min(1)
-    return -(places @ edges[:, :2].T + edges[:, 2]).max(1)
+        return (-np.linalg.norm(places[:, None] - corners, axis=2).min(1)).tolist()
+    return [polygon.margin(place) for place in places]
 
 
 def slips(stance: Stance) -> Floats:
