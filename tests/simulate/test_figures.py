@@ -155,7 +155,7 @@ def test_ten_times_the_speed_asks_for_more_than_servos_have():
 
 def test_a_step_through_the_hip_between_two_frames_is_seen():
     through = at_times(
-        OP3, {"l_sho_roll": [1.45, 1.45], "l_sho_pitch": [0.9, -0.9], "l_el": [-0.4, -0.4]}, [0.0, 0.1], fps=10
+        OP3, {"l_sho_roll": [1.45, 1.45], "l_sho_pitch": [0.9, -0.9], "l_el": [-0.7, -0.7]}, [0.0, 0.1], fps=10
     )
     report = simulate(through, OP3)
     figures = report.figures
