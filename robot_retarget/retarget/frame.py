@@ -8,7 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.footing import grip_of
 from robot_retarget.retarget.problem import Problem
-from robot_retarget.retarget.quadratic import SEPARATION_COST, Landscape, Pull, Quadratic
+from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape, Pull, Quadratic
 from robot_retarget.retarget.solution import Status
 from robot_retarget.robot.kinematics import integrate
 
@@ -37,6 +37,10 @@ class Options:
     """Keep links apart ..."""
     margin: float = 0.006
     """... by this share of a leg."""
+    interaction: float = 0.0
+    """Weight of interaction edges, which slow links down that near each other, before separation bites; 0 for none."""
+    horizon: float = 0.2
+    """How far ahead these look [s]."""
     footholds: bool = True
     """Keep standing feet where they are."""
 
@@ -92,6 +96,7 @@ class FrameSolver:
         wished: tuple[Floats, ...],
         *,
         pull: Pull | None = None,
+        ahead: Ahead | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
@@ -104,7 +109,7 @@ class FrameSolver:
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
         base = start.around if isinstance(start, Pose) and start.around else self.landscape.around(q, wished)
-        here, damping, trust = self.landscape.pulled(base, q, pull), self.options.damping, self.options.trust
+        here, damping, trust = self._drawn(base, q, pull, ahead), self.options.damping, self.options.trust
         taken = refused = 0
         while taken < most and refused < REFUSALS:
             forced = here.sunk or box.outside(q[self.robot.qpos_index]) > 1e-6
@@ -115,7 +120,7 @@ class FrameSolver:
                 return self._closed(Pose(q, Status.CONVERGED, here.cost, taken, base))
             trial = integrate(self.robot, q, step)
             there = self.landscape.around(trial, wished)
-            pulled = self.landscape.pulled(there, trial, pull)
+            pulled = self._drawn(there, trial, pull, ahead)
             if pulled.cost < here.cost or forced:
                 q, base, here, damping, trust = trial, there, pulled, max(damping / 4, 1e-6), self.options.trust
                 taken += 1
@@ -123,6 +128,9 @@ class FrameSolver:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
                 refused += 1
         return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, here.cost, taken, base))
+
+    def _drawn(self, base: Quadratic, q: Floats, pull: Pull | None, ahead: Ahead | None) -> Quadratic:
+        return self.landscape.foreseen(self.landscape.pulled(base, q, pull), q, ahead)
 
     def _step(self, q: Floats, here: Quadratic, damping: float, trust: float, box: Box) -> tuple[Floats | None, float]:
         """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""

@@ -29,6 +29,22 @@ class Pull:
     weight: Floats
 
 
+@dataclass(frozen=True)
+class Ahead:
+    """Σ w max(0, −k ḋ − room)²/ℓ²: interaction edges between links that near each other.
+
+    Along the normal of their nearest surfaces the interaction distance of `dgp.interaction` is D = d + k ḋ, with ḋ = d − d
+    a frame before, and its gradient (1 + k) times that of d. The edge counts where D would break the margin within k
+    frames, by how much more than the `room` d − margin there is, so that links slow down before separation bites.
+    """
+
+    before: Floats
+    """The configuration a frame before."""
+    frames: float
+    """k; real, so that the cost has no steps."""
+    weight: float
+
+
 @dataclass(frozen=True, eq=False)
 class Quadratic:
     """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ least; the last variable is the slack of separation."""
@@ -96,3 +112,22 @@ class Landscape:
         normal[np.diag_indices_from(normal)] += pull.weight
         cost = here.cost + float(pull.weight @ change**2)
         return replace(here, cost=cost, gradient=here.gradient + pull.weight * change, normal=normal)
+
+    def foreseen(self, here: Quadratic, q: Floats, ahead: Ahead | None) -> Quadratic:
+        """The model with interaction edges on top: on the rows of separation, whose `least` is what lacks to the margin."""
+        if ahead is None or self.separation is None:
+            return here
+        rows, least = here.rows[self.problem.soles :, :-1], here.least[self.problem.soles :]
+        coming = -ahead.frames * (rows @ difference(self.robot, ahead.before, q))
+        broken = np.flatnonzero((coming > 0) & (coming + np.minimum(least, 0.0) > 0))
+        if not broken.size:
+            return here
+        error = coming[broken] + np.minimum(least[broken], 0.0)
+        slope = (ahead.frames + (least[broken] < 0))[:, None] * rows[broken]
+        scale = ahead.weight / self.leg**2
+        return replace(
+            here,
+            cost=here.cost + scale * float(error @ error),
+            gradient=here.gradient - scale * (slope.T @ error),
+            normal=here.normal + scale * (slope.T @ slope),
+        )

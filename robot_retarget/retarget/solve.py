@@ -12,7 +12,7 @@ from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, Stepping, footholds, held_corners
 from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem, frame_parameters
-from robot_retarget.retarget.quadratic import Pull
+from robot_retarget.retarget.quadratic import Ahead, Pull
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Solution, Status
@@ -137,14 +137,23 @@ def clip_passes(
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         for t, pose in enumerate(poses):
             box, pull = _reachable(solver, poses, t, fps), Pull(path[t], -dual[t], weight)
-            poses[t] = _resumed(
-                pose, solver.descend(pose, wished[t], pull=pull, iterations=1, tolerance=PASS_TOLERANCE, box=box), robot
+            ahead = _ahead(solver.options, poses, t, fps)
+            after = solver.descend(
+                pose, wished[t], pull=pull, ahead=ahead, iterations=1, tolerance=PASS_TOLERANCE, box=box
             )
+            poses[t] = _resumed(pose, after, robot)
             count.one()
     for t in _still_overlapping(solver, poses):
         pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
         poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pull, box=box)
     return [solver.lifted(pose) for pose in poses]
+
+
+def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
+    """The interaction edges of a frame: what its step from the frame before leads to."""
+    if options.interaction == 0 or t == 0:
+        return None
+    return Ahead(poses[t - 1].qpos, options.horizon * fps, options.interaction)
 
 
 def _resumed(before: Pose, after: Pose, robot: Robot) -> Pose:
