@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from robot_retarget.retarget.warn import Warnings
     from robot_retarget.robot import Robot
     from robot_retarget.simulate.report import Report
+    from robot_retarget.trajectory import Trajectory
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -161,11 +162,21 @@ def simulate(
         typer.Option("--servos/--own-actuators", help="Servos by the robot's servos.toml, or the MJCF's actuators."),
     ] = True,
     thresholds: Thresholds = None,
+    page: Annotated[Path | None, typer.Option(help="A page with charts to write (.html).")] = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict."""
-    report = _simulate(trajectory, _load_robot(robot, limits), mode, compensate, servos, thresholds)
+    from robot_retarget.files import require_writable
+    from robot_retarget.trajectory import load_trajectory
+
+    if page is not None:
+        require_writable(page)
+    model, played = _load_robot(robot, limits), load_trajectory(trajectory)
+    warnings = _warnings(played, model)
+    report = _simulate(trajectory, model, mode, compensate, servos, thresholds, warnings)
+    if page is not None:
+        _write_page(report, trajectory, warnings, page)
     if json:
         console.dump(report.contract())
     else:
@@ -255,7 +266,8 @@ def _run(motion: "Motion", robot: "Robot", out: Path, wishes: _Wishes, json: boo
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     _show(result, robot, target, quiet=json)
-    _write_page(report, result, target)
+    pictures = target / "strip.png", target / "video.mp4"
+    _write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
     solved = describe_solution(result.solution, result.notes)
     if json:
         files = sorted(path.name for path in target.iterdir())
@@ -268,19 +280,27 @@ def _run(motion: "Motion", robot: "Robot", out: Path, wishes: _Wishes, json: boo
 
 
 def _simulate(
-    path: Path, robot: "Robot", mode: str, compensate: bool, servos: bool, thresholds: Path | None
+    path: Path,
+    robot: "Robot",
+    mode: str,
+    compensate: bool,
+    servos: bool,
+    thresholds: Path | None,
+    warnings: "Warnings | None",
 ) -> "Report":
-    """Simulate a trajectory file, its warnings beside, where it has two frames to warn from."""
-    from robot_retarget.retarget.warn import warnings_of
     from robot_retarget.simulate.rollout import simulate as roll_out
     from robot_retarget.simulate.thresholds import read_thresholds
-    from robot_retarget.trajectory import load_trajectory
 
     most = None if thresholds is None else read_thresholds(thresholds)
-    played = load_trajectory(path)
-    warnings = warnings_of(played, robot) if len(played) > 1 else None
     drives = "auto" if servos else None
     return roll_out(path, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings)
+
+
+def _warnings(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
+    """The warnings of a trajectory; a single frame has no next one to warn of."""
+    from robot_retarget.retarget.warn import warnings_of
+
+    return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
 
 
 def _play_emulated(robot: str, folder: Path) -> None:
@@ -309,17 +329,21 @@ def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
         console.note(sentence)
 
 
-def _write_page(report: "Report", result: "Result", target: Path) -> None:
-    """Write report.html with what was drawn; what hinders it is said."""
+def _write_page(
+    report: "Report",
+    trajectory: Path,
+    warnings: "Warnings | None",
+    page: Path,
+    strip: Path | None = None,
+    film: Path | None = None,
+) -> None:
+    """Write the report's page; what hinders it is said."""
     from robot_retarget.view import Unavailable
     from robot_retarget.view.page import save_page
 
-    trajectory = result.trajectory
-    warnings = result.warnings if len(trajectory) > 1 else None
-    pictures = target / "strip.png", target / "video.mp4"
-    page = save_page(report, trajectory, target / "report.html", warnings=warnings, strip=pictures[0], film=pictures[1])
-    if isinstance(page, Unavailable):
-        console.note(page.reason)
+    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film)
+    if isinstance(drawn, Unavailable):
+        console.note(drawn.reason)
 
 
 def _plot_warnings(warnings: "Warnings", path: Path) -> None:

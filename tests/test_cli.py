@@ -69,6 +69,14 @@ def test_info_as_json_holds_every_keypoint_with_its_confidence() -> None:
     assert all(0 <= v["confidence"] <= 1 for v in facts["keypoints"].values())
 
 
+def test_simulate_takes_thresholds_and_writes_a_page(solved: Path, tmp_path: Path) -> None:
+    (tmp_path / "strict.toml").write_text("tracking_rms = 1e-6\n", encoding="utf-8")
+    options = "--thresholds", tmp_path / "strict.toml", "--page", tmp_path / "report.html", "--no-compensate"
+    done = run("simulate", solved, "--robot", "op3", *options)
+    assert done.returncode == 1 and "more than 1e-06 rad" in done.stdout
+    assert "What was judged" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
     done = run("simulate", solved, "--robot", "op3", "--json")
     report = json.loads(done.stdout)

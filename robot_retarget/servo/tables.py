@@ -223,6 +223,8 @@ def _registers(model: Model) -> dict[str, Register]:
     alter("max_voltage_limit", default=high, low=low, high=high)
     alter("min_voltage_limit", default=low, low=low, high=high)
     alter("present_input_voltage", default=round(model.motor.voltage * 10))
+    alter("position_p_gain", default=model.motor.p_gain)
+    alter("position_d_gain", default=model.motor.d_gain)
     alter("current_limit", default=top, high=top)
     alter("goal_current", default=top, low=-top, high=top)
     if model.table == "xl":

@@ -16,7 +16,7 @@ from robot_retarget.files import replacing
 from robot_retarget.retarget.warn import Warnings
 from robot_retarget.simulate.report import Report
 from robot_retarget.simulate.thresholds import CHECKS
-from robot_retarget.trajectory import Trajectory, fingerprint
+from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
 from robot_retarget.view.picture import Unavailable
@@ -26,7 +26,7 @@ TEMPLATE = Path(__file__).with_name("page.html")
 
 def save_page(
     report: Report,
-    trajectory: Trajectory,
+    trajectory: Trajectory | str | Path,
     path: str | Path,
     *,
     warnings: Warnings | None = None,
@@ -36,7 +36,7 @@ def save_page(
     """Write `report.html`, whole or not at all.
 
     Args:
-        trajectory: that the report is of.
+        trajectory: that the report is of, or the path of its file.
         warnings: of the trajectory, for the timeline.
         strip: a picture (PNG) to embed, where there is one.
         film: an mp4 to embed, where there is one.
@@ -45,6 +45,7 @@ def save_page(
         TrajectoryError: the report is of another trajectory.
         OutputError: it cannot be written.
     """
+    played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     if fingerprint(trajectory) != report.trajectory_sha256:
         raise TrajectoryError("the report is of another trajectory: their sha256 differ")
     try:
@@ -52,9 +53,9 @@ def save_page(
     except ImportError:
         return Unavailable(NEEDS_MATPLOTLIB)
     page = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"{trajectory.source or 'a trajectory'} on {report.robot}: {report.verdict}"),
+        title=html.escape(f"{played.source or 'a trajectory'} on {report.robot}: {report.verdict}"),
         verdict=report.verdict,
-        motion=html.escape(trajectory.source or "a trajectory"),
+        motion=html.escape(played.source or "a trajectory"),
         robot=html.escape(report.robot),
         how=_how(report),
         reasons=_reasons(report),

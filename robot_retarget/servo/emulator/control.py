@@ -1,7 +1,7 @@
 """The controllers of a servo by operating mode: from goals and gains to the duty of the motor."""
 
 from robot_retarget.servo.emulator import profile
-from robot_retarget.servo.emulator.modes import CURRENT, CURRENT_POSITION, GAINS, PWM, VELOCITY
+from robot_retarget.servo.emulator.modes import CURRENT, CURRENT_POSITION, POSITIONS, PWM, VELOCITY
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.emulator.shaft import Shaft
 from robot_retarget.servo.tables import FULL_PWM
@@ -11,7 +11,7 @@ def drive(mode: int, r: Registers, shaft: Shaft, now: float, dt: float, stopped:
     """Set the motor's duty for the next `dt` [s]; `stopped` by the watchdog, goals of speed and effort count as 0."""
     motor, sense = shaft.motor, shaft.sense
     limit = (abs(r["goal_pwm"]) if mode != PWM else r["pwm_limit"]) / FULL_PWM
-    if mode in GAINS:
+    if mode in POSITIONS:
         _position(mode, r, shaft, now, dt, limit)
     elif mode == VELOCITY:
         goal = 0 if stopped else r["goal_velocity"]

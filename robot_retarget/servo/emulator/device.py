@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from robot_retarget.servo.emulator.access import collect, refusal, runs, shut_down
 from robot_retarget.servo.emulator.control import drive
-from robot_retarget.servo.emulator.modes import GAINS, GOALS, LIMITED, POSITION, TORQUE_BY_GOAL
+from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
 from robot_retarget.servo.emulator.motor import Motor
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.emulator.shaft import Shaft
@@ -236,7 +236,7 @@ class Device:
             self._fed = self.now
             here = self.shaft.here
             self.shaft.stay(here, self.now)
-            if self.mode in GAINS:
+            if self.mode in POSITIONS:
                 self.witness.step(r["goal_position"], here)
                 self.shaft.start(r["goal_position"], self.now)
         elif not value:
@@ -245,8 +245,9 @@ class Device:
 
     def _change_mode(self) -> None:
         r = self.registers
-        if self.mode in GAINS:
-            r["position_p_gain"], r["position_i_gain"], r["position_d_gain"] = GAINS[self.mode]
+        if self.mode in POSITIONS:
+            for gain in ("position_p_gain", "position_i_gain", "position_d_gain"):
+                r[gain] = self.model.registers[gain].default
         r["profile_velocity"] = r["profile_acceleration"] = 0
         for goal in ("goal_pwm", "goal_current"):
             if goal in r:

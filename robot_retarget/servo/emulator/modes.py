@@ -15,8 +15,8 @@ GOALS = {
     CURRENT: "goal_current",
     PWM: "goal_pwm",
 }
-GAINS = {POSITION: (800, 0, 0), EXTENDED: (800, 0, 0), CURRENT_POSITION: (800, 0, 0)}
-"""P, I and D of the position that a change of mode brings back."""
+POSITIONS = (POSITION, EXTENDED, CURRENT_POSITION)
+"""Modes that control the position; a change to one of them brings back the factory's gains."""
 LIMITED = {"goal_pwm": "pwm_limit", "goal_current": "current_limit", "goal_velocity": "velocity_limit"}
 
 
