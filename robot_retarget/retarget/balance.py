@@ -5,9 +5,11 @@
 Nothing of it looks at the human again: the draft is what the robot should do, and is changed as little as balance asks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError, UsageError, known
@@ -15,8 +17,9 @@ from robot_retarget.retarget.footing import HOLD, flattened
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched
-from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
-from robot_retarget.retarget.support import foothold_places, planted_feet
+from robot_retarget.retarget.smooth import smooth_offsets
+from robot_retarget.retarget.stand import balanced_stand, over_stand, root_address, stand_places
+from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.zmp import Plan, Polygon, Steadiness, plan_centre, support
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import zero_moment_points
@@ -30,10 +33,18 @@ LIFT = 0.8
 """Of it, to lift or put down a foot that is in the air in that pose [s]."""
 LEAD_SPEED = 1.2
 """Peak joint speed on the way [rad/s]."""
+SWAY = 0.5
+"""Where a body goes is its path smoothed over this time: what is quicker is its swaying from foot to foot [s]."""
 SWING = 1e3
 """Weight of a foot in the air, over the squared leg length."""
 ARC = 0.1
 """Height to which a swinging foot is lifted at least, over the leg length."""
+EASINGS = 4
+"""Rounds of smoothing where joints leap, each planted anew."""
+EASE = 0.3
+"""Time to either side of a leap that is smoothed [s]."""
+EASE_STIFFNESS = 200.0
+"""As `smooth.smooth_offsets`, at 30 frames a second."""
 QUICK = 0.04
 """Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
 
@@ -49,6 +60,8 @@ class Clip:
     planted: np.ndarray
     """(T, F) feet on the floor."""
     fps: float
+    stride: float = 1.0
+    """By how much the path along the floor was scaled."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +76,8 @@ class Balanced:
     plan: Plan
     slowdown: float
     """Duration within the clip over the clip's own."""
+    stride: float
+    """Length of the steps over the clip's own."""
     zmp: Floats
     """(K, 2) [m]."""
     margin: Floats
@@ -72,7 +87,8 @@ class Balanced:
     def notes(self) -> tuple[str, ...]:
         """What was done to the clip, a sentence each."""
         slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
-        return (f"balanced: {slower}, with a stand before and after",)
+        shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
+        return (f"balanced: {slower}{shorter}, with a stand before and after",)
 
 
 def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps: float, legs: str) -> Clip:
@@ -88,7 +104,16 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
         count = len(draft)
         return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
     corners = planter.corners(draft)
-    return Clip(draft, corners, planted_feet(stances, planter.feet, corners, planter.leg, fps), fps)
+    planted = planted_feet(stances, planter.feet, corners, planter.leg, fps)
+    stride = shortened(planted, corners, planter.leg)
+    root = slice(root_address(planter.robot), root_address(planter.robot) + 2)
+    path = gaussian_filter1d(draft[:, root], SWAY * fps, axis=0, mode="nearest")
+    back = (1 - stride) * (path - path[0])
+    posed = np.array(draft)
+    posed[:, root] -= back
+    corners[..., :2] -= back[:, None, None]
+    corners = parted(corners, stand_places(planter))
+    return Clip(posed, corners, kept_down(planted, corners, planter.leg, fps), fps, stride)
 
 
 LEGS = ("follow", "stand")
@@ -143,7 +168,8 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
             break
         stretch = stretched(stretch, outline.score, shift_needs(late, outline.score, chosen), chosen)
         outline = outlined(planter, clip, stretch, how)
-    found = played(planter, outline)
+    found = eased(planter, outline)
+    clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
     for _ in range(chosen.rounds):
         needs = motion_needs(planter.robot, found.qpos, found.margin / outline.reach, clip.fps, chosen)
         if needs.max() <= 1.0 or stretch.mean() > chosen.slowest:
@@ -166,6 +192,7 @@ class Outline:
     supports: list[Polygon]
     plan: Plan
     slowdown: float
+    stride: float
 
     @property
     def reach(self) -> Floats:
@@ -183,15 +210,37 @@ def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> 
     supports = _supports(score, places)
     centre = planter.centres(wished)
     plan = plan_centre(centre[:, :2], centre[:, 2], supports, clip.fps, how)
-    return Outline(score, wished, places, supports, plan, float(stretch.mean()))
+    return Outline(score, wished, places, supports, plan, float(stretch.mean()), clip.stride)
 
 
 def played(planter: Planter, outline: Outline) -> Balanced:
     """The configurations that follow an outline."""
-    qpos = _planted(planter, outline.wished, outline.places, outline.score, outline.plan)
+    return _judged(planter, outline, _planted(planter, outline, outline.wished))
+
+
+def eased(planter: Planter, outline: Outline) -> Balanced:
+    """As `played`, smoothed and planted anew as long as joints leap from one way of standing to another."""
+    qpos = _planted(planter, outline, outline.wished)
+    for _ in range(EASINGS):
+        wished = _eased(planter.robot, qpos, outline.score.fps)
+        if wished is None:
+            break
+        qpos = _planted(planter, outline, wished)
+    return _judged(planter, outline, qpos)
+
+
+def _judged(planter: Planter, outline: Outline, qpos: Floats) -> Balanced:
     zmp = zero_moment_points(planter.robot, qpos, outline.score.fps, QUICK)
     margin = np.array([p.margin(x) for p, x in zip(outline.supports, zmp, strict=True)])
-    return Balanced(qpos, outline.score, outline.places, outline.plan, outline.slowdown, zmp, margin)
+    return Balanced(qpos, outline.score, outline.places, outline.plan, outline.slowdown, outline.stride, zmp, margin)
+
+
+def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
+    """(T, nq) what a playback does at the clip's own frames."""
+    inside = np.flatnonzero(found.score.share >= 1)
+    inside = inside[np.unique(found.score.at[inside], return_index=True)[1]]
+    times = np.interp(np.arange(len(clip.qpos)), found.score.at[inside], inside / clip.fps)
+    return sample(Trajectory(found.qpos, clip.fps, robot.joint_names, robot.name), robot, times)
 
 
 def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Score:
@@ -270,13 +319,25 @@ def _supports(score: Score, places: Floats) -> list[Polygon]:
     return found
 
 
-def _planted(planter: Planter, wished: Floats, places: Floats, score: Score, plan: Plan) -> Floats:
+def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:
     """(K, nq) each frame from the correction of the one before."""
     robot, found = planter.robot, []
     correction = np.zeros(robot.model.nv)
     for k, wish in enumerate(wished):
-        grip = np.where(score.planted[k], HOLD, SWING)
+        grip = np.where(outline.score.planted[k], HOLD, SWING)
         start = integrate(robot, wish, correction)
-        found.append(planter.plant(start, wish, places[k], plan.centre[k], grip))
+        found.append(planter.plant(start, wish, outline.places[k], outline.plan.centre[k], grip))
         correction = difference(robot, wish, found[-1])
     return np.array(found)
+
+
+def _eased(robot: Robot, qpos: Floats, fps: float) -> Floats | None:
+    """The motion smoothed where a joint leaps from one way of standing to another; None where none does."""
+    leaps = (np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps > robot.max_speed).any(axis=1)
+    if not leaps.any():
+        return None
+    near = maximum_filter1d(np.append(leaps, False).astype(float), 2 * round(EASE * fps) + 1)
+    part = gaussian_filter1d(near, EASE * fps / 2)
+    speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
+    offsets = part[:, None] * smooth_offsets(speed, EASE_STIFFNESS * (fps / 30) ** 4)
+    return np.array([integrate(robot, q, d) for q, d in zip(qpos, offsets, strict=True)])

@@ -28,7 +28,7 @@ MARGIN = 0.025
 """Links stay this share of a leg apart: servos lag, and links that are planned to pass closely touch."""
 BENT = 0.12
 """A knee is bent so far at least [rad]."""
-TOLERANCE = 1e-4
+TOLERANCE = 1e-7
 """As `Options.tolerance`."""
 ASTRAY = 0.5
 """A pose that costs more than this is sought again from elsewhere."""
@@ -38,15 +38,15 @@ ASTRAY = 0.5
 class Draw:
     """How strongly a pose is drawn to the wished one."""
 
-    arms: float = 3.0
+    arms: float = 1.0
     """Hinges that no leg moves with: arms, head, waist [1/rad²]."""
     legs: float = 0.05
     """Hinges between pelvis and soles [1/rad²]."""
-    tilt: float = 2.0
+    tilt: float = 20.0
     """The root's orientation [1/rad²]."""
     travel: float = 0.1
     """The root's place along the floor, over the squared leg length."""
-    height: float = 2.0
+    height: float = 20.0
     """The root's height, over the squared leg length."""
 
 

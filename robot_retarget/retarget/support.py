@@ -29,8 +29,10 @@ class StepRule:
     """A stance or a swing shorter than this is noise; without a foot on the floor for longer, it is a jump [s]."""
     lift: float = 0.12
     """A foot lifted less ..."""
-    travel: float = 0.12
-    """... and put down nearer to where it stood stays planted."""
+    travel: float = 0.3
+    """... and with all corners put down nearer to where they stood stays planted."""
+    stride: float = 0.7
+    """A step carries a foot no further; longer ones shorten all steps of the clip."""
 
 
 def planted_feet(
@@ -41,7 +43,7 @@ def planted_feet(
     fps: float,
     rule: StepRule | None = None,
 ) -> np.ndarray:
-    """(T, F) which feet of the robot are planted; at least one at every frame, both where weight goes from one to the other.
+    """(T, F) which feet of the robot stand on the floor or nearly so; at least one at every frame.
 
     Args:
         stances: the human's, per foot (T, 2) toe and heel (`contacts.stances`).
@@ -56,12 +58,68 @@ def planted_feet(
     told = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(told, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
     planted = median_filter(planted, (2 * round(chosen.shortest * fps / 2) + 1, 1), mode="nearest")
-    for foot in range(len(feet)):
-        _keep_down(planted[:, foot], corners[:, foot], low[:, foot], leg, chosen)
     nobody = np.flatnonzero(~planted.any(axis=1))
     planted[nobody, speed[nobody].argmin(axis=1)] = True
-    _hand_over(planted)
     return planted
+
+
+def shortened(planted: np.ndarray, corners: Floats, leg: float, rule: StepRule | None = None) -> float:
+    """By how much the path along the floor is scaled so that no foot is carried further than a stride; at most 1."""
+    longest = max(
+        (_moved(corners[:, f], *swing) for f in range(planted.shape[1]) for swing in intervals(~planted[:, f])),
+        default=0.0,
+    )
+    return min(1.0, (rule or StepRule()).stride * leg / max(longest, 1e-9))
+
+
+def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None) -> np.ndarray:
+    """(T, F) without swings that neither lift a foot nor carry it away; both feet down where weight goes across."""
+    chosen, kept = rule or StepRule(), planted.copy()
+    low = _over_floor(corners, chosen.drift * fps)
+    for foot in range(planted.shape[1]):
+        stood = 0
+        for start, stop in intervals(~planted[:, foot]):
+            away = _moved(corners[:, foot], stood + 1, stop)
+            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg:
+                kept[start:stop, foot] = True
+            else:
+                stood = min(stop, len(planted) - 1)
+    _hand_over(kept)
+    return kept
+
+
+def parted(corners: Floats, own: Floats) -> Floats:
+    """(T, 2, 4, 3) two feet moved apart to either side where they are nearer to each other than in the stand `own`.
+
+    A human sets narrow feet past each other closely; large soles cannot pass.
+    """
+    width, now = _across(own[None])[0], _across(corners)
+    missing = np.sign(width) * np.maximum(np.abs(width) - np.sign(width) * now, 0.0)
+    ahead = _ahead(corners)
+    aside = missing[:, None] / 2 * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    apart = corners.copy()
+    apart[:, 0, :, :2] += aside[:, None]
+    apart[:, 1, :, :2] -= aside[:, None]
+    return apart
+
+
+def _across(corners: Floats) -> Floats:
+    """(T,) how far the first foot is to the left of the second, as both point [m]."""
+    ahead = _ahead(corners)
+    apart = (corners[:, 0] - corners[:, 1]).mean(axis=1)[:, :2]
+    return ahead[:, 0] * apart[:, 1] - ahead[:, 1] * apart[:, 0]
+
+
+def _ahead(corners: Floats) -> Floats:
+    """(T, 2) unit vectors along which both feet (T, F, 4, 3) point."""
+    ahead = (corners[..., :2, :2].mean(axis=2) - corners[..., 2:, :2].mean(axis=2)).sum(axis=1)
+    return ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+
+
+def _moved(corners: Floats, start: int, stop: int) -> float:
+    """How far the furthest corner of a foot (T, 4, 3) goes from the frame before `start` to the frame `stop` [m]."""
+    before, after = max(start - 1, 0), min(stop, len(corners) - 1)
+    return float(np.linalg.norm((corners[after] - corners[before])[:, :2], axis=1).max())
 
 
 def _over_floor(corners: Floats, reach: float) -> Floats:
@@ -84,15 +142,6 @@ def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
                 f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
                 "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
             )
-
-
-def _keep_down(planted: np.ndarray, corners: Floats, low: Floats, leg: float, rule: StepRule) -> None:
-    """Swings that neither lift the foot nor carry it elsewhere become stance, in place."""
-    for start, stop in intervals(~planted):
-        before, after = max(start - 1, 0), min(stop, len(planted) - 1)
-        moved = np.linalg.norm((corners[after] - corners[before]).mean(axis=0)[:2])
-        if low[start:stop].max() < rule.lift * leg and moved < rule.travel * leg:
-            planted[start:stop] = True
 
 
 def _hand_over(planted: np.ndarray) -> None:
