@@ -164,7 +164,7 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
     outline = outlined(planter, clip, stretch, how)
     for _ in range(chosen.shifts):
         late = outline.plan.excess > chosen.excess
-        if not late.any() or stretch.mean() > chosen.slowest:
+        if not late.any() or stretch.mean() >= chosen.slowest - 1e-3:
             break
         stretch = stretched(stretch, outline.score, shift_needs(late, outline.score, chosen), chosen)
         outline = outlined(planter, clip, stretch, how)
@@ -172,12 +172,12 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
     clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
     for _ in range(chosen.rounds):
         needs = motion_needs(planter.robot, found.qpos, found.margin / outline.reach, clip.fps, chosen)
-        if needs.max() <= 1.0 or stretch.mean() > chosen.slowest:
+        if needs.max() <= 1.0 or stretch.mean() >= chosen.slowest - 1e-3:
             break
         stretch = stretched(stretch, outline.score, needs, chosen)
         outline = outlined(planter, clip, stretch, how)
         found = played(planter, outline)
-    return found
+    return eased(planter, outline) if _leaps(planter.robot, found.qpos, clip.fps).any() else found
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,8 @@ def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> 
     places = _places(planter, clip, ends, score)
     supports = _supports(score, places)
     centre = planter.centres(wished)
-    plan = plan_centre(centre[:, :2], centre[:, 2], supports, clip.fps, how)
+    over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
+    plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
     return Outline(score, wished, places, supports, plan, float(stretch.mean()), clip.stride)
 
 
@@ -333,7 +334,7 @@ def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:
 
 def _eased(robot: Robot, qpos: Floats, fps: float) -> Floats | None:
     """The motion smoothed where a joint leaps from one way of standing to another; None where none does."""
-    leaps = (np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps > robot.max_speed).any(axis=1)
+    leaps = _leaps(robot, qpos, fps)
     if not leaps.any():
         return None
     near = maximum_filter1d(np.append(leaps, False).astype(float), 2 * round(EASE * fps) + 1)
@@ -341,3 +342,8 @@ def _eased(robot: Robot, qpos: Floats, fps: float) -> Floats | None:
     speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
     offsets = part[:, None] * smooth_offsets(speed, EASE_STIFFNESS * (fps / 30) ** 4)
     return np.array([integrate(robot, q, d) for q, d in zip(qpos, offsets, strict=True)])
+
+
+def _leaps(robot: Robot, qpos: Floats, fps: float) -> np.ndarray:
+    """(K − 1,) whether a joint turns faster than it can."""
+    return np.any(np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps > robot.max_speed, axis=1)

@@ -20,6 +20,7 @@ from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import mass_function, point_function
+from robot_retarget.robot.links import Links
 
 OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""
@@ -28,6 +29,8 @@ MARGIN = 0.025
 """Links stay this share of a leg apart: servos lag, and links that are planned to pass closely touch."""
 BENT = 0.12
 """A knee is bent so far at least [rad]."""
+CLEARANCE = 0.06
+"""Hands stay this share of a leg over the floor."""
 TOLERANCE = 1e-7
 """As `Options.tolerance`."""
 ASTRAY = 0.5
@@ -102,7 +105,9 @@ def planting_problem(robot: Robot, match: Match) -> Problem:
     """The functions of a frame without edges; its model takes (q, h, p, m, c): weights and places of corners and mass."""
     anatomy, feet = match.anatomy, tuple(match.anatomy.soles)
     soles = [anatomy.soles[foot] for foot in feet] + [sole_corners(anatomy, foot) for foot in feet]
-    points = Points(np.concatenate([s.bodies for s in soles]), np.concatenate([s.offsets for s in soles]))
+    hands = _hand_boxes(robot, match)
+    own = [hands, *soles]
+    points = Points(np.concatenate([s.bodies for s in own]), np.concatenate([s.offsets for s in own]))
     held = 3 * CORNERS * len(feet)
     q, h, p = ca.MX.sym("q", robot.model.nq), ca.MX.sym("h", held), ca.MX.sym("p", held)
     m, c = ca.MX.sym("m", 3), ca.MX.sym("c", 3)
@@ -111,18 +116,19 @@ def planting_problem(robot: Robot, match: Match) -> Problem:
     rooted = ca.sqrt(ca.vertcat(h, m)) / match.robot_leg
     residual = rooted * ca.vertcat(x[-held:] - p, centre - c)
     rows = ca.diag(rooted) @ ca.vertcat(jacobian[-held:, :], slope)
-    heights = list(range(2, x.numel() - held, 3))
-    outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, x[heights], jacobian[heights, :]]
+    low = list(range(2, x.numel() - held, 3))
+    over = x[low] - ca.DM([CLEARANCE * match.robot_leg if k < len(hands) else 0.0 for k in range(len(low))])
+    outputs = [ca.sumsqr(residual), rows.T @ residual, rows.T @ rows, over, jacobian[low, :]]
     return Problem(
         robot,
         match,
         dense_function("planting", [q, h, p, m, c], outputs),
         dense_function("cost", [q, h, p, m, c], outputs[:1]),
         dense_function("stress", [q], [ca.MX(0, 1)]),
-        dense_function("heights", [q], [x[heights]]),
+        dense_function("heights", [q], [x[low[len(hands) :]]]),
         dense_function("corners", [q], [x[-held:]]),
         feet,
-        len(heights),
+        len(low),
     )
 
 
@@ -137,6 +143,21 @@ def _knees_bent(robot: Robot, match: Match) -> Box:
             else:
                 upper[hinge] = min(upper[hinge], -BENT)
     return Box(lower, upper)
+
+
+def _hand_boxes(robot: Robot, match: Match) -> Points:
+    """The corners of a box around each forearm's end, in its body's frame: a hand on the floor tips a robot over."""
+    links, bodies, offsets = Links(robot), [], []
+    for hand in ("l_hand", "r_hand"):
+        if hand not in match.anatomy.spots:
+            continue
+        link = links.links_of(match.anatomy.spots[hand].body)
+        surface = np.concatenate([links.surface(k) for k in link])
+        local = np.array([links.local(link[0], point) for point in surface])
+        ends = np.stack([local.min(axis=0), local.max(axis=0)])
+        box = [[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        bodies, offsets = [*bodies, *[link[0]] * len(box)], [*offsets, *box]
+    return Points(np.array(bodies, int), np.array(offsets).reshape(-1, 3))
 
 
 def _mass(robot: Robot) -> tuple[list[ca.MX], list[ca.MX]]:

@@ -17,7 +17,7 @@ class Pacing:
     """At most, over the whole clip."""
     speed: float = 0.85
     """Share of a joint's greatest speed that is used."""
-    edge: float = 0.2
+    edge: float = 0.3
     """The zero moment point stays this share of the way from the edge of the support to its middle inside."""
     excess: float = 1e-3
     """The planned centre of mass may leave its polygon by this [m]."""
@@ -27,11 +27,13 @@ class Pacing:
     """... and on the other frames near it."""
     near: float = 0.5
     """How near, in time of the playback [s]."""
+    most: float = 1.5
+    """Factor on any frame, a round."""
     blend: float = 0.07
     """Time over which the pace changes, in time of the clip [s]."""
     shifts: int = 24
     """Rounds of shifting weight, which are cheap ..."""
-    rounds: int = 6
+    rounds: int = 4
     """... and rounds of the whole motion."""
 
 
@@ -49,14 +51,15 @@ class Score:
 
 
 def stretched(stretch: Floats, score: Score, needs: Floats, pacing: Pacing) -> Floats:
-    """Frame durations (T − 1,) multiplied by what the frames of the playback (K,) need, blended over time."""
+    """Frame durations (T − 1,) multiplied by what the frames of the playback (K,) need, blended over time and capped."""
     left = np.minimum(score.at.astype(int), len(stretch) - 1)
     inside = score.share >= 1
     factor = np.ones(len(stretch))
     np.maximum.at(factor, left[inside], needs[inside])
     width = pacing.blend * score.fps
     wide = maximum_filter1d(factor, 2 * round(2 * width) + 1, mode="nearest")
-    return stretch * np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))
+    slower = stretch * np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))
+    return 1 + (slower - 1) * min(1.0, (pacing.slowest - 1) / max(slower.mean() - 1, 1e-9))
 
 
 def shift_needs(late: np.ndarray, score: Score, pacing: Pacing) -> Floats:
@@ -74,5 +77,4 @@ def motion_needs(robot: Robot, qpos: Floats, inside: Floats, fps: float, pacing:
     """
     speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps / (pacing.speed * robot.max_speed)
     ratio = np.concatenate([speed.max(axis=1), [0.0]])
-    leaning = np.clip(1 + (pacing.edge - inside), 1.0, 1.5)
-    return np.maximum(np.maximum(ratio, 1.0), leaning)
+    return np.clip(np.maximum(ratio, 1 + pacing.edge - inside), 1.0, pacing.most)

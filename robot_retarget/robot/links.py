@@ -83,6 +83,13 @@ class Links:
                 table[self.parent(link)].append(link)
         return table
 
+    def links_of(self, body: int) -> list[int]:
+        """The link a body belongs to and all that it carries, itself first."""
+        found = [int(self.weld[body])]
+        for link in found:
+            found += self.children[link]  # grows while it is walked through
+        return found
+
     @cached_property
     def leaves(self) -> list[int]:
         """Links that carry no other."""

@@ -15,7 +15,7 @@ from robot_retarget.retarget.balance import Clip, paced
 from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.stand import balanced_stand, stand_places
-from robot_retarget.retarget.support import foothold_places, planted_feet
+from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.robot import world_points
@@ -127,8 +127,29 @@ def test_only_a_foot_that_is_lifted_well_or_put_elsewhere_leaves_the_floor(
     lift: float, travel: float, steps: bool
 ) -> None:
     corners = soles(lift, travel)
-    planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
     assert planted[:, 1].all() and (not planted[:, 0].all()) == steps
+
+
+def test_steps_longer_than_a_stride_shorten_the_path_to_it() -> None:
+    for travel, scale in ((0.05, 1.0), (0.308, 0.5)):
+        corners = soles(0.02, travel)
+        planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+        assert shortened(planted, corners, 0.22) == pytest.approx(scale, abs=0.01)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-0.1, 0.2))
+@settings(max_examples=30, deadline=None)
+def test_feet_are_set_apart_sideways_as_far_as_in_the_stand_whichever_way_they_point(turn: float, gap: float) -> None:
+    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    own, corners = soles(0.0, frames=1)[0], soles(0.0, frames=1)
+    for feet in (own, corners[0]):  # corners in order: front left, front right, rear left, rear right
+        for foot in feet:
+            foot[:, :2] = foot[[0, 3, 1, 2], :2]
+    corners[0, 0, :, 1] += gap
+    corners[..., :2] = corners[..., :2] @ spin.T
+    set_apart = parted(corners, own)[0] @ np.block([[spin, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]])
+    assert (set_apart[0] - set_apart[1]).mean(axis=0)[1] == pytest.approx(0.12 + max(gap, 0.0), abs=1e-9)
 
 
 def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
@@ -142,7 +163,7 @@ def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
 
 def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
     corners = soles(0.02, 0.1)
-    planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
     places = foothold_places(planted, corners, 0.03, 30.0)
     swing = np.flatnonzero(~planted[:, 0])
     assert np.abs(np.diff(places[:, 0], axis=0)).max() < 0.015
@@ -198,6 +219,15 @@ def test_the_planned_zero_moment_point_is_the_one_of_the_contact_forces(planter:
     times = np.arange(len(trajectory)) / trajectory.fps
     seen = np.stack([np.interp(times, rollout.times, column) for column in pushed.T], axis=1)
     assert np.ptp(found.qpos[:, 2]) > 0.04 and np.abs(seen - found.zmp).max() < 0.01
+
+
+def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
+    robot = rr.load_robot("op3")
+    result = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), robot, balance="static")
+    report = rr.simulate(result.trajectory, robot, mode="free", playback=Playback(settle_after=2.0))
+    assert result.balance is not None and result.balance.slowdown < 4 and not result.balance.score.planted.all()
+    assert np.ptp(result.trajectory.qpos[:, 0]) > 0.3
+    assert report.figures["fall_s"] is None and report.figures["foot_slip_m"] < 0.01, report.reasons
 
 
 def test_a_balanced_squat_and_a_walk_in_place_stay_upright_on_servos(standing: Result, squat: Result) -> None:
