@@ -87,7 +87,8 @@ class Foresight:
         """Distances (1 + K, N) of pairs (N,) now and at every instant [m]; `REACH` where it is not worth measuring.
 
         A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
-        `slack`, and it does not touch already: at the main instants, and at all where those bring it near enough.
+        `slack`, and it does not touch already: at the main instants, and at all where those bring it near enough, and
+        nearer than it is.
         """
         found = np.full((1 + len(self.k), len(pairs)), REACH)
         found[0] = self.clearance.along(qpos[None], pairs, np.minimum(self.slack + drop + CLOSING, REACH))[0]
@@ -97,7 +98,8 @@ class Foresight:
             for instants in (self.main, self.other):
                 reach = np.full(len(follow), FOLLOWED)
                 found[1 + instants[:, None], follow] = self.clearance.along(path[instants], pairs[follow], reach)
-                follow = follow[found[1:, follow].min(axis=0) <= self.worth]
+                least = found[1:, follow].min(axis=0)
+                follow = follow[(least <= self.worth) & (least < found[0, follow] - CLOSING)]
         return found
 
     def outlook(self, distances: Floats) -> Outlook:
