@@ -21,7 +21,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
-from robot_retarget.simulate.plant import Mode, Plant, root_dofs
+from robot_retarget.simulate.plant import Mode, Plant, limb_inertia, root_dofs
 from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.within import within
 from robot_retarget.trajectory import Trajectory
@@ -91,17 +91,13 @@ def _rates(model: mujoco.MjModel, qpos: Floats, rate: float) -> tuple[Floats, Fl
 
 def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
     """(N, n) by how much the joints must leave the motion for their servos to follow [rad]."""
-    model, data = plant.model, mujoco.MjData(plant.model)
-    data.qpos[:] = plant.robot.standing()
-    mujoco.mj_forward(model, data)
-    full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)
-    dofs, bounds = plant.robot.dof_index, plant.bounds
+    inertia, damping = limb_inertia(plant.robot, plant.model), plant.model.dof_damping[plant.robot.dof_index]
+    bounds = plant.bounds
     changes = np.zeros_like(torque)
     for k in plant.driven:
         if np.isfinite(bounds[k]):
-            inertia, damping = float(full[dofs[k], dofs[k]]), float(model.dof_damping[dofs[k]])
-            changes[:, k] = within(torque[:, k], USABLE * float(bounds[k]), inertia, damping, dt)
+            swung, braked = float(inertia[k]), float(damping[k])
+            changes[:, k] = within(torque[:, k], USABLE * float(bounds[k]), swung, braked, dt)
     return changes
 
 

@@ -166,7 +166,7 @@ def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str
     if not bare:
         return []
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # Euler leaves a servo's damping explicit
-    inertia = _limb_inertia(robot)
+    inertia = limb_inertia(robot)
     joints = list(spec.joints)
     for k in bare:
         joint = joints[robot.joint_ids[k]]
@@ -204,9 +204,10 @@ def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
-def _limb_inertia(robot: Robot) -> Floats:
-    """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]."""
-    model, data = robot.model, mujoco.MjData(robot.model)
+def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
+    """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]; `model` as in a plant."""
+    model = model or robot.model
+    data = mujoco.MjData(model)
     data.qpos[:] = robot.standing()
     mujoco.mj_forward(model, data)
     columns = np.zeros((model.nv, model.nv))

@@ -77,7 +77,7 @@ def _how(report: Report) -> str:
     f = report.figures
     mode = "standing free on a floor" if f["mode"] == "free" else "held by the pelvis"
     goals = "goals make up for lag and load" if f["compensated"] else "goals as they are"
-    return f"{f['duration_s']:g} s, {f['frames']} frames at {f['fps']:g} fps · {mode} · {goals}"
+    return f"{f['duration_s']:.3g} s, {f['frames']} frames at {f['fps']:g} fps · {mode} · {goals}"
 
 
 def _reasons(report: Report) -> str:
