@@ -206,7 +206,7 @@ def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
 
 def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]; `model` as in a plant."""
-    model = model or robot.model
+    model = robot.model if model is None else model
     data = mujoco.MjData(model)
     data.qpos[:] = robot.standing()
     mujoco.mj_forward(model, data)
