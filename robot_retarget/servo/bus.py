@@ -32,6 +32,8 @@ TRIES = 4
 """So often a request that must not fail is repeated."""
 TURN = 0.6e-3
 """What a servo may need before it answers, its longest return delay among it [s]."""
+AWAKE = 0.2e-3
+"""So long the last answer of a cycle is awaited without sleep [s]."""
 
 WIRE_ERRORS = (OSError, serial.SerialException, termios.error)
 
@@ -191,12 +193,12 @@ class Bus:
             yield from self._chain(size, length, len(ids), until)
             return
         missing = set(ids)
-        for frame in self._frames(until):
-            if frame.id in missing and len(frame.data) == length:
-                missing.remove(frame.id)
-                yield _reply(frame)
-                if not missing:
-                    return
+        # The last one is awaited awake: the next exchange hangs on it, and waking up takes half a servo's turn.
+        while missing and (data := self._fetch(until, AWAKE if len(missing) == 1 else 0.0)):
+            for frame in self._parser.feed(data):
+                if frame.instruction == Instruction.STATUS and frame.id in missing and len(frame.data) == length:
+                    missing.remove(frame.id)
+                    yield _reply(frame)
 
     def _chain(self, size: int, length: int, count: int, until: float) -> Iterator[Reply]:
         raw = bytearray()
@@ -241,13 +243,16 @@ class Bus:
                 if frame.instruction == Instruction.STATUS and frame.stuffed:
                     yield frame
 
-    def _fetch(self, until: float) -> bytes:
-        """Some bytes, or none when the time is over.
+    def _fetch(self, until: float, awake: float = 0.0) -> bytes:
+        """Some bytes, or none when the time is over; the first `awake` seconds are not slept through.
 
         Raises:
             PortLostError: the port is gone.
         """
         try:
+            spun = time.monotonic() + awake
+            while time.monotonic() < spun and not select.select([self._fd], [], [], 0.0)[0]:
+                pass
             ready, _, _ = select.select([self._fd], [], [], max(0.0, until - time.monotonic()))
             if not ready:
                 return b""

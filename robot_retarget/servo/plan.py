@@ -51,6 +51,15 @@ class Plan:
         after = self.angles[min(k + 1, len(self.angles) - 1)]
         return self.angles[k] + (place - k) * (after - self.angles[k])
 
+    def sampled(self, period: float) -> Floats:
+        """(N, n) angles every `period` [s] from the beginning to the end: `at`, for all times at once [rad]."""
+        times = period * np.arange(round(self.duration / period) + 1)
+        inside = times % self.lap if self.lap else np.zeros(len(times))
+        place = np.where(times >= self.duration, self.lap, inside) * self.rate
+        k = np.minimum(place.astype(int), len(self.angles) - 1)
+        after = np.minimum(k + 1, len(self.angles) - 1)
+        return self.angles[k] + (place - k)[:, None] * (self.angles[after] - self.angles[k])
+
 
 def make_plan(
     trajectory: Trajectory,

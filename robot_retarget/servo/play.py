@@ -106,16 +106,17 @@ class Player:
 
     def _follow(self, cycle: Cycle, plan: Plan, phase: str) -> None:
         """Ticks on an even clock until the plan is over."""
-        period, began = 1 / self.options.rate, time.monotonic()
-        last, k, count = began, 0, round(plan.duration * self.options.rate)
+        period = 1 / self.options.rate
+        wishes = plan.sampled(period)
+        began = time.monotonic()
+        last, k, count = began, 0, len(wishes) - 1
         while k <= count:
             due = began + k * period
-            wish = plan.at(k * period)
             now = wait_until(due)
             if now - last > self.map.limits.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last = now
-            cycle.tick(wish, period, phase, due)
+            cycle.tick(wishes[k], period, phase, due)
             if self.interrupts.count:
                 raise _InterruptError
             # A tick that ran over the time of others takes their place: the motion keeps its own time.

@@ -30,6 +30,15 @@ def test_what_ends_where_it_began_is_looped() -> None:
     assert [plan.at(t)[1] for t in (0.25, 1.25, 2.25)] == pytest.approx([0.3] * 3, abs=2e-3)
 
 
+@given(st.integers(1, 3), st.floats(0.3, 3.0), st.floats(11.0, 300.0))
+def test_all_ticks_at_once_are_the_ticks_one_by_one(loops: int, speed: float, rate: float) -> None:
+    times = np.arange(0, 1.001, 0.02)[:, None]
+    plan = make_plan(Trajectory(0.3 * np.sin(2 * np.pi * times) * np.ones(4), 50, ARM.joints, "arm"), ARM, speed, loops)
+    sampled = plan.sampled(1 / rate)
+    assert sampled == pytest.approx(np.array([plan.at(k / rate) for k in range(len(sampled))]), abs=1e-9)
+    assert abs(len(sampled) - 1 - plan.duration * rate) <= 0.5 + 1e-9
+
+
 @pytest.mark.parametrize(
     ("wish", "message"),
     [
