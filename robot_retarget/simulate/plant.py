@@ -206,13 +206,13 @@ def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
 
 def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]; `model` as in a plant."""
-    model = robot.model if model is None else model
-    data = mujoco.MjData(model)
+    chosen = robot.model if model is None else model
+    data = mujoco.MjData(chosen)
     data.qpos[:] = robot.standing()
-    mujoco.mj_forward(model, data)
-    columns = np.zeros((model.nv, model.nv))
-    for column, unit in zip(columns, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
+    mujoco.mj_forward(chosen, data)
+    columns = np.zeros((chosen.nv, chosen.nv))
+    for column, unit in zip(columns, np.eye(chosen.nv), strict=True):
+        mujoco.mj_mulM(chosen, data, column, unit)
     return np.diag(columns)[robot.dof_index]
 
 
