@@ -12,9 +12,9 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.edges import Weights
 from robot_retarget.retarget.frame import Options
-from robot_retarget.retarget.solve import Smoothing
 from robot_retarget.shipped import SAMPLES
 
 

@@ -20,9 +20,11 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget import causal as causal_module
+from robot_retarget.retarget import clip as clip_module
 from robot_retarget.retarget import frame as frame_module
 from robot_retarget.retarget import quadratic as quadratic_module
-from robot_retarget.retarget import solve as solve_module
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.compiled import Compiled, QuadraticProgram
 from robot_retarget.retarget.edges import Edges, build_edges
 from robot_retarget.retarget.frame import FrameSolver
@@ -30,7 +32,8 @@ from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem, build_problem
 from robot_retarget.retarget.quadratic import Landscape
 from robot_retarget.retarget.separation import Separation
-from robot_retarget.retarget.solve import Smoothing, solve
+from robot_retarget.retarget.sketch import sketch
+from robot_retarget.retarget.solve import solve
 from robot_retarget.retarget.starts import place_root
 from robot_retarget.retarget.transfer import MOST_FPS
 from robot_retarget.robot.coupling import Coupling
@@ -47,7 +50,7 @@ IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(frame_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(solve_module, f) for f in ("integrate", "difference")]
+MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("integrate", "difference")]
 PARTS: dict[str, list[tuple[object, str]]] = {
     "kinematics and normal equations": [(Compiled, "__call__")],
     "separation of links": [(Separation, "near")],
@@ -125,10 +128,18 @@ class Stopwatch:
 
 def ours(case: Case, smoothing: Smoothing) -> Run:
     """Our solver, its starts, sketch and final check included."""
-    watch = Stopwatch()
-    solution = solve(case.problem, case.edges, case.motion.fps, smoothing=smoothing, progress=watch.tick)
-    steps, draft = float(solution.iterations.mean()), solution.timings["draft"] / solution.timings["solve"]
-    return Run(solution.trajectory.qpos, watch.now(), watch.first, steps, draft)
+    watch, drafted = Stopwatch(), [0.0]
+
+    def sketched(*args: object, **named: object) -> object:
+        began = CLOCK()
+        draft = sketch(*args, **named)
+        drafted[0] += CLOCK() - began
+        return draft
+
+    with patch.object(clip_module, "sketch", sketched):
+        solution = solve(case.problem, case.edges, case.motion.fps, smoothing=smoothing, progress=watch.tick)
+    taken = watch.now()
+    return Run(solution.trajectory.qpos, taken, watch.first, float(solution.iterations.mean()), drafted[0] / taken)
 
 
 def inverse_kinematics(case: Case) -> Run:

@@ -4,7 +4,7 @@ All wishes are distances, or their limit: a compass edge joins a keypoint to a b
 direction; as R grows, the difference of two such distances becomes the coordinate of their difference vector.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,8 @@ NEAR_GAIN = 4.0
 TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
 """A hand this near to another part, over the path between them, touches it [-]; to any other part 0.1."""
 
+FEET_REACH = 0.045
+"""The same for two feet: nearer than they pass each other in a walk [-]."""
 TOUCH_LEAD = 0.1
 """A touch begins to count this long before it is there, and ends this long after [s]."""
 
@@ -34,7 +36,7 @@ TOUCH_LEAD = 0.1
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 60.0
+    posture: float = 100.0
     """Pairwise distances over their path length."""
     touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
@@ -48,7 +50,7 @@ class Weights:
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
-    rest: float = 0.003
+    rest: float = 0.01
     """Joints as the robot stands [1/rad²]."""
 
 
@@ -97,6 +99,12 @@ class Edges:
 
     def __len__(self) -> int:
         return len(self.root)
+
+    def window(self, span: slice) -> "Edges":
+        """The edges of some frames."""
+        timed = ("distance", "priority", "touch", "direction", "frames", "root", "facing")
+        cut = {name: getattr(self, name)[span] for name in timed}
+        return replace(self, **cut, stances={foot: stands[span] for foot, stands in self.stances.items()})
 
     @cached_property
     def labels(self) -> list[str]:
@@ -173,7 +181,7 @@ def _foreseen(touching: Floats, frames: int) -> Floats:
 def _touch_reach(a: str, b: str) -> float:
     """How near two keypoints are when their parts touch, over the path between them; 0 where they cannot."""
     if {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]:
-        return 0.1
+        return FEET_REACH
     for hand, other in ((a, b), (b, a)):
         own_arm = other[:2] == hand[:2] and other[2:] in ARM
         if hand.endswith("_hand") and not own_arm:

@@ -119,7 +119,7 @@ class Stepping:
         return now, self.places
 
 
-def footholds(held: np.ndarray, corners: Floats) -> Floats:
+def footholds(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
     """(T, F, 4, 3) where the corners should be [m].
 
     A stance is at the middle of where the draft put the foot. In between, a foot follows the draft, each corner shifted
@@ -128,13 +128,15 @@ def footholds(held: np.ndarray, corners: Floats) -> Floats:
     Args:
         held: (T, F, 4) what is held.
         corners: (T, F, 4, 3) of the draft.
+        fixed: so many frames at the beginning stay as they are, and a stance that began in them where it was.
     """
     places = corners.copy()
     for foot in range(held.shape[1]):
         stands = np.asarray(held[:, foot].any(axis=1))
         for start, stop in intervals(stands):
-            whole = held[start:stop, foot].all(axis=1)
-            seen = corners[start:stop, foot][whole] if whole.any() else corners[start:stop, foot]
+            whole, known = held[start:stop, foot].all(axis=1), min(fixed, stop) if start < fixed else stop
+            settled = corners[start:known, foot]
+            seen = settled[whole[: known - start]] if whole[: known - start].any() else settled
             places[start:stop, foot] = laid(np.median(seen, axis=0), np.asarray(whole.any()))
         places[~stands, foot] += _shift_between(stands, (places - corners)[:, foot])
     return places

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.compiled import QuadraticProgram
-from robot_retarget.retarget.footing import grip_of
+from robot_retarget.retarget.footing import CORNERS, grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape, Pull, Quadratic
 from robot_retarget.retarget.solution import Status
@@ -157,10 +157,14 @@ class FrameSolver:
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
         return replace(pose, qpos=q, around=None)
 
+    def corners(self, qpos: Floats) -> Floats:
+        """(F, 4, 3) where the corners of the soles are [m]."""
+        return self.problem.corners(qpos)[0].reshape(len(self.problem.feet), CORNERS, 3)
+
     def lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let a sole sink under the floor."""
         if not (self.robot.floating and self.problem.soles):
-            return pose
+            return replace(pose, around=None)
         depth, raised = -float(self.problem.heights(pose.qpos)[0].min()), np.array(pose.qpos)
         raised[int(self.robot.model.jnt_qposadr[self.robot.root_joints[0]]) + 2] += max(depth, 0.0)
         return replace(pose, qpos=raised, around=None)

@@ -12,6 +12,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot import Robot
 
+OVERLAP = 1e-6
+"""Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""
 _YZX, _ZXY = [1, 2, 0], [2, 0, 1]
 
 
@@ -63,7 +65,7 @@ class Separation:
         """Leave out pairs that overlap at rest; remember how near the others are."""
         distance, pair, *_ = self._contacts(rest)
         for gap, (a, b) in zip(distance, pair, strict=True):
-            self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap >= 0
+            self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -OVERLAP
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 
 

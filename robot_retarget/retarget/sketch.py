@@ -14,6 +14,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.problem import frame_parameters
+from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
@@ -42,21 +43,29 @@ class Sketching:
 
 
 def sketch(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, sketching: Sketching | None = None
+    solver: FrameSolver,
+    edges: Edges,
+    held: np.ndarray,
+    fps: float,
+    sketching: Sketching | None = None,
+    known: list[Floats] | None = None,
 ) -> list[Floats]:
     """A configuration (nq,) for every frame of the clip: the cheapest path through the ways that were found.
 
-    Standing soles `held` (T, F, 4) lie on the floor; where they do is left open.
+    Standing soles `held` (T, F, 4) lie on the floor; where they do is left open. The first frames are `known` already,
+    and the path sets out from the last of them.
     """
-    chosen = sketching or Sketching()
-    step = max(1, round(fps / chosen.rate))
-    frames = np.unique(np.append(np.arange(0, len(edges), step), len(edges) - 1))
+    chosen, first = sketching or Sketching(), known or []
+    step, start = max(1, round(fps / chosen.rate)), max(len(first) - 1, 0)
+    frames = np.unique(np.append(np.arange(start, len(edges), step), len(edges) - 1))
     pool = _Pool(solver, edges, held, frames, chosen)
     stride, reach = max(1, round(chosen.every * fps / step)), round(chosen.follow * fps / step)
-    for moment in range(0, len(frames), stride):
+    if first:
+        pool.set_out(first[-1], reach)
+    for moment in range(stride if first else 0, len(frames), stride):
         pool.seek(moment, reach)
     pool.fill_gaps()
-    return _between(solver.robot, frames, [p.qpos for p in pool.cheapest()], len(edges))
+    return [*first[:start], *_between(solver.robot, frames - start, [p.qpos for p in pool.cheapest()])]
 
 
 class _Pool:
@@ -65,7 +74,14 @@ class _Pool:
     def __init__(self, solver: FrameSolver, edges: Edges, held: np.ndarray, frames: np.ndarray, sketching: Sketching):
         self.solver, self.edges, self.held, self.frames, self.sketching = solver, edges, held, frames, sketching
         self.poses: list[list[Pose]] = [[] for _ in frames]
-        self.hinges = solver.robot.qpos_index
+        self.hinges, self.first = solver.robot.qpos_index, 0
+
+    def set_out(self, qpos: Floats, reach: int) -> None:
+        """Begin with a pose that is not in question, and follow it."""
+        pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
+        self.poses[0].append(pose)
+        self.first = 1
+        self._follow(pose, range(1, min(reach + 1, len(self.frames))))
 
     def seek(self, moment: int, reach: int) -> None:
         """Find ways at a moment and follow each to both sides."""
@@ -74,7 +90,7 @@ class _Pool:
         for pose in found[: self.sketching.ways]:
             if self._add(moment, pose):
                 self._follow(pose, range(moment + 1, min(moment + reach + 1, len(self.frames))))
-                self._follow(pose, range(moment - 1, max(moment - reach - 1, -1), -1))
+                self._follow(pose, range(moment - 1, max(moment - reach - 1, self.first - 1), -1))
 
     def fill_gaps(self) -> None:
         """Follow the pose before wherever nothing was found."""
@@ -120,11 +136,11 @@ class _Pool:
         return (*frame_parameters(self.edges, frame), *self.solver.grip.lay_down(self.held[frame]))
 
 
-def _between(robot: Robot, frames: np.ndarray, poses: list[Floats], count: int) -> list[Floats]:
+def _between(robot: Robot, frames: np.ndarray, poses: list[Floats]) -> list[Floats]:
     """Configurations at every frame: straight in the hinges and the root's place, shortest arc in its rotation."""
-    known, wanted = np.array(poses), np.arange(count)
+    known, wanted = np.array(poses), np.arange(frames[-1] + 1)
     if len(frames) == 1:
-        return [known[0]] * count
+        return [known[0]]
     full = np.stack([np.interp(wanted, frames, column) for column in known.T], axis=1)
     if robot.floating:
         a = int(robot.model.jnt_qposadr[robot.root_joints[0]]) + 3

@@ -6,7 +6,7 @@ from scipy.linalg import solveh_banded
 from robot_retarget.arrays import Floats
 
 
-def smooth_offsets(speed: Floats, stiffness: float) -> Floats:
+def smooth_offsets(speed: Floats, stiffness: float, fixed: int = 0) -> Floats:
     """What to add to each frame so that second differences shrink.
 
     minimise  Σ_t ‖δ_t‖² + κ Σ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
@@ -14,6 +14,7 @@ def smooth_offsets(speed: Floats, stiffness: float) -> Floats:
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
         stiffness: κ.
+        fixed: so many frames at the beginning keep δ = 0.
 
     Returns:
         (T, n) offsets δ.
@@ -25,7 +26,9 @@ def smooth_offsets(speed: Floats, stiffness: float) -> Floats:
     pushed = np.zeros((frames, speed.shape[1]))
     for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
         pushed[shift : shift + len(bend)] += factor * bend
-    return solveh_banded(_bands(frames, stiffness), -stiffness * pushed)
+    offsets = np.zeros_like(pushed)
+    offsets[fixed:] = solveh_banded(_bands(frames, stiffness)[:, fixed:], -stiffness * pushed[fixed:])
+    return offsets
 
 
 def _bands(frames: int, stiffness: float) -> Floats:

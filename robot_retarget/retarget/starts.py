@@ -3,12 +3,13 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.mirror import Mirror, mirror_of
 
 ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""
@@ -30,11 +31,9 @@ def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: i
 
 
 def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
-    robot = problem.robot
-    draw, best = np.random.default_rng(options.seed), [base.copy() for _ in range(options.starts)]
-    for limb in limbs(problem):
-        columns = robot.qpos_index[limb]
-        angles = draw.uniform(robot.lower[limb], robot.upper[limb], (options.drawn, len(limb)))
+    best = [base.copy() for _ in range(options.starts)]
+    for limb, angles in _drawn(problem, options).items():
+        columns = problem.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
         cost = [float(problem.cost(pose, *wished)[0][0]) for pose in poses]
@@ -43,16 +42,36 @@ def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple
     return best
 
 
-def limbs(problem: Problem) -> list[Ints]:
-    """The hinges of each arm and of the head: those that move the hand or head and not the chest."""
+def _drawn(problem: Problem, options: Options) -> dict[tuple[int, ...], Floats]:
+    """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
+    robot, spots = problem.robot, problem.match.anatomy.spots
+    draw, sides = np.random.default_rng(options.seed), mirror_of(robot, _left(problem))
+    every = draw.uniform(robot.lower, robot.upper, (options.drawn, len(robot.lower)))
+    other = np.clip(sides.angles(every), robot.lower, robot.upper)
+    half = len(every) // 2
+    middle = np.concatenate([every[:half], other[:half]])
+    chosen = {"l_hand": every, "r_hand": other, "head": middle}
+    paired = {limb: table for end, table in chosen.items() if end in spots and (limb := _limb(problem, end))}
+    return {limb: (table if _mirrored(sides, limb) else every)[:, list(limb)] for limb, table in paired.items()}
+
+
+def _mirrored(sides: Mirror, limb: tuple[int, ...]) -> bool:
+    return bool((sides.partner[list(limb)] >= 0).all())
+
+
+def _left(problem: Problem) -> Floats:
+    """The robot's left at its reference pose: that of its pelvis or chest."""
+    frames = problem.match.anatomy.frames
+    body, axes = next((frames[segment] for segment in ("pelvis", "chest") if segment in frames), (0, np.eye(3)))
+    return body_frames(problem.robot, np.array(problem.robot.model.qpos0)[None])[1][0, body] @ axes[:, 1]
+
+
+def _limb(problem: Problem, end: str) -> tuple[int, ...]:
+    """The hinges of an arm or of the neck: those that move the hand or head and not the chest."""
     robot, spots, moves = problem.robot, problem.match.anatomy.spots, carrying(problem.robot.model)
     still = moves[spots["chest"].body] if "chest" in spots else np.zeros(robot.model.nv, dtype=bool)
-    found = []
-    for end in ("l_hand", "r_hand", "head"):
-        if end in spots:
-            own = np.logical_and(moves[spots[end].body], np.logical_not(still))
-            found.append(np.flatnonzero(own[robot.dof_index]))
-    return [limb for limb in found if limb.size]
+    own = np.logical_and(moves[spots[end].body], np.logical_not(still))
+    return tuple(np.flatnonzero(own[robot.dof_index]).tolist())
 
 
 def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:

@@ -10,13 +10,15 @@ import numpy as np
 from robot_retarget.motion import Motion
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.retarget.balance import Balanced, balance_of, balanced
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.edges import Edges, Weights, build_edges
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.match import Match, match
 from robot_retarget.retarget.planting import MARGIN
 from robot_retarget.retarget.problem import Problem, build_problem
+from robot_retarget.retarget.progress import Progress
 from robot_retarget.retarget.solution import Solution
-from robot_retarget.retarget.solve import Progress, Smoothing, solve
+from robot_retarget.retarget.solve import solve
 from robot_retarget.retarget.warn import Warnings, warnings_of
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory

@@ -11,6 +11,9 @@ from robot_retarget.robot.model import Robot
 _BIT = mujoco.mjtDisableBit
 _OTHERS = sum(int(bit) for bit in (_BIT.mjDSBL_CONTACT, _BIT.mjDSBL_LIMIT, _BIT.mjDSBL_FRICTIONLOSS))
 
+STRIDE = 0.2
+"""Longest step of a joint towards a closed chain [rad or m]."""
+
 
 class Coupling:
     """The violations of a robot's equality constraints and their slopes, as MuJoCo computes them."""
@@ -33,8 +36,11 @@ class Coupling:
         slope = np.asarray(self.data.efc_J).reshape(-1, self.model.nv)[:rows]
         return self.data.efc_pos[:rows].copy(), slope.copy()
 
-    def closed(self, qpos: Floats, steps: int = 4) -> Floats:
-        """The configuration nearby that holds every constraint: Newton steps that move what nothing hangs on."""
+    def closed(self, qpos: Floats, steps: int = 8) -> Floats:
+        """The configuration nearby that holds every constraint: Newton steps that move what nothing hangs on.
+
+        Steps are short, so that a rod near its dead centre is not thrown onto another branch.
+        """
         q = np.array(qpos)
         for _ in range(steps if self.present else 0):
             violation, slope = self(q)
@@ -42,6 +48,7 @@ class Coupling:
                 break
             eased = slope * self.mobility
             step = -self.mobility * (np.linalg.pinv(eased, rcond=1e-10) @ violation)
+            step *= min(1.0, STRIDE / max(float(np.abs(step).max()), STRIDE))
             mujoco.mj_integratePos(self.model, q, step, 1.0)
         return q
 

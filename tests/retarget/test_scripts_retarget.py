@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robot_retarget as rr
-from robot_retarget.retarget.solve import Smoothing
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.starts import place_root
 from robot_retarget.robot import world_points
 from robot_retarget.shipped import SAMPLES

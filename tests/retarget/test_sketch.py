@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from robot_retarget.motion import read_motion
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.frame import Pose
 from robot_retarget.retarget.sketch import Sketching, _Pool
 from robot_retarget.retarget.solution import Status
-from robot_retarget.retarget.solve import Smoothing
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import difference

@@ -71,10 +71,11 @@ def own_motion(frames: int = 12) -> tuple[Motion, np.ndarray]:
 
 def test_its_own_motion_comes_back_to_the_keypoints() -> None:
     from robot_retarget.motion.recognise import Mark, Recognition
+    from robot_retarget.retarget.clip import Smoothing
     from robot_retarget.retarget.edges import build_edges
     from robot_retarget.retarget.match import match_bodies
     from robot_retarget.retarget.problem import build_problem
-    from robot_retarget.retarget.solve import Smoothing, solve
+    from robot_retarget.retarget.solve import solve
 
     robot = load_robot("op3")
     motion, _ = own_motion()

@@ -1,0 +1,42 @@
+"""A clip of any length in windows of bounded memory that join without a seam.
+
+Each window takes over the last frames of the one before as they are: they had seen what comes after them, further than
+the smooth path reaches, so that what follows them fits as if both had been solved together.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Windows:
+    """How a clip is cut."""
+
+    length: float = 20.0
+    """Of a window [s]; a clip that is little longer stays whole."""
+    kept: float = 1.0
+    """How much of the window before stands fixed at the beginning of the next [s]."""
+    foreseen: float = 1.0
+    """How much of a window is only solved so that the rest foresees it, and then solved again by the next [s]."""
+
+    def cut(self, frames: int, fps: float) -> Iterator["Window"]:
+        """Windows that cover every frame once."""
+        length, kept, foreseen = (max(1, round(seconds * fps)) for seconds in (self.length, self.kept, self.foreseen))
+        first, done = 0, 0
+        while done < frames:
+            last = first + length
+            if last + kept + foreseen >= frames:
+                last = frames
+            final = last if last == frames else last - foreseen
+            yield Window(first, last, done - first, final)
+            first, done = final - kept, final
+
+
+@dataclass(frozen=True)
+class Window:
+    """Frames `first` … `last` − 1, of which the first `fixed` are known and those up to `final` are kept."""
+
+    first: int
+    last: int
+    fixed: int
+    final: int

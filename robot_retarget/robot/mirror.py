@@ -1,0 +1,55 @@
+"""Which hinge stands for which when a robot is seen in a mirror, and which way it then turns."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.model import Robot
+
+NEAR = 0.03
+"""Hinges whose mirrored places lie this near, over the robot's height, are counterparts."""
+ALONG = 0.95
+"""And whose mirrored axes have at least this cosine."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """The reflection in the sagittal plane, hinge by hinge."""
+
+    partner: Ints
+    """(n,) the hinge on the other side, itself in the middle, −1 where there is none."""
+    sign: Floats
+    """(n,) mirrored angle of the partner = sign · angle."""
+
+    def angles(self, angles: Floats) -> Floats:
+        """Hinge angles (…, n) as the mirrored robot has them [rad]; hinges without a counterpart stay at zero."""
+        mirrored, there = np.zeros_like(angles), self.partner >= 0
+        mirrored[..., self.partner[there]] = (angles * self.sign)[..., there]
+        return mirrored
+
+
+def mirror_of(robot: Robot, left: Floats) -> Mirror:
+    """Find each hinge's counterpart by where it is and how it turns at the reference pose.
+
+    A rotation by θ about the axis a through p becomes, in the mirror M = 1 − 2 ℓℓᵀ, one by θ about −M a through M p.
+
+    Args:
+        left: (3,) the robot's left at `qpos0`, in world coordinates.
+    """
+    data = mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(robot.model, data)
+    plane = np.eye(3) - 2 * np.outer(left, left) / (left @ left)
+    middle, size = data.xpos[robot.root_body], float(np.ptp(data.xpos[1:], axis=0).max())
+    place, axis = data.xanchor[robot.joint_ids] - middle, data.xaxis[robot.joint_ids]
+    gap, turn = (place @ plane)[:, None] - place, -(axis @ plane) @ axis.T
+    apart = np.linalg.norm(gap, axis=2) / size
+    # A hinge in the middle may have its anchor anywhere along its axis.
+    beside = np.linalg.norm(np.diagonal(gap).T - (np.diagonal(gap).T * axis).sum(1, keepdims=True) * axis, axis=1)
+    fit = np.where((apart < NEAR) & (np.abs(turn) > ALONG), apart, np.inf)
+    alone = ~np.isfinite(fit).any(axis=1) & (beside / size < NEAR) & (np.abs(np.diagonal(turn)) > ALONG)
+    fit[alone, alone] = 0.0
+    best, rows = fit.argmin(axis=1), np.arange(len(fit))
+    found = np.isfinite(fit[rows, best])
+    return Mirror(np.where(found, best, -1), np.where(found, np.sign(turn[rows, best]), 0.0))
