@@ -21,7 +21,8 @@ class Windows:
 
     def cut(self, frames: int, fps: float) -> Iterator["Window"]:
         """Windows that cover every frame once."""
-        length, kept, foreseen = (max(1, round(seconds * fps)) for seconds in (self.length, self.kept, self.foreseen))
+        kept, foreseen = (max(1, round(seconds * fps)) for seconds in (self.kept, self.foreseen))
+        length = max(round(self.length * fps), kept + foreseen + 1)  # every window adds a frame at least
         first, done = 0, 0
         while done < frames:
             last = first + length

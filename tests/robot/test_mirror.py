@@ -1,7 +1,10 @@
 """Seen in a mirror, a robot is the robot with its hinges exchanged; its keypoints say so."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from made_trajectories import robot_of
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import load_robot, recognise, world_points
@@ -35,13 +38,9 @@ def test_mirrored_hinges_put_mirrored_keypoints_on_the_other_side(name: str) -> 
     assert np.abs(reflected - world_points(robot, anatomy.points, there)).max() < 0.02 * size
 
 
-def test_a_hinge_without_a_counterpart_is_told() -> None:
-    import mujoco
-    from made_trajectories import robot_from_text
-
-    robot = robot_from_text(
-        '<mujoco><worldbody><body><geom size=".1"/><body pos="0 .2 0"><joint axis="0 1 0" range="-1 1"/>'
+def test_a_hinge_without_a_counterpart_is_told(tmp_path: Path) -> None:
+    one_arm = (
+        '<mujoco><worldbody><body><geom size=".1"/><body pos="0 .2 0"><joint name="arm" axis="1 0 0" range="-1 1"/>'
         '<geom size=".1"/></body></body></worldbody></mujoco>'
     )
-    assert isinstance(robot.model, mujoco.MjModel)
-    assert mirror_of(robot, LEFT).partner.tolist() == [-1]
+    assert mirror_of(robot_of(one_arm, tmp_path / "one_arm.xml"), LEFT).partner.tolist() == [-1]
