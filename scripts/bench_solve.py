@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import mujoco
@@ -130,7 +131,7 @@ def ours(case: Case, smoothing: Smoothing) -> Run:
     """Our solver, its starts, sketch and final check included."""
     watch, drafted = Stopwatch(), [0.0]
 
-    def sketched(*args: object, **named: object) -> object:
+    def sketched(*args: Any, **named: Any) -> list[Floats]:
         began = CLOCK()
         draft = sketch(*args, **named)
         drafted[0] += CLOCK() - began

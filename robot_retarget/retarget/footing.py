@@ -134,7 +134,8 @@ def footholds(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
     for foot in range(held.shape[1]):
         stands = np.asarray(held[:, foot].any(axis=1))
         for start, stop in intervals(stands):
-            whole, known = held[start:stop, foot].all(axis=1), min(fixed, stop) if start < fixed else stop
+            whole = np.asarray(held[start:stop, foot].all(axis=1))
+            known = min(fixed, stop) if start < fixed else stop
             settled = corners[start:known, foot]
             seen = settled[whole[: known - start]] if whole[: known - start].any() else settled
             places[start:stop, foot] = laid(np.median(seen, axis=0), np.asarray(whole.any()))
