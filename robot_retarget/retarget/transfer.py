@@ -14,7 +14,6 @@ from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.edges import Edges, Weights, build_edges
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.match import Match, match
-from robot_retarget.retarget.planting import MARGIN
 from robot_retarget.retarget.problem import Problem, build_problem
 from robot_retarget.retarget.progress import Progress
 from robot_retarget.retarget.solution import Solution
@@ -94,8 +93,6 @@ def retarget(
     """
     began = time.perf_counter()
     mode = balance_of(robot, legs, balance)
-    if mode != "off":
-        options = replace(options or Options(), margin=MARGIN)
     motion = motion.resample(min(motion.fps, MOST_FPS) if fps is None else fps)
     matched = match(motion, robot, overrides)
     edges = build_edges(motion, matched, weights)

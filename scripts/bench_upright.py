@@ -1,0 +1,146 @@
+"""Which clips stay upright: `python scripts/bench_upright.py --robots op3 … --clips FILE … --legs follow stand`.
+
+Every clip is brought into balance, played standing free on the robot's own actuators with three seconds of settling
+before and after, and judged by the simulation: a fall is a body other than a foot on the floor, or a pelvis that sank
+to half its planned height. `--draws 20` plays what stays upright in as many drawn worlds too (`simulate/domain.py`).
+Clips are classified by the human's feet. Set OMP_NUM_THREADS=1 to keep to one core.
+"""
+
+import argparse
+import json
+from dataclasses import asdict, astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+import robot_retarget as rr
+from robot_retarget.errors import BalanceError
+from robot_retarget.retarget.contacts import intervals, stances
+from robot_retarget.retarget.ground import grounded
+from robot_retarget.retarget.transfer import MOST_FPS, Result
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.simulate.compensate import compensated
+from robot_retarget.simulate.domain import Draw, draws
+from robot_retarget.simulate.figures import fall_figures
+from robot_retarget.simulate.rollout import plant_of, rollouts
+from robot_retarget.simulate.stepping import Playback, Rollout
+
+SETTLE = Playback(settle_before=3.0, settle_after=3.0)
+IN_PLACE = 0.95
+"""Share of the time that both feet of a human who stays in place are planted."""
+FLIGHT, HIGH = 0.12, 0.12
+"""No foot of the human on the floor for longer [s], both higher than this share of the leg: a jump."""
+SEATED, LOW = 0.1, 0.62
+"""Share of the time with the pelvis lower than this share of its height, far from over the feet: held by something."""
+BESIDE = 0.3
+"""Far from over the feet: the pelvis is so many legs beside their middle."""
+SUNK = 0.5
+"""A pelvis at this share of its planned height is down."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One clip on one robot."""
+
+    robot: str
+    clip: str
+    kind: str
+    legs: str
+    upright: bool
+    slowdown: float | None = None
+    stride: float | None = None
+    slip_cm: float | None = None
+    hits_mm: float | None = None
+    """Deepest overlap of the robot with itself on its servos."""
+    drawn: float | None = None
+    """Share of the drawn worlds in which it stays upright."""
+    reason: str = ""
+
+
+def kind_of(motion: rr.Motion, robot: rr.Robot) -> str:
+    """`in place`, `stepping`, `flight` or `supported`, by the human's feet and pelvis."""
+    matched = rr.match(motion, robot)
+    x = grounded(matched.human_positions(motion), matched, motion.fps) / matched.human_leg
+    ankles = x[:, [matched.index(k) for k in ("l_ankle", "r_ankle")]]
+    pelvis = x[:, matched.index("pelvis")]
+    standing = np.quantile(pelvis[:, 2], 0.95)
+    beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1) > BESIDE
+    if ((pelvis[:, 2] < LOW * standing) & beside).mean() > SEATED:
+        return "supported"
+    lift = ankles[:, :, 2].min(axis=1) - np.quantile(ankles[:, :, 2].min(axis=1), 0.05)
+    if any((stop - start) / motion.fps > FLIGHT for start, stop in intervals(lift > HIGH)):
+        return "flight"
+    planted = [both.any(axis=1) for both in stances(x * matched.human_leg, matched, motion.fps).values()]
+    return "in place" if np.logical_and.reduce(planted).mean() >= IN_PLACE else "stepping"
+
+
+def down(rollout: Rollout, result: Result) -> bool:
+    """Whether the pelvis is at half its planned height at any time, or the physics broke down."""
+    planned = np.arange(len(result.trajectory)) / result.trajectory.fps
+    height = np.interp(rollout.times, planned, result.trajectory.qpos[:, 2])
+    return rollout.unstable is not None or bool((rollout.qpos[:, 2] < SUNK * height).any())
+
+
+def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
+    """Balance, play, judge; in `count` drawn worlds too."""
+    motion = rr.read_motion(clip)
+    motion = motion.resample(min(motion.fps, MOST_FPS))
+    head = (robot.name, clip.stem, kind_of(motion, robot), legs)
+    try:
+        result = rr.retarget(motion, robot, legs=legs, balance="static")
+    except BalanceError as error:
+        return Row(*head, False, reason=str(error).split(":")[0])
+    report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE)
+    plant = plant_of(robot, "free")
+    command = compensated(plant, result.trajectory, "free", SETTLE)
+    nominal, *worlds = rollouts(plant, result.trajectory, (Draw(), *draws(count)), playback=SETTLE, command=command)
+    fell = report.figures["fall_s"] is not None or down(nominal, result)
+    stays = [not (fall_figures(world, robot)["fall_s"] is not None or down(world, result)) for world in worlds]
+    assert result.balance is not None
+    return Row(
+        *head,
+        not fell,
+        round(result.balance.slowdown, 2),
+        round(result.balance.stride, 2),
+        round(100 * report.figures["foot_slip_m"], 1),
+        round(1000 * report.figures["tracked_self_contact_depth_m"], 1),
+        float(np.mean(stays)) if stays and not fell else None,
+        "; ".join(report.reasons[:2]) or ("sank to half its height" if fell else ""),
+    )
+
+
+def table(rows: list[Row]) -> str:
+    """Markdown."""
+    names = [field.name for field in fields(Row)]
+    cells = [["" if value is None else _cell(value) for value in astuple(row)] for row in rows]
+    lines = [names, ["---"] * len(names), *cells]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(value: object) -> str:
+    return {True: "yes", False: "**no**"}[value] if isinstance(value, bool) else str(value)
+
+
+def main() -> None:
+    """Measure and print a Markdown table; `--json` keeps every row."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", nargs="+", default=["op3"])
+    parser.add_argument("--clips", nargs="+", type=Path, default=sorted(SAMPLES.glob("*.bvh")))
+    parser.add_argument("--legs", nargs="+", default=["follow", "stand"], choices=["follow", "stand"])
+    parser.add_argument("--draws", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    rows = []
+    for name in given.robots:
+        robot = rr.load_robot(name)
+        for clip in given.clips:
+            for legs in given.legs:
+                rows.append(judged(clip, robot, legs, given.draws))
+                print(table(rows[-1:]).splitlines()[-1], flush=True)
+    print("\n" + table(rows))
+    if given.json is not None:
+        given.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+
+
+if __name__ == "__main__":
+    main()

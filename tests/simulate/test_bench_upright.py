@@ -1,0 +1,53 @@
+"""The measure of uprightness on clips whose answer is known."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_files import ROOT, SHARED, needs_shared
+
+import robot_retarget as rr
+from robot_retarget.shipped import SAMPLES
+
+sys.path.insert(0, str(ROOT / "scripts"))
+from bench_upright import judged, kind_of, table
+
+BVH = SHARED / "motions/bvh"
+
+
+@pytest.mark.parametrize(("clip", "kind"), [("clap", "in place"), ("squat", "in place"), ("walk", "stepping")])
+def test_sample_clips_are_classified_by_what_the_human_does(clip: str, kind: str) -> None:
+    assert kind_of(rr.read_motion(SAMPLES / f"{clip}.bvh"), rr.load_robot("op3")) == kind
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("clip", "kind"),
+    [
+        ("fair1_zup/jumping.bvh", "flight"),
+        ("xsens_mvn/BVH2SMPL_Sit54.bvh", "supported"),
+        ("lafan1_procedural/fall_getup_procedural.bvh", "supported"),
+        ("cmu_cgspeed_motionbuilder/02_01_walk.bvh", "stepping"),
+    ],
+)
+def test_real_clips_are_classified_by_what_the_human_does(clip: str, kind: str) -> None:
+    assert kind_of(rr.read_motion(BVH / clip), rr.load_robot("op3")) == kind
+
+
+def test_a_squat_over_standing_feet_is_upright_in_its_row_and_in_drawn_worlds() -> None:
+    row = judged(SAMPLES / "squat.bvh", rr.load_robot("op3"), "stand", 2)
+    assert row.upright and row.drawn == 1.0 and row.reason == ""
+    assert row.slowdown is not None and row.slowdown <= 2 and row.slip_cm is not None and row.slip_cm < 1
+    assert "| op3 | squat | in place | stand | yes |" in table([row])
+
+
+def test_a_jump_has_a_row_that_says_why_not(tmp_path: Path) -> None:
+    motion = rr.read_motion(SAMPLES / "squat.bvh")
+    path, lifted = tmp_path / "jump.npz", motion.positions.copy()
+    time = np.linspace(0, 1, len(lifted))
+    lifted[:, :, 2] += 0.5 * np.clip(1 - ((time - 0.5) / 0.04) ** 2, 0, None)[:, None]
+    skeleton = motion.skeleton
+    np.savez(path, positions=lifted, fps=motion.fps, names=np.array(skeleton.names), parents=skeleton.parents)
+    row = judged(path, rr.load_robot("op3"), "follow", 0)
+    assert not row.upright and "no foot is on the floor from" in row.reason
