@@ -104,5 +104,17 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
             {"edge": name, "mean_error": round(mean, 4), "worst_frame": frame}
             for name, mean, frame in solution.worst_edges()
         ],
-        "notes": list(notes),
+        "notes": [*notes, *_jumps_told(solution)],
     }
+
+
+def _jumps_told(solution: Solution) -> list[str]:
+    """What to say of joints that jump: the largest, and how many more."""
+    jumps = solution.jumps()
+    if not jumps:
+        return []
+    joint, frame, step = jumps[0]
+    more = f", and {len(jumps) - 1} more such steps" if len(jumps) > 1 else ""
+    return [
+        f"{joint} jumps by {step:+.2f} rad to frame {frame}{more}: the motion is that fast, or changes its way there"
+    ]

@@ -6,26 +6,53 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import Stepping
 from robot_retarget.retarget.frame import Box, FrameSolver, Pose
+from robot_retarget.retarget.lookout import Lookout
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
+from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
+TOWARDS = 100.0
+"""Weight that carries a robot over to another way [1/rad²]."""
+ARRIVED = 0.1
+"""It is there when no hinge is further from it [rad]."""
+
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
-    """Each frame from the ones before; a foot that begins to stand stays where it was."""
-    robot, stepping, poses = solver.robot, Stepping(held), []
+    """Each frame from the ones before; a foot that begins to stand stays where it was.
+
+    When a much cheaper way is found (`Lookout`), it is solved along beside the robot, and the robot goes over to it as
+    fast as its joints may: no jump, and no staying where the first frame happened to begin.
+    """
+    robot, stepping, lookout, poses = solver.robot, Stepping(held), Lookout(solver, fps), []
     before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
+    aim: Pose | None = None
     for t in range(len(edges)):
-        holds = solver.grip.hold(*stepping.at(t, solver.corners(before)))
+        wished = (*frame_parameters(edges, t), *solver.grip.hold(*stepping.at(t, solver.corners(before))))
         neighbours = [before[robot.qpos_index]] if t else []
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
-        start = _onward(robot, poses, box) if t > 1 else before
-        poses.append(solver.lifted(solver.descend(start, (*frame_parameters(edges, t), *holds), box=box)))
+        start = _onward(robot, poses, box) if t > 1 and aim is None else before
+        if aim is not None:
+            aim = solver.descend(aim.qpos, wished)
+        poses.append(solver.lifted(solver.descend(start, wished, pull=_towards(robot, aim), box=box)))
         before = poses[-1].qpos
+        if aim is None:
+            aim = lookout.better(poses[-1], wished)
+        elif np.abs(aim.qpos - before)[robot.qpos_index].max() < ARRIVED:
+            aim = None
         count.one()
     return poses
+
+
+def _towards(robot: Robot, aim: Pose | None) -> Pull | None:
+    """Draws the hinges to another way; the root follows from what it should do."""
+    if aim is None:
+        return None
+    weight = np.zeros(robot.model.nv)
+    weight[robot.dof_index] = TOWARDS
+    return Pull(aim.qpos, np.zeros(robot.model.nv), weight)
 
 
 def _onward(robot: Robot, poses: list[Pose], box: Box) -> Floats:

@@ -9,6 +9,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.trajectory import Trajectory
 
+JUMP = 9.0
+"""A hinge that turns faster is reported: 0.3 rad between frames at 30 frames a second [rad/s]."""
+
 
 class Status(Enum):
     """Why the solver stopped at a frame; the value is the sentence for a person."""
@@ -48,6 +51,14 @@ class Solution:
         """The largest change of one hinge between two frames [rad]; a jump is seen here."""
         hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
         return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
+
+    def jumps(self) -> list[tuple[str, int, float]]:
+        """Changes of a hinge faster than `JUMP`, largest first: joint, the frame it ends at, step [rad]."""
+        names = self.trajectory.joint_names
+        steps = np.diff(self.trajectory.qpos[:, -len(names) :], axis=0)
+        frames, joints = np.nonzero(np.abs(steps) > JUMP / self.trajectory.fps)
+        order = np.argsort(-np.abs(steps[frames, joints]))
+        return [(names[joints[k]], int(frames[k]) + 1, float(steps[frames[k], joints[k]])) for k in order]
 
     def worst_edges(self, count: int = 8) -> list[tuple[str, float, int]]:
         """The posture edges with the largest mean error: name, mean error, the frame where it is largest."""

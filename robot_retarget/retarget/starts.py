@@ -32,7 +32,7 @@ def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: i
 
 def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
     best = [base.copy() for _ in range(options.starts)]
-    for limb, angles in _drawn(problem, options).items():
+    for limb, angles in drawn_limbs(problem, options).items():
         columns = problem.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
@@ -42,7 +42,7 @@ def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple
     return best
 
 
-def _drawn(problem: Problem, options: Options) -> dict[tuple[int, ...], Floats]:
+def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Floats]:
     """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
     robot, spots = problem.robot, problem.match.anatomy.spots
     draw, sides = np.random.default_rng(options.seed), mirror_of(robot, _left(problem))

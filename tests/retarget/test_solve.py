@@ -103,3 +103,16 @@ def test_the_same_input_gives_the_same_output() -> None:
     motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3")
     first, second = (retarget(motion, robot, options=Options(starts=4)).trajectory.qpos for _ in range(2))
     assert (first == second).all()
+
+
+def test_a_jump_is_told_with_its_joint_and_frame() -> None:
+    from robot_retarget.describe import describe_solution
+
+    result = retarget(read_motion(SAMPLES / "wave.bvh").resample(30).frames(0, 6), load_robot("op3"))
+    assert not result.solution.jumps()
+    qpos = np.array(result.trajectory.qpos)
+    qpos[4:, -20 + 2] -= 0.35  # the third hinge, at 30 frames a second
+    leaping = replace(result.solution, trajectory=replace(result.trajectory, qpos=qpos))
+    (joint, frame, step), *others = leaping.jumps()
+    assert (joint, frame, others) == ("l_sho_pitch", 4, []) and step == pytest.approx(-0.35, abs=0.05)
+    assert any("l_sho_pitch jumps by" in sentence for sentence in describe_solution(leaping)["notes"])
