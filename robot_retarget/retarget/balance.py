@@ -39,6 +39,8 @@ SWING = 1e3
 """Weight of a foot in the air, over the squared leg length."""
 ARC = 0.1
 """Height to which a swinging foot is lifted at least, over the leg length."""
+STOOP = 0.1
+"""A robot that steps carries its pelvis this share of a leg lower than in the stand: straight knees have to hurry."""
 EASINGS = 4
 """Rounds of smoothing where joints leap, each planted anew."""
 EASE = 0.3
@@ -113,7 +115,11 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
     posed[:, root] -= back
     corners[..., :2] -= back[:, None, None]
     corners = parted(corners, stand_places(planter))
-    return Clip(posed, corners, kept_down(planted, corners, planter.leg, fps), fps, stride)
+    kept = kept_down(planted, corners, planter.leg, fps)
+    if not kept.all():
+        stand = balanced_stand(planter, stand_places(planter))
+        posed[:, root.stop] = np.minimum(posed[:, root.stop], stand[root.stop] - STOOP * planter.leg)
+    return Clip(posed, corners, kept, fps, stride)
 
 
 LEGS = ("follow", "stand")
