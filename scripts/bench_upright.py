@@ -12,6 +12,7 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError
@@ -30,6 +31,8 @@ IN_PLACE = 0.95
 """Share of the time that both feet of a human who stays in place are planted."""
 FLIGHT, HIGH = 0.12, 0.12
 """No foot of the human on the floor for longer [s], both higher than this share of the leg: a jump."""
+DRIFT = 0.6
+"""The lowest within this time to either side is the floor: captures lose their height [s]."""
 SEATED, LOW = 0.1, 0.62
 """Share of the time with the pelvis lower than this share of its height, far from over the feet: held by something."""
 BESIDE = 0.3
@@ -67,7 +70,9 @@ def kind_of(motion: rr.Motion, robot: rr.Robot) -> str:
     beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1) > BESIDE
     if ((pelvis[:, 2] < LOW * standing) & beside).mean() > SEATED:
         return "supported"
-    lift = ankles[:, :, 2].min(axis=1) - np.quantile(ankles[:, :, 2].min(axis=1), 0.05)
+    parts = [matched.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in matched.keypoints]
+    lowest = (x[:, parts, 2] - np.quantile(x[:, parts, 2], 0.05, axis=0)).min(axis=1)  # on tiptoe toes stay low
+    lift = lowest - minimum_filter1d(lowest, 2 * round(DRIFT * motion.fps) + 1, mode="nearest")
     if any((stop - start) / motion.fps > FLIGHT for start, stop in intervals(lift > HIGH)):
         return "flight"
     planted = [both.any(axis=1) for both in stances(x * matched.human_leg, matched, motion.fps).values()]
