@@ -1,6 +1,6 @@
 """The measure of uprightness on clips whose answer is known."""
 
-import sys
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,10 @@ from shared_files import ROOT, SHARED, needs_shared
 import robot_retarget as rr
 from robot_retarget.shipped import SAMPLES
 
-sys.path.insert(0, str(ROOT / "scripts"))
-from bench_upright import judged, kind_of, table
-
+with pytest.MonkeyPatch.context() as patch:
+    patch.syspath_prepend(str(ROOT / "scripts"))
+    bench = importlib.import_module("bench_upright")
+judged, kind_of, table = bench.judged, bench.kind_of, bench.table
 BVH = SHARED / "motions/bvh"
 
 
