@@ -35,6 +35,8 @@ VARIANTS: dict[str, Variant] = {
     "no girdle": Variant(Weights(girdle=0.0)),
     "no marker": Variant(Weights(marker=0.0)),
     "no path": Variant(Weights(path=0.0)),
+    "no rest": Variant(Weights(rest=0.0)),
+    "distances by squares": Variant(Weights(posture=10.0, give=1e6)),
     "distances only": Variant(Weights(compass=0.0, girdle=0.0, marker=0.0)),
     "directions only": Variant(Weights(posture=0.0, touch=0.0)),
     "no footholds": Variant(options=Options(footholds=False)),

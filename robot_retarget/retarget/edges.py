@@ -52,6 +52,8 @@ class Weights:
     """The pelvis on its path, over the leg length."""
     rest: float = 0.01
     """Joints as the robot stands [1/rad²]."""
+    wrist: float = 0.03
+    """The same of wrists: where a forearm points is the elbow's business."""
 
 
 # Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame

@@ -25,6 +25,7 @@ from robot_retarget.retarget.compiled import Compiled, dense_function
 from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import place_function, point_function
 
@@ -101,7 +102,7 @@ class _Terms:
             _compass(x, jacobian, edges, wished.u),
             _markers(x, jacobian, edges, wished.r, w),
             _path(x, jacobian, self.match, wished.y, w),
-            _rest(self.robot, q, w),
+            _rest(self.robot, self.match, q, w),
             _holds(x[self.corners], jacobian[self.corners, :], wished, self.match.robot_leg),
         ]
         blocks = [(root * stretch, ca.diag(root) @ slope), *squared]
@@ -211,12 +212,24 @@ def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tupl
     return (x[3 * k : 3 * k + 3] - y) * scale, jacobian[3 * k : 3 * k + 3, :] * scale
 
 
-def _rest(robot: Robot, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
+def _rest(robot: Robot, match: Match, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
     """√w (q_joint − standing): decides where no edge does, as about the axis of a straight arm."""
+    root = np.sqrt(np.where(_wrists(robot, match), w.wrist, w.rest))
     rows = np.zeros((len(robot.joint_ids), robot.model.nv))
-    rows[np.arange(len(rows)), robot.dof_index] = np.sqrt(w.rest)
+    rows[np.arange(len(rows)), robot.dof_index] = root
     hinges = robot.qpos_index
-    return np.sqrt(w.rest) * (q[hinges.tolist()] - robot.standing()[hinges]), ca.DM(rows)
+    return ca.DM(root) * (q[hinges.tolist()] - robot.standing()[hinges]), ca.sparsify(ca.DM(rows))
+
+
+def _wrists(robot: Robot, match: Match) -> np.ndarray:
+    """(n,) the hinges that move a hand and no other keypoint, but for the first of each arm: that is its elbow."""
+    moves = carrying(robot.model)[match.points.bodies][:, robot.dof_index]
+    alone, found = moves.sum(axis=0) == 1, np.zeros(len(robot.joint_ids), dtype=bool)
+    for side in "lr":
+        if f"{side}_hand" in match.keypoints:
+            own = np.flatnonzero(alone & moves[match.index(f"{side}_hand")])
+            found[own[1:]] = True
+    return found
 
 
 def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:
