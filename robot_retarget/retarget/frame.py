@@ -115,9 +115,9 @@ class FrameSolver:
             forced = here.sunk or box.outside(q[self.robot.qpos_index]) > 1e-6
             step, gain = self._step(q, here, damping, trust, box)
             if step is None:
-                return self._closed(Pose(q, Status.BLOCKED, here.cost, taken, base))
+                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base))
             if gain <= least_gain * here.cost + 1e-12 and not forced:
-                return self._closed(Pose(q, Status.CONVERGED, here.cost, taken, base))
+                return self._closed(Pose(q, Status.CONVERGED, base.cost, taken, base))
             trial = integrate(self.robot, q, step)
             there = self.landscape.around(trial, wished)
             pulled = self._drawn(there, trial, pull, ahead)
@@ -127,7 +127,7 @@ class FrameSolver:
             else:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
                 refused += 1
-        return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, here.cost, taken, base))
+        return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, base.cost, taken, base))
 
     def _drawn(self, base: Quadratic, q: Floats, pull: Pull | None, ahead: Ahead | None) -> Quadratic:
         return self.landscape.foreseen(self.landscape.pulled(base, q, pull), q, ahead)

@@ -9,7 +9,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.separation import Separation, carrying
 from robot_retarget.retarget.transfer import retarget
-from robot_retarget.robot import load_robot
+from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
@@ -97,3 +97,27 @@ def test_coupling_slopes_agree_with_central_differences() -> None:
 def test_a_robot_without_equalities_has_no_coupling() -> None:
     coupling, pose = Coupling(load_robot("op3")), load_robot("op3").standing()
     assert not coupling.present and (coupling.closed(pose) == pose).all()
+
+
+def test_hands_that_clap_touch_and_do_not_pass_through_each_other() -> None:
+    robot, motion = load_robot("op3"), read_motion(SAMPLES / "clap.bvh").resample(30)
+    result = retarget(motion, robot)
+    human = result.match.human_positions(motion)
+    wrists = np.linalg.norm(human[:, result.match.index("l_hand")] - human[:, result.match.index("r_hand")], axis=1)
+    claps = [t for t in range(3, len(wrists) - 3) if wrists[t] == wrists[t - 3 : t + 4].min() and wrists[t] < 0.1]
+    apart = hand_distances(robot, result.trajectory.qpos)
+    assert len(claps) >= 6 and all(apart[t - 2 : t + 3].min() < 0.01 for t in claps)
+    assert apart.min() > -0.001
+
+
+def hand_distances(robot: Robot, qpos: np.ndarray) -> np.ndarray:
+    """(T,) between the surfaces of the two forearms with their hands, by MuJoCo's exact distance [m]."""
+    model, data = robot.model, mujoco.MjData(robot.model)
+    solid = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
+    sides = [[g for g in solid if model.body(model.geom_bodyid[g]).name == f"{s}_el_link"] for s in "lr"]
+    found = np.empty(len(qpos))
+    for t, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        found[t] = min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a in sides[0] for b in sides[1])
+    return found

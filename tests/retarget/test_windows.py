@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.clip import Smoothing
+from robot_retarget.retarget.edges import build_edges
 from robot_retarget.retarget.footing import footholds, held_corners, sole_corners
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.transfer import Result, retarget
@@ -76,8 +77,6 @@ def test_a_walk_in_windows_is_no_rougher_where_they_join(walk: tuple[Result, Res
 
 def test_a_foot_that_stands_across_a_join_does_not_move(walk: tuple[Result, Result]) -> None:
     result, robot = walk[1], load_robot("op3")
-    from robot_retarget.retarget.edges import build_edges
-
     held = held_corners(build_edges(result.motion, result.match).stances, ("l", "r"), len(result.trajectory))
     for join in [w.first + w.fixed for w in list(SHORT.cut(len(result.trajectory), 20.0))[1:]]:
         for k, foot in enumerate("lr"):
