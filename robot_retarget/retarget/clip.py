@@ -97,10 +97,11 @@ def clip_passes(
             )
             poses[t] = _resumed(poses[t], after, robot)
             count.one()
-    for t in _still_overlapping(solver, poses):
-        if t >= fixed:
-            pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
-            poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pull, box=box)
+    for t in _still_overlapping(solver, poses, fixed):
+        pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
+        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pull, box=box)
+    for t in _still_overlapping(solver, poses, fixed):  # drawn through each other: begin from where they were apart
+        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
     return [solver.lifted(pose) for pose in poses]
 
 
@@ -132,10 +133,10 @@ def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Bo
     return solver.ranges.around(neighbours, solver.robot.max_speed / fps)
 
 
-def _still_overlapping(solver: FrameSolver, poses: list[Pose]) -> list[int]:
+def _still_overlapping(solver: FrameSolver, poses: list[Pose], fixed: int) -> list[int]:
     """Frames whose links the passes left inside each other; they get a full descent."""
-    apart = solver.landscape.separation
-    return [] if apart is None else [t for t, pose in enumerate(poses) if apart.depth(pose.qpos) > OVERLAP]
+    apart, later = solver.landscape.separation, range(fixed, len(poses))
+    return [] if apart is None else [t for t in later if apart.depth(poses[t].qpos) > OVERLAP]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:
