@@ -52,7 +52,7 @@ class Weights:
     """The pelvis on its path, over the leg length."""
     rest: float = 0.01
     """Joints as the robot stands [1/rad²]."""
-    wrist: float = 0.03
+    wrist: float = 0.1
     """The same of wrists: where a forearm points is the elbow's business."""
 
 

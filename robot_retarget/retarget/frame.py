@@ -22,7 +22,7 @@ class Options:
 
     iterations: int = 12
     """At most, per frame; twice as many from a start that is no neighbour."""
-    tolerance: float = 1e-3
+    tolerance: float = 5e-4
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]."""

@@ -1,7 +1,8 @@
 """A watch for a cheaper way that a pose cannot slide into: the arm that bends the other way round.
 
-Frame by frame nobody sketches a path ahead. So a few drawn limbs are tried on every pose; once a round the cheapest is
-followed downhill, and where it ends well below the pose at hand, that is where the robot should go.
+Frame by frame nobody sketches a path ahead. So when poses begin to cost more than they did, a few drawn limbs are tried
+on each; after a round the cheapest of every limb is followed downhill, and where one ends well below the pose at hand,
+that is where the robot should go.
 """
 
 from robot_retarget.arrays import Floats
@@ -9,13 +10,15 @@ from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.starts import ROUGHLY, drawn_limbs
 
 ROUND = 0.5
-"""A watch lasts this long [s]: so long may a robot be on the wrong way unseen."""
+"""A watch lasts this long [s]."""
 TRIED = 30
 """Draws of each limb in one round."""
+WORRY = 1.2
+"""A pose is watched when it costs this many times the least so far."""
 CHEAPER = 0.8
 """Another way is taken when it costs less than this share of the present one."""
 ITERATIONS = 6
-"""Downhill, from the cheapest drawn limb."""
+"""Downhill, from a limb's cheapest draw."""
 
 
 class Lookout:
@@ -28,22 +31,37 @@ class Lookout:
             (robot.qpos_index[list(limb)], t) for limb, t in drawn_limbs(solver.problem, solver.options).items()
         ]
         self.each = -(-TRIED // self.frames)
-        self.frame, self.best = 0, (float("inf"), 0, 0)
+        self.least, self.row = float("inf"), 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new round."""
+        self.frame, self.best = 0, [(float("inf"), 0) for _ in self.limbs]
 
     def better(self, pose: Pose, wished: tuple[Floats, ...]) -> Pose | None:
         """A way that costs much less than a pose does with the same wishes, if one was found at this frame."""
+        self.least = min(self.least, pose.cost)
+        if pose.cost <= WORRY * self.least:
+            self._begin()
+            return None
+        self._try(pose, wished)
+        if self.frame < self.frames:
+            return None
+        starts = [self._with(pose, limb, row) for limb, (_, row) in enumerate(self.best)]
+        self._begin()
+        ends = [self.solver.descend(q, wished, iterations=ITERATIONS, tolerance=ROUGHLY) for q in starts]
+        found = min(ends, key=lambda end: end.cost, default=pose)
+        return found if found.cost < CHEAPER * pose.cost else None
+
+    def _try(self, pose: Pose, wished: tuple[Floats, ...]) -> None:
+        """Some draws of every limb; the cheapest of the round is kept."""
         for _ in range(self.each):
             for limb, (_, table) in enumerate(self.limbs):
-                row = self.frame % len(table)
+                row = self.row % len(table)
                 cost = float(self.solver.problem.cost(self._with(pose, limb, row), *wished)[0][0])
-                self.best = min(self.best, (cost, limb, row))
-            self.frame += 1
-        if self.frame % (self.each * self.frames) or not self.limbs:
-            return None
-        _, limb, row = self.best
-        self.best = (float("inf"), 0, 0)
-        found = self.solver.descend(self._with(pose, limb, row), wished, iterations=ITERATIONS, tolerance=ROUGHLY)
-        return found if found.cost < CHEAPER * pose.cost else None
+                self.best[limb] = min(self.best[limb], (cost, row))
+            self.row += 1
+        self.frame += 1
 
     def _with(self, pose: Pose, limb: int, row: int) -> Floats:
         columns, table = self.limbs[limb]

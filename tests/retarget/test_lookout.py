@@ -35,6 +35,7 @@ def test_an_arm_on_the_wrong_way_is_found_out_within_a_round(case: tuple[FrameSo
     best, worst = found[0], found[-1]
     assert worst.cost > 2 * best.cost
     watch = Lookout(solver, FPS)
+    assert watch.better(best, wished) is None  # so it knows what a good pose costs
     better = [pose for _ in range(watch.frames) if (pose := watch.better(worst, wished)) is not None]
     assert len(better) == 1 and better[0].cost < CHEAPER * worst.cost
     assert all(Lookout.better(watch, best, wished) is None for _ in range(watch.frames))
