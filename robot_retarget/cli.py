@@ -4,24 +4,29 @@ Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stde
 """
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from robot_retarget import console
 from robot_retarget.cli_servos import play, servos_app
+from robot_retarget.cli_stages import (
+    Wishes,
+    carried_over,
+    draw_warnings,
+    fill_folder,
+    foreseen,
+    judged,
+    load,
+    names_robot,
+    play_on_emulated,
+    read_clip,
+    shipped_clip,
+    write_page,
+)
 from robot_retarget.errors import RobotRetargetError, UsageError
 from robot_retarget.shipped import MODELS
-
-if TYPE_CHECKING:
-    from robot_retarget.motion import Motion
-    from robot_retarget.retarget.transfer import Result
-    from robot_retarget.retarget.warn import Warnings
-    from robot_retarget.robot import Robot
-    from robot_retarget.simulate.report import Report
-    from robot_retarget.trajectory import Trajectory
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -68,10 +73,10 @@ def info(
 
     if (file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
-    if robot is not None or _is_robot(str(file)):
-        facts = describe_robot(_load_robot(str(robot or file), limits))
+    if robot is not None or names_robot(str(file)):
+        facts = describe_robot(load(str(robot or file), limits))
     else:
-        facts = describe_motion(_read(Path(str(file)), None))
+        facts = describe_motion(read_clip(Path(str(file)), None))
     if json:
         console.dump(facts)
     elif facts["kind"] == "robot":
@@ -99,8 +104,8 @@ def solve(
     from robot_retarget.files import require_writable
 
     require_writable(output)
-    wishes = _Wishes(fps, map_file, legs, balance)
-    result = _retarget(_read(motion, frames), _load_robot(robot, limits), wishes, quiet=json)
+    wishes = Wishes(fps, map_file, legs, balance)
+    result = carried_over(read_clip(motion, frames), load(robot, limits), wishes, quiet=json)
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:
@@ -124,8 +129,8 @@ def run(
     json: Json = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png, video.mp4."""
-    wishes = _Wishes(fps, map_file, legs, balance)
-    verdict = _run(_read(motion, frames), _load_robot(robot, limits), out, wishes, json)
+    wishes = Wishes(fps, map_file, legs, balance)
+    verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, json)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
 
@@ -139,12 +144,12 @@ def demo(
     json: Json = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
-    wishes = _Wishes(None, None, legs, balance)
-    verdict = _run(_read(_sample(clip), None), _load_robot(robot, None), out, wishes, json)
+    wishes = Wishes(None, None, legs, balance)
+    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, json)
     if json or not (MODELS / robot / "servos.toml").is_file():
         return
     if verdict == "pass":
-        _play_emulated(robot, out)
+        play_on_emulated(robot, out)
     else:
         console.say("not played: the verdict is fail")
 
@@ -172,11 +177,11 @@ def simulate(
 
     if page is not None:
         require_writable(page)
-    model, played = _load_robot(robot, limits), load_trajectory(trajectory)
-    warnings = _warnings(played, model)
-    report = _simulate(trajectory, model, mode, compensate, servos, thresholds, warnings)
+    model, played = load(robot, limits), load_trajectory(trajectory)
+    warnings = foreseen(played, model)
+    report = judged(trajectory, model, mode, compensate, servos, thresholds, warnings)
     if page is not None:
-        _write_page(report, trajectory, warnings, page)
+        write_page(report, trajectory, warnings, page)
     if json:
         console.dump(report.contract())
     else:
@@ -205,7 +210,7 @@ def warn(
     for path in filter(None, (output, plot)):
         require_writable(path)
     options = WarnOptions(horizon=horizon)
-    model = _load_robot(robot, limits)
+    model = load(robot, limits)
     known = surfaces(model)
     found = warnings_of(load_trajectory(trajectory), model, options, known)
     write_csv(found.events, output)
@@ -216,7 +221,7 @@ def warn(
         console.show_warnings([event.contract() for event in found.events], figures)
         console.say(f"wrote {output}")
     if plot is not None:
-        _plot_warnings(found, plot)
+        draw_warnings(found, plot)
 
 
 @app.command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
@@ -231,181 +236,12 @@ def export(
     from robot_retarget.export import export as write
     from robot_retarget.trajectory import load_trajectory
 
-    write(load_trajectory(trajectory), _load_robot(robot, limits), format, output)
+    write(load_trajectory(trajectory), load(robot, limits), format, output)
     console.say(f"wrote {output}")
 
 
 app.add_typer(servos_app, name="servos")
 app.command(epilog="Example: robot-retarget play dance.npz --servos op3 --port /dev/ttyUSB0")(play)
-
-
-@dataclass(frozen=True)
-class _Wishes:
-    """What a user may say about how a motion is retargeted."""
-
-    fps: float | None
-    map_file: Path | None
-    legs: str
-    balance: str
-
-
-def _run(motion: "Motion", robot: "Robot", out: Path, wishes: _Wishes, json: bool) -> str:
-    """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
-    from robot_retarget.describe import describe_solution
-    from robot_retarget.files import folder
-    from robot_retarget.retarget.events import write_csv
-    from robot_retarget.simulate.rollout import simulate as roll_out
-
-    target = folder(out)
-    result = _retarget(motion, robot, wishes, quiet=json)
-    result.trajectory.save(target / "trajectory.npz")
-    warnings = result.warnings if len(result.trajectory) > 1 else None
-    mode = "free" if result.balance else "pinned"
-    report = roll_out(result.trajectory, robot, mode=mode, warnings=warnings)
-    report.save(target / "report.json")
-    if warnings is not None:
-        write_csv(warnings.events, target / "warnings.csv")
-    _show(result, robot, target, quiet=json)
-    pictures = target / "strip.png", target / "video.mp4"
-    _write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
-    solved = describe_solution(result.solution, result.notes)
-    if json:
-        files = sorted(path.name for path in target.iterdir())
-        console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
-    else:
-        console.show_solution(solved, explain=False)
-        console.show_report(report.contract())
-        console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
-    return report.verdict
-
-
-def _simulate(
-    path: Path,
-    robot: "Robot",
-    mode: str,
-    compensate: bool,
-    servos: bool,
-    thresholds: Path | None,
-    warnings: "Warnings | None",
-) -> "Report":
-    from robot_retarget.simulate.rollout import simulate as roll_out
-    from robot_retarget.simulate.thresholds import read_thresholds
-
-    most = None if thresholds is None else read_thresholds(thresholds)
-    drives = "auto" if servos else None
-    return roll_out(path, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings)
-
-
-def _warnings(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
-    """The warnings of a trajectory; a single frame has no next one to warn of."""
-    from robot_retarget.retarget.warn import warnings_of
-
-    return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
-
-
-def _play_emulated(robot: str, folder: Path) -> None:
-    """Play the folder's trajectory on an emulated bus with the robot's model behind it, and say how it went."""
-    from robot_retarget.servo.emulated import followed, play_emulated
-    from robot_retarget.servo.map import load_map
-    from robot_retarget.trajectory import load_trajectory
-
-    console.say("\nplaying on the emulated robot, in real time")
-    outcome = play_emulated(load_trajectory(folder / "trajectory.npz"), load_map(robot), log=folder / "play.npz")
-    console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
-
-
-def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
-    """Draw the strip and the film; what cannot be drawn is said."""
-    from robot_retarget.view import Picture, Unavailable, strip, video
-
-    human = result.match.human_positions(result.motion)
-    bones = result.match.bones
-    picture = strip(robot, result.trajectory, human, bones)
-    if isinstance(picture, Picture):
-        picture.save(target / "strip.png")
-    with console.progress("film", quiet) as advance:
-        film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
-    for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
-        console.note(sentence)
-
-
-def _write_page(
-    report: "Report",
-    trajectory: Path,
-    warnings: "Warnings | None",
-    page: Path,
-    strip: Path | None = None,
-    film: Path | None = None,
-) -> None:
-    """Write the report's page; what hinders it is said."""
-    from robot_retarget.view import Unavailable
-    from robot_retarget.view.page import save_page
-
-    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film)
-    if isinstance(drawn, Unavailable):
-        console.note(drawn.reason)
-
-
-def _plot_warnings(warnings: "Warnings", path: Path) -> None:
-    """Draw the pairs that were flagged; what cannot be drawn is said."""
-    from robot_retarget.view import Unavailable
-    from robot_retarget.view.approaches import plot_warnings
-
-    drawn = plot_warnings(warnings, path)
-    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
-
-
-def _retarget(motion: "Motion", robot: "Robot", wishes: _Wishes, quiet: bool) -> "Result":
-    from robot_retarget.retarget.transfer import retarget
-
-    with console.progress(f"retarget to {robot.name}", quiet) as advance:
-        return retarget(
-            motion,
-            robot,
-            fps=wishes.fps,
-            overrides=wishes.map_file,
-            legs=wishes.legs,
-            balance=wishes.balance,
-            progress=advance,
-        )
-
-
-def _read(path: Path, frames: str | None) -> "Motion":
-    from robot_retarget.motion import read_motion
-
-    motion = read_motion(path)
-    if frames is None:
-        return motion
-    start, colon, stop = frames.partition(":")
-    try:
-        return motion.frames(int(start or 0), int(stop) if stop else len(motion) if colon else int(start) + 1)
-    except ValueError:
-        raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
-
-
-def _load_robot(name: str, limits: Path | None) -> "Robot":
-    from robot_retarget.robot import load_robot
-
-    return load_robot(name, limits)
-
-
-def _is_robot(name: str) -> bool:
-    from robot_retarget.robot import shipped_robots
-
-    path = Path(name)
-    return (
-        path.suffix.lower() in (".xml", ".mjcf") or name in shipped_robots() or (not path.suffix and not path.exists())
-    )
-
-
-def _sample(name: str) -> Path:
-    from robot_retarget.errors import known
-    from robot_retarget.shipped import SAMPLES
-
-    clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
-    if name not in clips:
-        raise UsageError(f"no shipped clip {name!r}; {known(clips)}")
-    return clips[name]
 
 
 def main() -> None:

@@ -32,12 +32,12 @@ from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem, build_problem
 from robot_retarget.retarget.quadratic import Landscape
-from robot_retarget.retarget.separation import Separation
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.solve import solve
 from robot_retarget.retarget.starts import place_root
 from robot_retarget.retarget.transfer import MOST_FPS
 from robot_retarget.robot.coupling import Coupling
+from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"

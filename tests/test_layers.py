@@ -24,7 +24,7 @@ LAYERS = {
 }
 LIBRARIES = {
     "casadi": ("robot/kinematics.py", "retarget/", "dgp/"),
-    "mujoco": ("robot/", "simulate/", "view/", "retarget/separation.py", "servo/twin.py", "servo/window.py"),
+    "mujoco": ("robot/", "simulate/", "view/", "servo/twin.py", "servo/window.py"),
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("cli.py", "cli_servos.py"),
     "rich": ("console.py",),

@@ -25,6 +25,6 @@ def write(trajectory: Trajectory, robot: Robot, path: Path) -> None:
     if not robot.floating:
         raise UsageError(f"format 'unitree' needs a robot with a free root; the root of {robot.name!r} is not free")
     qpos = resample(trajectory, robot, FPS).qpos
-    root = int(robot.model.jnt_qposadr[robot.root_joints[0]])
+    root = robot.root_address
     order = root + np.array([0, 1, 2, 4, 5, 6, 3])
     np.savetxt(path, qpos[:, np.concatenate([order, robot.qpos_index])], fmt=NUMBER, delimiter=",")

@@ -2,7 +2,7 @@
 
     draft ──support──▶ footholds ──retime──▶ timeline ──zmp──▶ path of the centre of mass ──planting──▶ configurations
 
-Nothing of it looks at the human again: the draft is what the robot should do, and is changed as little as balance asks.
+All but the last is laid out in `outline.py`, round after round. Nothing of it looks at the human again: the draft is what the robot should do, and is changed as little as balance asks.
 """
 
 from dataclasses import dataclass, replace
@@ -13,32 +13,25 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError, UsageError, known
-from robot_retarget.retarget.footing import HOLD, flattened
+from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.outline import Clip, Outline, outlined
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched
 from robot_retarget.retarget.smooth import smooth_offsets
-from robot_retarget.retarget.stand import balanced_stand, over_stand, root_address, stand_places
-from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened
-from robot_retarget.retarget.zmp import Plan, Polygon, Steadiness, plan_centre, support
+from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
+from robot_retarget.retarget.support import kept_down, parted, planted_feet, shortened
+from robot_retarget.retarget.zmp import Plan, Steadiness
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import zero_moment_points
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 
-LEAD = 1.5
-"""Least time from the stand into the clip's first pose, and from its last one back [s]."""
-LIFT = 0.8
-"""Of it, to lift or put down a foot that is in the air in that pose [s]."""
-LEAD_SPEED = 1.2
-"""Peak joint speed on the way [rad/s]."""
 SWAY = 0.5
 """Where a body goes is its path smoothed over this time: what is quicker is its swaying from foot to foot [s]."""
 SWING = 1e3
 """Weight of a foot in the air, over the squared leg length."""
-ARC = 0.1
-"""Height to which a swinging foot is lifted at least, over the leg length."""
 STOOP = 0.1
 """A robot that steps carries its pelvis this share of a leg lower than in the stand: straight knees have to hurry."""
 EASINGS = 4
@@ -50,20 +43,8 @@ EASE_STIFFNESS = 200.0
 QUICK = 0.04
 """Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
 
-
-@dataclass(frozen=True)
-class Clip:
-    """What is to be played: T frames."""
-
-    qpos: Floats
-    """(T, nq)."""
-    corners: Floats
-    """(T, F, 4, 3) of the soles [m]."""
-    planted: np.ndarray
-    """(T, F) feet on the floor."""
-    fps: float
-    stride: float = 1.0
-    """By how much the path along the floor was scaled."""
+LEGS = ("follow", "stand")
+MODES = ("auto", "static", "dynamic", "off")
 
 
 @dataclass(frozen=True)
@@ -108,7 +89,7 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
     corners = planter.corners(draft)
     planted = planted_feet(stances, planter.feet, corners, planter.leg, fps)
     stride = shortened(planted, corners, planter.leg)
-    root = slice(root_address(planter.robot), root_address(planter.robot) + 2)
+    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
     path = gaussian_filter1d(draft[:, root], SWAY * fps, axis=0, mode="nearest")
     back = (1 - stride) * (path - path[0])
     posed = np.array(draft)
@@ -120,10 +101,6 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
         stand = balanced_stand(planter, stand_places(planter))
         posed[:, root.stop] = np.minimum(posed[:, root.stop], stand[root.stop] - STOOP * planter.leg)
     return Clip(posed, corners, kept, fps, stride)
-
-
-LEGS = ("follow", "stand")
-MODES = ("auto", "static", "dynamic", "off")
 
 
 def balance_of(robot: Robot, legs: str, balance: str) -> str:
@@ -186,40 +163,6 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
     return eased(planter, outline) if _leaps(planter.robot, found.qpos, clip.fps).any() else found
 
 
-@dataclass(frozen=True)
-class Outline:
-    """What is wished at every frame of a playback, and where the centre of mass has to be."""
-
-    score: Score
-    wished: Floats
-    """(K, nq)."""
-    places: Floats
-    """(K, F, 4, 3) of the soles [m]."""
-    supports: list[Polygon]
-    plan: Plan
-    slowdown: float
-    stride: float
-
-    @property
-    def reach(self) -> Floats:
-        """(K,) from the middle of each support to its nearest edge [m]."""
-        return np.array([p.margin(p.middle) for p in self.supports])
-
-
-def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> Outline:
-    """Lay the clip out in time and plan its balance, frame t lasting stretch_t (T − 1,) times as long."""
-    ends = [_end_places(planter, clip, t) for t in (0, -1)]
-    stands = [balanced_stand(planter, places) for places in ends]
-    score = write_score(planter, clip, stands, stretch)
-    wished = _wished(planter, clip, stands, score)
-    places = _places(planter, clip, ends, score)
-    supports = _supports(score, places)
-    centre = planter.centres(wished)
-    over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
-    plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
-    return Outline(score, wished, places, supports, plan, float(stretch.mean()), clip.stride)
-
-
 def played(planter: Planter, outline: Outline) -> Balanced:
     """The configurations that follow an outline."""
     return _judged(planter, outline, _planted(planter, outline, outline.wished))
@@ -248,82 +191,6 @@ def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
     inside = inside[np.unique(found.score.at[inside], return_index=True)[1]]
     times = np.interp(np.arange(len(clip.qpos)), found.score.at[inside], inside / clip.fps)
     return sample(Trajectory(found.qpos, clip.fps, robot.joint_names, robot.name), robot, times)
-
-
-def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Score:
-    """Lay the clip between its two stands, frame by frame of the playback."""
-    fps, last = clip.fps, len(clip.qpos) - 1
-    times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
-    inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
-    lead, tail = (_lead_shares(planter, stand, clip, t) for stand, t in zip(stands, (0, -1), strict=True))
-    at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
-    share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
-    planted = clip.planted[np.round(at).astype(int)]
-    up = round(LIFT * fps)
-    planted[: len(lead) - up] = True
-    planted[len(at) - len(tail) + up :] = True
-    return Score(at, share, planted, fps)
-
-
-def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int) -> Floats:
-    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then time to lift a foot that is in the air."""
-    index = planter.robot.qpos_index
-    way = np.abs(clip.qpos[frame, index] - stand[index]).max()
-    count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
-    s = np.linspace(0.0, 1.0, count)
-    shares = s**3 * (10 - 15 * s + 6 * s**2)
-    lifting = 0 if clip.planted[frame].all() else round((LIFT + 0.4) * clip.fps)
-    return np.concatenate([shares, np.ones(lifting)])
-
-
-def _wished(planter: Planter, clip: Clip, stands: list[Floats], score: Score) -> Floats:
-    """(K, nq) the draft at the score's times, blended with the stands joint by joint."""
-    robot = planter.robot
-    trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
-    wished = sample(trajectory, robot, score.at / clip.fps)
-    middle = len(score.at) // 2
-    for k in np.flatnonzero(score.share < 1):
-        stand = stands[0] if k < middle else stands[1]
-        wished[k] = integrate(robot, stand, score.share[k] * difference(robot, stand, wished[k]))
-    return wished
-
-
-def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
-    """(F, 4, 3) where the feet stand before the clip or after it; a foot in the air stands beside the other."""
-    corners, planted = clip.corners[frame], clip.planted[frame]
-    own = stand_places(planter)
-    if planted.all() or not planted.any():
-        return flattened(corners)
-    there, here = flattened(corners[planted][0]), own[planted][0]
-    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (here, there))
-    turn = np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])
-    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-    return there.mean(axis=0) + (own - here.mean(axis=0)) @ spin.T
-
-
-def _places(planter: Planter, clip: Clip, ends: list[Floats], score: Score) -> Floats:
-    """(K, F, 4, 3) where the soles go."""
-    before = np.minimum(score.at.astype(int), len(clip.corners) - 2)
-    part = (score.at - before)[:, None, None, None]
-    corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
-    first, last = np.flatnonzero(score.at > 0)[0], np.flatnonzero(score.at < score.at[-1])[-1]
-    for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
-        aside = score.planted[frames] & ~clip.planted[frame]
-        corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
-    return foothold_places(score.planted, corners, ARC * planter.leg, score.fps)
-
-
-def _supports(score: Score, places: Floats) -> list[Polygon]:
-    """K hulls of the planted soles."""
-    known: dict[bytes, Polygon] = {}
-    found = []
-    for planted, corners in zip(score.planted, places, strict=True):
-        standing = corners[planted].reshape(-1, 3)
-        key = standing.tobytes()
-        if key not in known:
-            known[key] = support(standing)
-        found.append(known[key])
-    return found
 
 
 def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:

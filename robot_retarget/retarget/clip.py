@@ -97,12 +97,22 @@ def clip_passes(
             )
             poses[t] = _resumed(poses[t], after, robot)
             count.one()
-    for t in _still_overlapping(solver, poses, fixed):
-        pull, box = Pull(path[t], -dual[t], weight), _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pull, box=box)
-    for t in _still_overlapping(solver, poses, fixed):  # drawn through each other: begin from where they were apart
-        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
+    pulls = [Pull(s, -y, weight) for s, y in zip(path, dual, strict=True)]
+    _mend_overlaps(solver, poses, wished, pulls, fixed, fps)
     return [solver.lifted(pose) for pose in poses]
+
+
+def _mend_overlaps(
+    solver: FrameSolver, poses: list[Pose], wished: list[tuple[Floats, ...]], pulls: list[Pull], fixed: int, fps: float
+) -> None:
+    """A full descent for frames whose links the passes left inside each other; a second one without the pull, from the
+    frame before, for those that the smooth path draws through each other.
+    """
+    for t in _still_overlapping(solver, poses, fixed):
+        box = _reachable(solver, poses, t, fps)
+        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], box=box)
+    for t in _still_overlapping(solver, poses, fixed):
+        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
@@ -134,7 +144,7 @@ def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Bo
 
 
 def _still_overlapping(solver: FrameSolver, poses: list[Pose], fixed: int) -> list[int]:
-    """Frames whose links the passes left inside each other; they get a full descent."""
+    """Frames whose links are inside each other by more than `OVERLAP`."""
     apart, later = solver.landscape.separation, range(fixed, len(poses))
     return [] if apart is None else [t for t in later if apart.depth(poses[t].qpos) > OVERLAP]
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.contacts import intervals
-from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Anatomy, Points, Robot
+from robot_retarget.robot.separation import carrying
 
 HOLD = 1e4
 """Weight of a held coordinate, over the squared leg length: it gives way by a tenth of a millimetre."""
@@ -152,5 +152,10 @@ def _shift_between(stands: np.ndarray, offset: Floats) -> Floats:
     after = np.searchsorted(known, frames[~stands])
     first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
     share = np.clip((frames[~stands] - first) / np.maximum(last - first, 1), 0.0, 1.0)[:, None, None]
-    smooth = share**2 * (3 - 2 * share)
+    smooth = smoothstep(share)
     return (1 - smooth) * offset[first] + smooth * offset[last]
+
+
+def smoothstep(share: Floats) -> Floats:
+    """3 s² − 2 s³: from 0 to 1, at rest at both ends."""
+    return share**2 * (3 - 2 * share)

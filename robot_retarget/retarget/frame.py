@@ -86,9 +86,8 @@ class FrameSolver:
         self.ranges = Box(self.robot.lower, self.robot.upper)
         self.landscape = Landscape(problem, options.separation, options.margin)
         self.grip = grip_of(self.robot, problem.match.anatomy)
-        self.program = QuadraticProgram(
-            self.robot.model.nv + 1, self.landscape.rows
-        )  # a slack of separation stands last
+        slack = 1  # of separation; it stands last
+        self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)
 
     def descend(
         self,
@@ -166,5 +165,5 @@ class FrameSolver:
         if not (self.robot.floating and self.problem.soles):
             return replace(pose, around=None)
         depth, raised = -float(self.problem.heights(pose.qpos)[0].min()), np.array(pose.qpos)
-        raised[int(self.robot.model.jnt_qposadr[self.robot.root_joints[0]]) + 2] += max(depth, 0.0)
+        raised[self.robot.root_address + 2] += max(depth, 0.0)
         return replace(pose, qpos=raised, around=None)

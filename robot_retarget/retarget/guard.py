@@ -18,10 +18,10 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import UsageError
 from robot_retarget.retarget.approach import REST
-from robot_retarget.retarget.separation import carrying
 from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces
 from robot_retarget.robot import Robot
 from robot_retarget.robot.collidable import Clearance
+from robot_retarget.robot.separation import carrying
 
 LEAST = 2.0**-6
 """A part of a step this small is none."""

@@ -17,10 +17,10 @@ from robot_retarget.retarget.frame import Box, FrameSolver, Options
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import Pull
-from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import mass_function, point_function
 from robot_retarget.robot.links import Links
+from robot_retarget.robot.separation import carrying
 
 OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""
@@ -73,8 +73,7 @@ class Planter:
 
     def corners(self, qpos: Floats) -> Floats:
         """(T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""
-        stacked = [self.solver.problem.corners(q)[0] for q in qpos]
-        return np.reshape(stacked, (len(qpos), len(self.feet), CORNERS, 3))
+        return np.array([self.solver.corners(q) for q in qpos])
 
     def centres(self, qpos: Floats) -> Floats:
         """(T, 3) centres of mass [m]."""

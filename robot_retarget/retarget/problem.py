@@ -25,9 +25,9 @@ from robot_retarget.retarget.compiled import Compiled, dense_function
 from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import sole_corners
 from robot_retarget.retarget.match import Match
-from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import place_function, point_function
+from robot_retarget.robot.separation import carrying
 
 MARKER_ARM = 0.1
 """Markers stand this far from their segment's origin [m]; the cost does not depend on it."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.problem import Problem
-from robot_retarget.retarget.separation import Separation
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.separation import Separation
 
 REACH = 0.08
 """Links nearer than this share of a leg are kept apart by rows of the quadratic program."""

@@ -143,7 +143,7 @@ def _between(robot: Robot, frames: np.ndarray, poses: list[Floats]) -> list[Floa
         return [known[0]]
     full = np.stack([np.interp(wanted, frames, column) for column in known.T], axis=1)
     if robot.floating:
-        a = int(robot.model.jnt_qposadr[robot.root_joints[0]]) + 3
+        a = robot.root_address + 3
         turns = Slerp(frames, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
         full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
     return list(full)

@@ -10,7 +10,6 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.footing import HOLD, flattened
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.zmp import support
-from robot_retarget.robot.model import Robot
 
 CROUCH = 0.04
 """The pelvis stands this share of a leg lower than in the robot's standing pose: straight knees cannot shift weight."""
@@ -41,7 +40,7 @@ def stand_places(planter: Planter) -> Floats:
 
 def balanced_stand(planter: Planter, places: Floats) -> Floats:
     """(nq,) the standing pose with its soles on places (F, 4, 3) and its mass over the middle between them."""
-    own, address = stand_places(planter), root_address(planter.robot)
+    own, address = stand_places(planter), planter.robot.root_address
     turn = _heading(places) - _heading(own)
     posed = np.array(planter.robot.standing())
     spin = Rotation.from_euler("z", turn)
@@ -60,7 +59,7 @@ def over_stand(planter: Planter, draft: Floats, stand: Floats, fps: float, poise
     The human's slow turning is left out, the trunk's tilt and the pelvis' height stay within what feet that never move
     allow; the root stands where it does in the stand.
     """
-    chosen, address = poise or Poise(), root_address(planter.robot)
+    chosen, address = poise or Poise(), planter.robot.root_address
     posed = np.array(draft)
     legs = planter.leg_coordinates
     posed[:, legs] = stand[legs]
@@ -72,11 +71,6 @@ def over_stand(planter: Planter, draft: Floats, stand: Floats, fps: float, poise
     kept = _kept_upright(own, planter.forward, fps, chosen) * upright
     posed[:, address + 3 : address + 7] = kept.as_quat(scalar_first=True)
     return posed
-
-
-def root_address(robot: Robot) -> int:
-    """Where the free root begins in qpos."""
-    return int(robot.model.jnt_qposadr[robot.root_joints[0]])
 
 
 def _kept_upright(turns: Rotation, forward: Floats, fps: float, poise: Poise) -> Rotation:

@@ -7,9 +7,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem
-from robot_retarget.retarget.separation import carrying
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.mirror import Mirror, mirror_of
+from robot_retarget.robot.separation import carrying
 
 ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""
@@ -80,7 +80,7 @@ def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -
     if not robot.floating:
         return qpos
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
-    address = int(robot.model.jnt_qposadr[robot.root_joints[0]])
+    address = robot.root_address
     moved = np.array(qpos)
     positions, rotations = (frames[0] for frames in body_frames(robot, moved[None]))
     turn = facing @ (rotations[body] @ axes).T

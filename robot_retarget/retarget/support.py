@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
 from robot_retarget.retarget.contacts import intervals
-from robot_retarget.retarget.footing import flattened
+from robot_retarget.retarget.footing import flattened, smoothstep
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,3 @@ def _swing(start: Floats, end: Floats, draft: Floats, lift: float, fps: float) -
     missing = np.maximum(arc - placed[:, :, 2].min(axis=1), 0.0)
     placed[:, :, 2] += missing[:, None]
     return placed
-
-
-def smoothstep(share: Floats) -> Floats:
-    """3 s² − 2 s³: from 0 to 1, at rest at both ends."""
-    return share**2 * (3 - 2 * share)

@@ -1,7 +1,7 @@
 """A path of the centre of mass over a clip, planned with preview: one quadratic program over all frames.
 
     minimise  Σ ‖c_t − c⁰_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
-    subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t + e_t) ≤ b_t + s_t   (zero moment point)
+    subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t) ≤ b_t + s_t   (zero moment point)
 
 with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Everything a later frame needs is known at
 every earlier one, so weight is shifted before a foot lifts.
@@ -80,25 +80,20 @@ class Plan:
     """(T,) by how much it leaves the shrunk polygons [m]."""
 
 
-def plan_centre(
-    wished: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness, offset: Floats | None = None
-) -> Plan:
+def plan_centre(wished: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> Plan:
     """Plan the path of the centre of mass.
 
     Args:
         wished: (T, 2) c⁰ [m].
         height: (T,) of the centre of mass over the floor [m].
         supports: T polygons.
-        offset: (T, 2) e, what limbs add to the zero moment point of a point mass [m].
     """
     count = len(wished)
-    offset = np.zeros((count, 2)) if offset is None else offset
     acceleration = _second(count) * fps**2
     point = sparse.eye(count) - sparse.diags(height / GRAVITY) @ acceleration
-    kinds = [(sparse.eye(count), np.zeros((count, 2)))] if how.static else []
-    kinds.append((point, offset))
+    kinds = [sparse.eye(count), point] if how.static else [point]
     shrunk = [polygon.shrunk(how.keep) for polygon in supports]
-    rows, least = zip(*[_inside(shrunk, take, extra) for take, extra in kinds], strict=True)
+    rows, least = zip(*[_inside(shrunk, take) for take in kinds], strict=True)
     third = _third(count) * fps**3
     smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
@@ -107,14 +102,14 @@ def plan_centre(
     return Plan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
 
 
-def _inside(supports: list[Polygon], take: Any, extra: Floats) -> tuple[Any, Floats]:
-    """Rows (c_x, c_y, s) ↦ A_t (take c + extra)_t − s_t ≤ b_t of all frames, and their bounds."""
+def _inside(supports: list[Polygon], take: Any) -> tuple[Any, Floats]:
+    """Rows (c_x, c_y, s) ↦ A_t (take c)_t − s_t ≤ b_t of all frames, and their bounds."""
     frames = np.concatenate([np.full(len(p.bounds), t) for t, p in enumerate(supports)])
     normals, bounds = np.concatenate([p.normals for p in supports]), np.concatenate([p.bounds for p in supports])
     pick = sparse.csr_matrix((np.ones(len(frames)), (np.arange(len(frames)), frames)), (len(frames), len(supports)))
     taken = pick @ take
     rows = sparse.hstack([sparse.diags(normals[:, 0]) @ taken, sparse.diags(normals[:, 1]) @ taken, -pick])
-    return rows, bounds - (normals * extra[frames]).sum(1)
+    return rows, bounds
 
 
 def _solve(h: Any, g: Floats, a: Any, upper: Floats) -> Floats:

@@ -80,6 +80,11 @@ class Robot:
         return self.root_joints.size == 1 and self.model.jnt_type[self.root_joints[0]] == FREE
 
     @property
+    def root_address(self) -> int:
+        """Where the root's coordinates begin in qpos; of a robot with a root only."""
+        return int(self.model.jnt_qposadr[self.root_joints[0]])
+
+    @property
     def root_body(self) -> int:
         """The body that carries the root joints, or the first body of a robot bolted to the world."""
         if self.root_joints.size:

@@ -18,7 +18,7 @@ class Feet:
     """What stands on the floor."""
 
     names: tuple[str, ...]
-    """F names, such as `left_foot`; none where the robot is no humanoid."""
+    """F names, `l` and `r`; none where the robot is no humanoid."""
     bodies: tuple[frozenset[int], ...]
     """F: the bodies of each foot, toes too."""
     soles: Points

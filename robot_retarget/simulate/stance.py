@@ -12,8 +12,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from robot_retarget.arrays import Floats
-from robot_retarget.retarget.stand import root_address
-from robot_retarget.retarget.zmp import support
+from robot_retarget.retarget.zmp import GRAVITY, support
 from robot_retarget.robot.dynamics import momenta, zero_moment_points
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.simulate.feet import Feet, feet_of
@@ -84,7 +83,7 @@ def planned_stance(plant: Plant, trajectory: Trajectory) -> Stance | None:
     down = points[..., 2] < 2 * DOWN
     touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
     on_floor = trajectory.qpos.copy()
-    on_floor[:, root_address(robot) + 2] -= floor
+    on_floor[:, robot.root_address + 2] -= floor
     com = momenta(robot, on_floor, np.zeros((len(on_floor), robot.model.nv)))[0]
     pushed = zero_moment_points(robot, on_floor, trajectory.fps, SMOOTH)
     margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
@@ -104,7 +103,7 @@ def zero_moment_point(ground: Floats, floor: float, mass: float) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         lever = np.stack([floor * force[:, 0] - torque[:, 1], floor * force[:, 1] + torque[:, 0]], axis=1)
         point = lever / force[:, 2:]
-    point[force[:, 2] < LIGHT * mass * 9.81] = np.nan
+    point[force[:, 2] < LIGHT * mass * GRAVITY] = np.nan
     return point
 
 

@@ -7,11 +7,11 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.frame import Options
-from robot_retarget.retarget.separation import Separation, carrying
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import integrate
+from robot_retarget.robot.separation import Separation, carrying
 from robot_retarget.shipped import SAMPLES
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"

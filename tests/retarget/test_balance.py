@@ -11,8 +11,9 @@ from hypothesis.extra.numpy import arrays
 
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError, UsageError
-from robot_retarget.retarget.balance import Clip, paced
+from robot_retarget.retarget.balance import paced
 from robot_retarget.retarget.footing import HOLD
+from robot_retarget.retarget.outline import Clip
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.stand import balanced_stand, stand_places
 from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot import Robot
+from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
 """Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""

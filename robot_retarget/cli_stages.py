@@ -1,0 +1,191 @@
+"""What the commands have the stages do, from files to files, and what they say of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot_retarget import console
+from robot_retarget.errors import UsageError
+
+if TYPE_CHECKING:
+    from robot_retarget.motion import Motion
+    from robot_retarget.retarget.transfer import Result
+    from robot_retarget.retarget.warn import Warnings
+    from robot_retarget.robot import Robot
+    from robot_retarget.simulate.report import Report
+    from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a user may say about how a motion is retargeted."""
+
+    fps: float | None
+    map_file: Path | None
+    legs: str
+    balance: str
+
+
+def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, json: bool) -> str:
+    """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
+    from robot_retarget.describe import describe_solution
+    from robot_retarget.files import folder
+    from robot_retarget.retarget.events import write_csv
+    from robot_retarget.simulate.rollout import simulate as roll_out
+
+    target = folder(out)
+    result = carried_over(motion, robot, wishes, quiet=json)
+    result.trajectory.save(target / "trajectory.npz")
+    warnings = result.warnings if len(result.trajectory) > 1 else None
+    mode = "free" if result.balance else "pinned"
+    report = roll_out(result.trajectory, robot, mode=mode, warnings=warnings)
+    report.save(target / "report.json")
+    if warnings is not None:
+        write_csv(warnings.events, target / "warnings.csv")
+    _show(result, robot, target, quiet=json)
+    pictures = target / "strip.png", target / "video.mp4"
+    write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
+    solved = describe_solution(result.solution, result.notes)
+    if json:
+        files = sorted(path.name for path in target.iterdir())
+        console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
+    else:
+        console.show_solution(solved, explain=False)
+        console.show_report(report.contract())
+        console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
+    return report.verdict
+
+
+def judged(
+    path: Path,
+    robot: "Robot",
+    mode: str,
+    compensate: bool,
+    servos: bool,
+    thresholds: Path | None,
+    warnings: "Warnings | None",
+) -> "Report":
+    """A trajectory file played on simulated servos, or on the MJCF's own actuators."""
+    from robot_retarget.simulate.rollout import simulate as roll_out
+    from robot_retarget.simulate.thresholds import read_thresholds
+
+    most = None if thresholds is None else read_thresholds(thresholds)
+    drives = "auto" if servos else None
+    return roll_out(path, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings)
+
+
+def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
+    """The warnings of a trajectory; a single frame has no next one to warn of."""
+    from robot_retarget.retarget.warn import warnings_of
+
+    return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
+
+
+def play_on_emulated(robot: str, folder: Path) -> None:
+    """Play the folder's trajectory on an emulated bus with the robot's model behind it, and say how it went."""
+    from robot_retarget.servo.emulated import followed, play_emulated
+    from robot_retarget.servo.map import load_map
+    from robot_retarget.trajectory import load_trajectory
+
+    console.say("\nplaying on the emulated robot, in real time")
+    outcome = play_emulated(load_trajectory(folder / "trajectory.npz"), load_map(robot), log=folder / "play.npz")
+    console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
+
+
+def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
+    """Draw the strip and the film; what cannot be drawn is said."""
+    from robot_retarget.view import Picture, Unavailable, strip, video
+
+    human = result.match.human_positions(result.motion)
+    bones = result.match.bones
+    picture = strip(robot, result.trajectory, human, bones)
+    if isinstance(picture, Picture):
+        picture.save(target / "strip.png")
+    with console.progress("film", quiet) as advance:
+        film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
+    for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
+        console.note(sentence)
+
+
+def write_page(
+    report: "Report",
+    trajectory: Path,
+    warnings: "Warnings | None",
+    page: Path,
+    strip: Path | None = None,
+    film: Path | None = None,
+) -> None:
+    """Write the report's page; what hinders it is said."""
+    from robot_retarget.view import Unavailable
+    from robot_retarget.view.page import save_page
+
+    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film)
+    if isinstance(drawn, Unavailable):
+        console.note(drawn.reason)
+
+
+def draw_warnings(warnings: "Warnings", path: Path) -> None:
+    """Draw the pairs that were flagged; what cannot be drawn is said."""
+    from robot_retarget.view import Unavailable
+    from robot_retarget.view.approaches import plot_warnings
+
+    drawn = plot_warnings(warnings, path)
+    console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
+
+
+def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) -> "Result":
+    """The motion on the robot, with progress unless it is to be quiet."""
+    from robot_retarget.retarget.transfer import retarget
+
+    with console.progress(f"retarget to {robot.name}", quiet) as advance:
+        return retarget(
+            motion,
+            robot,
+            fps=wishes.fps,
+            overrides=wishes.map_file,
+            legs=wishes.legs,
+            balance=wishes.balance,
+            progress=advance,
+        )
+
+
+def read_clip(path: Path, frames: str | None) -> "Motion":
+    """The motion of a file, or the part of it that `START:STOP` names."""
+    from robot_retarget.motion import read_motion
+
+    motion = read_motion(path)
+    if frames is None:
+        return motion
+    start, colon, stop = frames.partition(":")
+    try:
+        return motion.frames(int(start or 0), int(stop) if stop else len(motion) if colon else int(start) + 1)
+    except ValueError:
+        raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
+
+
+def load(name: str, limits: Path | None) -> "Robot":
+    """A robot by name or file, its missing limits from a file of their own."""
+    from robot_retarget.robot import load_robot
+
+    return load_robot(name, limits)
+
+
+def names_robot(name: str) -> bool:
+    """Whether a word stands for a robot rather than for a motion file."""
+    from robot_retarget.robot import shipped_robots
+
+    path = Path(name)
+    return (
+        path.suffix.lower() in (".xml", ".mjcf") or name in shipped_robots() or (not path.suffix and not path.exists())
+    )
+
+
+def shipped_clip(name: str) -> Path:
+    """The file of a sample clip by its name."""
+    from robot_retarget.errors import known
+    from robot_retarget.shipped import SAMPLES
+
+    clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
+    if name not in clips:
+        raise UsageError(f"no shipped clip {name!r}; {known(clips)}")
+    return clips[name]
