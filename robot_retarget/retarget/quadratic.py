@@ -10,7 +10,7 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.separation import Separation
 
-REACH = 0.08
+REACH = 0.05
 """Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
 SEPARATION_COST = 1e6
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""

@@ -110,7 +110,7 @@ class Clearance:
 
 def collidable(robot: Robot) -> Pairs:
     """Pairs of links that may touch."""
-    table = _allowed(robot)
+    table = allowed(robot)
     for rest in (robot.neutral(), np.array(robot.model.qpos0)):
         table = _apart(robot, table, rest)
     links = sorted(table)
@@ -118,8 +118,8 @@ def collidable(robot: Robot) -> Pairs:
     return pairs.of(_ever_near(robot, pairs))
 
 
-def _allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Geom pairs by link pair, as the model's contact filter lets them through."""
+def allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Geom pairs (a < b) by link pair, as the model's contact filter lets them through."""
     model = robot.model
     link = np.asarray(model.body_weldid)
     carrier = link[model.body_parentid[link]]

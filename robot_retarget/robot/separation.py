@@ -1,7 +1,7 @@
 """Surfaces of links that come near each other: their distances and how a step changes them.
 
-MuJoCo finds the pairs, by the model's own contact filter, with every margin widened to the reach. Pairs that overlap
-where the robot rests are left out: they do so by construction.
+MuJoCo finds the pairs, by the model's own contact filter, with every margin widened to the reach, but for two boxes,
+which have a way of their own. Pairs that overlap where the robot rests are left out: they do so by construction.
 """
 
 import copy
@@ -9,7 +9,9 @@ import copy
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.boxes import Boxes, Near
+from robot_retarget.robot.collidable import allowed
 from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
@@ -24,6 +26,7 @@ class Separation:
         """Look `reach` [m] around every geom and keep at most so many nearest contacts."""
         self.model = copy.deepcopy(robot.model)
         self.model.geom_margin[:] = reach
+        self.model.body_margin[:] = reach  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
         self.most = most
@@ -31,40 +34,51 @@ class Separation:
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
         self.rest = np.full(self.counts.shape, np.inf)
+        self.is_box = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
+        self._watch(np.array([pair for pairs in allowed(robot).values() for pair in pairs], dtype=int).reshape(-1, 2))
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
+        self._watch(self.boxes.pairs)
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
-        distance, pair, place, normal = self._contacts(qpos)
-        order = np.argsort(distance)[: self.most]
-        first, second = self.model.geom_bodyid[pair[order]].T
-        arm, along = place[order] - self.data.subtree_com[self.model.body_rootid[first]], normal[order]
+        found = self.found(qpos)
+        found = found[np.argsort(found.distance)[: self.most]]
+        first, second = self.model.geom_bodyid[found.geoms].T
+        arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         moment = arm[:, _YZX] * along[:, _ZXY] - arm[:, _ZXY] * along[:, _YZX]
         slope = np.concatenate([moment, along], axis=1) @ self.data.cdof.T
         slope *= self.carried[second] - self.carried[first]
-        return distance[order], slope, self.rest[pair[order, 0], pair[order, 1]]
+        return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
 
     def depth(self, qpos: Floats) -> float:
         """How deep the deepest two links are inside each other [m], 0 when none touch."""
-        return float(-self._contacts(qpos)[0].min(initial=0.0))
+        return float(-self.found(qpos).distance.min(initial=0.0))
 
-    def _contacts(self, qpos: Floats) -> tuple[Floats, np.ndarray, Floats, Floats]:
-        """Distance (C,), geoms (C, 2), place (C, 3) and normal from the first to the second (C, 3) of what counts."""
+    def found(self, qpos: Floats) -> Near:
+        """All places that count where surfaces are near each other, at a configuration (nq,)."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         found = self.data.contact
-        pair = np.asarray(found.geom)
-        keep = np.flatnonzero(self.counts[pair[:, 0], pair[:, 1]])
-        return found.dist[keep], pair[keep], found.pos[keep], found.frame[keep, :3]
+        near = Near(found.dist, found.geom, found.pos, found.frame[:, :3])
+        near = near[self.counts[near.geoms[:, 0], near.geoms[:, 1]]]
+        if not len(self.boxes.pairs):
+            return near
+        two_boxes = self.is_box[near.geoms].all(axis=1)
+        return near[~two_boxes] + self.boxes.near(self.data)
+
+    def _watch(self, pairs: Ints) -> None:
+        """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
+        two_boxes = self.is_box[pairs].all(axis=1) & self.counts[pairs[:, 0], pairs[:, 1]]
+        self.boxes = Boxes(self.model, pairs[two_boxes], float(self.model.geom_margin[0]))
 
     def _learn(self, rest: Floats) -> None:
         """Leave out pairs that overlap at rest; remember how near the others are."""
-        distance, pair, *_ = self._contacts(rest)
-        for gap, (a, b) in zip(distance, pair, strict=True):
+        found = self.found(rest)
+        for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -OVERLAP
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 

@@ -1,0 +1,102 @@
+"""Where two boxes come near each other: every place that counts, whichever box is named first.
+
+MuJoCo's own contacts of boxes that do not touch yet miss pairs, are off by up to a centimetre, and change when the
+boxes are mirrored. Here the nearest two points are those of `mj_geomDistance`. As one point lets boxes roll into each
+other about it, the corners near the other box's surface are added: the distance of a point p from a box of half sizes
+h is ‖max(|p| − h, 0)‖ outside and max(|p| − h) inside.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+
+_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """C places where geoms are near each other."""
+
+    distance: Floats
+    """(C,) [m], negative inside."""
+    geoms: Ints
+    """(C, 2)."""
+    place: Floats
+    """(C, 3) half way between the surfaces [m]."""
+    normal: Floats
+    """(C, 3) from the first geom to the second."""
+
+    def __add__(self, other: "Near") -> "Near":
+        parts = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Near(*(np.concatenate(both) for both in parts))
+
+    def __getitem__(self, keep: np.ndarray) -> "Near":
+        return Near(*(part[keep] for part in vars(self).values()))
+
+
+class Boxes:
+    """The pairs of boxes that may collide, and where they are near each other."""
+
+    def __init__(self, model: mujoco.MjModel, pairs: Ints, reach: float):
+        """Watch pairs of box geoms (N, 2) within `reach` [m]."""
+        self.model, self.pairs, self.reach = model, pairs, reach
+        self.sizes = np.array(model.geom_size)
+        self.balls = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
+
+    def near(self, data: mujoco.MjData) -> Near:
+        """The places where boxes are near each other, as the geoms of `data` stand."""
+        pairs, turn, offset = self._candidates(data)
+        return self._nearest(data, pairs) + self._corners(
+            data,
+            np.concatenate([pairs, pairs[:, ::-1]]),
+            np.concatenate([turn, turn.mT]),
+            np.concatenate([offset, -_times(turn.mT, offset)]),
+        )
+
+    def _candidates(self, data: mujoco.MjData) -> tuple[Ints, Floats, Floats]:
+        """Pairs that no face holds farther apart than the reach; the second box's rotation and centre in the first's axes."""
+        gap = data.geom_xpos[self.pairs[:, 1]] - data.geom_xpos[self.pairs[:, 0]]
+        close = np.flatnonzero((gap * gap).sum(axis=1) < self.balls)
+        pairs, gap = self.pairs[close], gap[close]
+        first, second = np.moveaxis(data.geom_xmat.reshape(-1, 3, 3)[pairs], 1, 0)
+        turn, offset = first.mT @ second, _times(first.mT, gap)
+        size, spread = self.sizes[pairs], np.abs(turn)
+        apart = np.maximum(
+            np.abs(offset) - size[:, 0] - _times(spread, size[:, 1]),
+            np.abs(_times(turn.mT, offset)) - size[:, 1] - _times(spread.mT, size[:, 0]),
+        ).max(axis=1)
+        keep = apart < self.reach
+        return pairs[keep], turn[keep], offset[keep]
+
+    def _nearest(self, data: mujoco.MjData, pairs: Ints) -> Near:
+        """The nearest points of every pair; boxes that just touch have no direction and are told by their corners."""
+        ends, distance = np.zeros((len(pairs), 6)), np.empty(len(pairs))
+        for k, (a, b) in enumerate(pairs.tolist()):
+            distance[k] = mujoco.mj_geomDistance(self.model, data, a, b, 2 * self.reach, ends[k])
+        ends = ends.reshape(-1, 2, 3)
+        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > 1e-9, distance, np.inf)[:, None]
+        return Near(distance, pairs, ends.mean(axis=1), way)[np.flatnonzero(way.any(axis=1))]
+
+    def _corners(self, data: mujoco.MjData, pairs: Ints, turn: Floats, offset: Floats) -> Near:
+        """Corners of the second box of each pair near the surface of the first."""
+        corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
+        beyond = np.abs(corner) - self.sizes[pairs[:, 0], None]
+        out = np.maximum(beyond, 0.0)
+        distance = np.sqrt((out * out).sum(axis=2)) + np.minimum(beyond.max(axis=2), 0.0)
+        pair, which = np.nonzero(distance < self.reach)
+        corner, beyond, out, distance = (part[pair, which] for part in (corner, beyond, out, distance))
+        slope = np.where(distance[:, None] > 0, out, beyond == beyond.max(axis=1, keepdims=True)) * np.sign(corner)
+        slope /= np.sqrt((slope * slope).sum(axis=1, keepdims=True))
+        box = pairs[pair, 0]
+        axes = data.geom_xmat.reshape(-1, 3, 3)[box]
+        place = data.geom_xpos[box] + _times(axes, corner - 0.5 * distance[:, None] * slope)
+        return Near(distance, pairs[pair], place, _times(axes, slope))
+
+
+def _times(matrix: Floats, vector: Floats) -> Floats:
+    """(N, 3, 3) · (N, 3)."""
+    return (matrix @ vector[..., None])[..., 0]

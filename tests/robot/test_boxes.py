@@ -1,0 +1,94 @@
+"""Boxes near each other: against MuJoCo's distance of geoms, and against themselves in a mirror."""
+
+import mujoco
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.robot import load_robot
+from robot_retarget.robot.boxes import Boxes, Near
+from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.separation import Separation
+
+REACH = 0.05
+SIZES = ((0.02, 0.03, 0.05), (0.04, 0.01, 0.02))
+
+
+def two_boxes() -> tuple[mujoco.MjModel, mujoco.MjData]:
+    bodies = "".join(f'<body><freejoint/><geom type="box" size="{a} {b} {c}" mass="1"/></body>' for a, b, c in SIZES)
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    return model, mujoco.MjData(model)
+
+
+def near_at(offset: np.ndarray, turn: Rotation, reach: float = REACH) -> tuple[Near, float]:
+    """Places found, and the distance by MuJoCo, with the second box at an offset [m] and turned."""
+    model, data = two_boxes()
+    data.qpos[7:10], data.qpos[10:] = offset, turn.as_quat(scalar_first=True)
+    mujoco.mj_kinematics(model, data)
+    found = Boxes(model, np.array([[0, 1]]), reach).near(data)
+    return found, mujoco.mj_geomDistance(model, data, 0, 1, 1.0, None)
+
+
+placements = st.tuples(
+    # MuJoCo tells no depth of boxes with one centre.
+    st.tuples(*[st.floats(-0.1, 0.1)] * 3).map(np.array).filter(lambda offset: np.linalg.norm(offset) > 0.01),
+    st.tuples(*[st.floats(-3, 3)] * 3).map(lambda turn: Rotation.from_rotvec(turn)),
+)
+
+
+@given(placements)
+@settings(max_examples=200, deadline=None)
+def test_the_nearest_place_is_as_far_as_mujoco_says(placement: tuple[np.ndarray, Rotation]) -> None:
+    found, distance = near_at(*placement)
+    if distance < REACH - 1e-6:
+        assert abs(found.distance.min() - distance) < 1e-5
+        assert (found.distance >= distance - 1e-5).all()
+
+
+@given(placements)
+@settings(max_examples=100, deadline=None)
+def test_moved_apart_along_a_normal_they_are_farther_by_as_much(placement: tuple[np.ndarray, Rotation]) -> None:
+    found, distance = near_at(*placement)
+    if not 1e-3 < distance < REACH - 1e-3:
+        return
+    nearest = int(found.distance.argmin())
+    first = int(found.geoms[nearest, 0])
+    step = 1e-5 * found.normal[nearest] * (1 if first == 0 else -1)
+    assert abs(near_at(placement[0] + step, placement[1])[1] - distance - 1e-5) < 2e-7
+
+
+@given(placements)
+@settings(max_examples=100, deadline=None)
+def test_in_a_mirror_they_are_near_at_the_same_places(placement: tuple[np.ndarray, Rotation]) -> None:
+    offset, turn = placement
+    x, y, z = turn.as_rotvec()
+    seen = [near_at(offset, turn), near_at(offset * [1, -1, 1], Rotation.from_rotvec([-x, y, -z]))]
+    here, there = (np.sort(found.distance[found.distance < REACH - 1e-6]) for found, _ in seen)
+    assert np.allclose(here, there, atol=1e-6)
+
+
+def test_a_face_on_a_face_is_held_by_all_its_corners() -> None:
+    found, distance = near_at(np.array([0.0, 0.0, 0.095]), Rotation.from_euler("y", 90, degrees=True))
+    assert abs(distance - 0.005) < 1e-9
+    assert (np.abs(found.distance - 0.005) < 1e-6).sum() >= 4
+    assert np.allclose(np.abs(found.normal[found.distance < 0.006]), [0, 0, 1], atol=1e-6)
+
+
+def test_nothing_that_is_near_goes_unseen() -> None:
+    robot, reach = load_robot("op3"), 0.02
+    separation, draw = Separation(robot, reach, most=10**6), np.random.default_rng(0)
+    pairs = [pair for geoms in allowed(robot).values() for pair in geoms if separation.counts[pair]]
+    qpos, compared = robot.neutral(), 0
+    for _ in range(20):
+        qpos[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
+        found = separation.found(qpos)
+        least = dict.fromkeys(pairs, np.inf)
+        for pair, gap in zip(map(tuple, np.sort(found.geoms, axis=1).tolist()), found.distance, strict=True):
+            least[pair] = min(least[pair], gap)
+        for (a, b), gap in least.items():
+            distance = mujoco.mj_geomDistance(separation.model, separation.data, a, b, reach, None)
+            if distance < reach - 1e-4:
+                assert abs(gap - distance) < 5e-4, (robot.model.geom(a), robot.model.geom(b))
+                compared += 1
+    assert compared > 300
