@@ -21,7 +21,7 @@ import numpy as np
 
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
-from robot_retarget.servo.clock import on_time
+from robot_retarget.servo.clock import on_time, wide_awake
 from robot_retarget.servo.emulator.pace import TURNAROUND
 from robot_retarget.servo.link import READING, Link
 from robot_retarget.servo.map import ServoMap, load_map
@@ -42,13 +42,13 @@ def bus_limit(servos: int, baud: int, size: int, fast: bool) -> float:
 
 def cycles(port: str, servo_map: ServoMap, fast: bool, seconds: float) -> tuple[float, float]:
     """Exchanges a second, one after the other: on the average, and by the median exchange."""
-    with Bus(port, servo_map.baud) as bus, on_time():
+    with Bus(port, servo_map.baud) as bus, on_time(), wide_awake():
         conditions, _ = check(bus, servo_map)
         link = Link(bus, servo_map, conditions)
         link.fast = fast
         goal, ends, began = link.present.copy(), [time.perf_counter()], time.perf_counter()
         while ends[-1] - began < seconds:
-            link.ask(goal)
+            link.ask(link.goals(goal))
             link.listen(0.02)
             if not link.missed.any():
                 ends.append(time.perf_counter())

@@ -1,7 +1,7 @@
 """One exchange after the other: goals and a request out, readings in, judged and written down."""
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
@@ -15,31 +15,41 @@ SENSE_PERIOD = 0.1
 """[s]."""
 
 
+class Ahead(NamedTuple):
+    """What a tick will send, if the joints are by then where they are expected."""
+
+    wish: Floats
+    aim: Floats
+    frame: bytes
+
+
 class Cycle:
     """The ticks of one performance.
 
-    At a rate near the bus' limit nothing stands between readings and the next goals but the guard: a tick is judged and
-    written down while the next one is on the wire. Where there is time it is done at once.
+    At a rate near the bus' limit nothing stands between readings and the next goals but a look whether the goals are
+    near enough to the joints: the next goals are made ready, and the last tick is judged and written down, while the
+    answers are on the wire. Where there is time a tick is finished at once.
     """
 
     def __init__(self, link: Link, guard: Guard, judge: Judge, record: Record, began: float) -> None:
         self.link, self.guard, self.judge, self.record = link, guard, judge, record
         self._began, self._sensed = began, 0.0
         self._open: dict[str, Any] | None = None
+        self._ahead: Ahead | None = None
 
-    def tick(self, wish: Floats, period: float, phase: str, due: float) -> None:
-        """Go towards a wish [rad].
+    def tick(self, wish: Floats, period: float, phase: str, due: float, coming: Floats) -> None:
+        """Go towards a wish [rad]; `coming` is what the next tick will most likely go towards.
 
         Raises:
             FaultError: playing cannot go on.
             PortLostError: the port is gone.
         """
         began = time.monotonic()
-        goal = self.guard.admit(wish, self.link.present, period)
-        self.link.ask(goal)
+        goal = self._send(wish, period)
         self.finish()
         self._open = {"time": began - self._began, "phase": PHASES.index(phase), "late": began - due}
         self._open |= {"goal": goal, "plan": wish}
+        self._ahead = self._prepared(coming, period)
         self.link.listen()
         now = time.monotonic()
         self._open["busy"] = now - began
@@ -49,6 +59,20 @@ class Cycle:
             self.link.sense()
         if spare:
             self.finish()
+
+    def _send(self, wish: Floats, period: float) -> Floats:
+        """The goals for a wish go out: those made ready for it, where the joints are near enough to them."""
+        ahead = self._ahead
+        if ahead is None or ahead.wish is not wish:
+            ahead = self._prepared(wish, period)
+        goal = self.guard.admit(ahead.aim, self.link.present)
+        self.link.ask(ahead.frame if goal is ahead.aim else self.link.goals(goal))
+        self.guard.keep(goal, wish)
+        return goal
+
+    def _prepared(self, wish: Floats, period: float) -> Ahead:
+        aim = self.guard.aim(wish, period)
+        return Ahead(wish, aim, self.link.goals(aim))
 
     def finish(self) -> None:
         """Write the last tick down and judge it, if that is not done yet.

@@ -45,18 +45,28 @@ class Guard:
     def __post_init__(self) -> None:
         self.held_back = np.zeros(len(self.goal), dtype=np.int64)
 
-    def admit(self, wish: Floats, present: Floats, dt: float) -> Floats:
-        """The goal nearest to a wish that the limits allow; a wish that is no number leaves the goal where it is."""
+    def aim(self, wish: Floats, dt: float) -> Floats:
+        """What range and speed leave of a wish, before anybody knows where the joints will be.
+
+        A wish that is no number leaves the goal where it is.
+        """
         wanted = np.where(np.isfinite(wish), wish, self.goal)
         reach = self.limits.speed * dt
         goal = _between(self.goal - reach, wanted, self.goal + reach)
+        return _between(self.scale.lower, goal, self.scale.upper)
+
+    def admit(self, aim: Floats, present: Floats) -> Floats:
+        """The goal nearest to an aim that is near enough to the joints; the very same array where all of it is."""
         # A tick of rounding must not carry a goal over the cap.
         cap = self.limits.jump - 1 / TICKS_PER_RADIAN
-        goal = _between(present - cap, goal, present + cap)
-        goal = _between(self.scale.lower, goal, self.scale.upper)
+        if np.abs(aim - present).max() <= cap:
+            return aim
+        return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
+
+    def keep(self, goal: Floats, wish: Floats) -> None:
+        """Remember a goal that was sent, and whose wish it does not grant."""
         self.held_back += np.abs(goal - wish) > 1e-9
         self.goal = goal
-        return goal
 
 
 def _between(low: Floats, value: Floats, high: Floats) -> Floats:

@@ -46,6 +46,7 @@ class Link:
         self._turn = self._short = 0
         self._table = np.zeros(len(self.ids), dtype=GOAL)
         self._table["id"] = self.ids
+        self._questions = [protocol.sync_read(FROM, READING.itemsize, self.ids, fast) for fast in (False, True)]
 
     @property
     def velocity(self) -> Floats:
@@ -67,20 +68,18 @@ class Link:
         """(n,) ticks in a row without an answer."""
         return self._missed
 
-    def command(self, goal: Floats) -> None:
-        """Send goals [rad]."""
-        self.bus.send(self._goals(goal))
-
-    def ask(self, goal: Floats) -> None:
-        """Send goals [rad] and ask for readings in one go: a single transfer for a USB adapter."""
-        self.bus.send(self._goals(goal) + self._request())
-
-    def _goals(self, goal: Floats) -> bytes:
+    def goals(self, goal: Floats) -> bytes:
+        """The frame that carries goals [rad]."""
         self._table["goal"] = self.scale.ticks(goal)
         return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, GOALS + self._table.tobytes())
 
-    def _request(self) -> bytes:
-        return protocol.sync_read(FROM, READING.itemsize, self.ids, self.fast)
+    def command(self, goal: Floats) -> None:
+        """Send goals [rad]."""
+        self.bus.send(self.goals(goal))
+
+    def ask(self, goals: bytes) -> None:
+        """Send a frame of goals and ask for readings in one go: a single transfer for a USB adapter."""
+        self.bus.send(goals + self._questions[self.fast])
 
     def set_all(self, name: str, value: int) -> None:
         """The same value into a RAM register of all servos; nobody answers."""
@@ -96,7 +95,7 @@ class Link:
 
     def read(self) -> None:
         """Ask for readings and take them in, without haste."""
-        self.bus.send(self._request())
+        self.bus.send(self._questions[self.fast])
         self.listen(PATIENCE)
 
     def listen(self, patience: float = CYCLE_PATIENCE) -> None:
@@ -110,9 +109,8 @@ class Link:
                 self._raw[k * size : (k + 1) * size] = reply.data
                 self.error[k] = reply.error | reply.alert << 7
                 self._missed[k] = 0
-        heard = self._missed == 0
-        self._heard[heard] = time.monotonic()
-        self._mistrust_fast(not heard.all())
+                self._heard[k] = time.monotonic()
+        self._mistrust_fast(bool(self._missed.any()))
         self.present = self.scale.radians(self._rows["position"])
 
     def _mistrust_fast(self, short: bool) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, Finding, check
-from robot_retarget.servo.clock import on_time, wait_until
+from robot_retarget.servo.clock import on_time, wait_until, wide_awake
 from robot_retarget.servo.cycle import Cycle
 from robot_retarget.servo.guard import Guard, Scale
 from robot_retarget.servo.hold import leave_holding, let_go, take_hold
@@ -57,7 +57,7 @@ class Player:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
         conditions = self.examine()
-        with self.interrupts.listening(), on_time():
+        with self.interrupts.listening(), on_time(), wide_awake():
             try:
                 self.link = Link(self.bus, self.map, conditions)
                 self.link.fast &= self.options.fast
@@ -107,7 +107,7 @@ class Player:
     def _follow(self, cycle: Cycle, plan: Plan, phase: str) -> None:
         """Ticks on an even clock until the plan is over."""
         period = 1 / self.options.rate
-        wishes = plan.sampled(period)
+        wishes = list(plan.sampled(period))
         began = time.monotonic()
         last, k, count = began, 0, len(wishes) - 1
         while k <= count:
@@ -116,7 +116,7 @@ class Player:
             if now - last > self.map.limits.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last = now
-            cycle.tick(wishes[k], period, phase, due)
+            cycle.tick(wishes[k], period, phase, due, wishes[min(k + 1, count)])
             if self.interrupts.count:
                 raise _InterruptError
             # A tick that ran over the time of others takes their place: the motion keeps its own time.
@@ -160,7 +160,7 @@ class Player:
         until = due + self.options.grace
         while time.monotonic() < until and self.interrupts.count == asked and not self.interrupts.terminated:
             wait_until(due)
-            self.cycle.tick(goal, period, "hold", due)
+            self.cycle.tick(goal, period, "hold", due, goal)
             due += period
         self.cycle.finish()
 

@@ -31,6 +31,8 @@ TICK = 0.01
 """The loop looks after time and torque at least so often [s]."""
 AWAKE = 60e-6
 """So long before an answer is due the loop wakes up, for the system may be late by as much [s]."""
+HUSH = 0.3e-3
+"""Around the last answer to a request the world stands still [s]: a host in a hurry asks again at once."""
 BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
 
 
@@ -95,7 +97,7 @@ class Server:
         self._parser = Parser(strict)
         self._out: deque[tuple[float, bytes]] = deque()
         self._began = time.monotonic()
-        self._heard = 0.0
+        self._heard = self._through = 0.0
         self._stop = False
 
     def run(self, commands: bool = False) -> None:
@@ -122,7 +124,8 @@ class Server:
             # What is due goes out before the world takes its time.
             self._send(self.terminal)
         now = time.monotonic() - self._began
-        self.world.advance(now)
+        if abs(now - self._through) > HUSH or now - self.world.time > TICK:
+            self.world.advance(now)
         self.faults.due(now)
         if self.terminal is not None:
             if self.terminal.master in ready:
@@ -155,6 +158,7 @@ class Server:
             for answer in self.network.answer(frame):
                 due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
                 self._out.append((due, self.wire.spoil(answer.data)))
+                self._through = due
 
     def _send(self, terminal: Terminal) -> None:
         """Everything that is through by now, in one go; what is through in a moment is awaited."""

@@ -1,0 +1,38 @@
+"""Whatever is wished for and wherever the joints are, a goal is inside its range, not too fast and never far away."""
+
+import numpy as np
+from emulated import ARM
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from robot_retarget.servo.guard import Guard, Scale
+
+SCALE, LIMITS = Scale(ARM), ARM.limits
+WISHES = arrays(float, (6, 4), elements=st.floats(-9, 9) | st.sampled_from([np.nan, np.inf, -np.inf]))
+PLACES = arrays(float, (6, 4), elements=st.floats(-1.49, 1.49))
+ROUNDING = 1e-9
+
+
+@given(WISHES, PLACES, st.floats(0.001, 0.1))
+def test_goals_stay_in_range_under_the_speed_and_near_the_joints(wishes, presents, dt: float) -> None:
+    guard = Guard(SCALE, LIMITS, presents[0])
+    for wish, present in zip(wishes, presents, strict=True):
+        last, aim = guard.goal, guard.aim(wish, dt)
+        assert (np.abs(aim - last) <= LIMITS.speed * dt + ROUNDING).all()
+        goal = guard.admit(aim, present)
+        guard.keep(goal, wish)
+        assert np.isfinite(goal).all()
+        assert (SCALE.lower <= goal).all() and (goal <= SCALE.upper).all()
+        assert (np.abs(SCALE.radians(SCALE.ticks(goal)) - present) <= LIMITS.jump).all()
+
+
+@given(PLACES, st.floats(0.001, 0.1))
+def test_a_goal_made_ready_is_sent_as_it_is_where_the_joints_are_near(places, dt: float) -> None:
+    here, wish = places[0], places[1]
+    guard = Guard(SCALE, LIMITS, here)
+    aim = guard.aim(wish, dt)
+    near = (np.abs(aim - here) < LIMITS.jump - 0.002).all()
+    assert not near or guard.admit(aim, here) is aim
+    guard.keep(guard.admit(aim, here), wish)
+    assert (guard.held_back == (np.abs(wish - guard.goal) > ROUNDING)).all()
