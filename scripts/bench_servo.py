@@ -112,7 +112,7 @@ def main() -> None:
         process, port = emulate(robot, folder, "--baud", "2000000")
         for fast in (False, True):
             limit = bus_limit(len(robot.servos), 2_000_000, READING.itemsize, fast)
-            for share in (0.95, 1.0):
+            for share in (0.96, 1.0):
                 found = play_evenly(port, robot, share * limit, arguments.seconds, folder / "play.npz", fast)
                 print(f"2 Mbps, asked for {share * limit:.0f} Hz:", json.dumps(found), flush=True)
         process.terminate()

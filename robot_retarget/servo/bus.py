@@ -32,6 +32,8 @@ TRIES = 4
 """So often a request that must not fail is repeated."""
 TURN = 0.6e-3
 """What a servo may need before it answers, its longest return delay among it [s]."""
+CHAIN = HEADER + bytes((BROADCAST,))
+"""How an answer to a fast read begins."""
 AWAKE = 0.2e-3
 """So long the last answer of a cycle is awaited without sleep [s]."""
 
@@ -204,10 +206,11 @@ class Bus:
         raw = bytearray()
         while len(raw) < size and (data := self._fetch(until)):
             raw += data
-            start = raw.find(HEADER)
+            # What came late of an earlier, single answer may stand before it.
+            start = raw.find(CHAIN)
             if start > 0:
                 del raw[:start]
-        if raw.startswith(HEADER):
+        if raw.startswith(CHAIN):
             for error, identity, data in protocol.fast_blocks(bytes(raw), [length] * count):
                 yield Reply(identity, error & ~ALERT, bool(error & ALERT), data)
 
