@@ -16,7 +16,7 @@ ROUGHLY = 1e-2
 
 
 def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
-    """Where descents from several starts end, the cheapest first.
+    """Where descents from several starts end, the cheapest first; ends that cost `ROUGHLY` the same in their order.
 
     The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost
     little among many drawn within their ranges: the best of each limb together, the second best, and so on.
@@ -27,7 +27,8 @@ def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: i
     ]
     placed += _limbs_drawn(problem, solver.options, placed[1], wished)
     ends = [solver.descend(q, wished, iterations=2 * solver.options.iterations, tolerance=ROUGHLY) for q in placed]
-    return sorted(ends, key=lambda pose: pose.cost)
+    least = min(end.cost for end in ends)
+    return sorted(ends, key=lambda end: max(end.cost, (1 + ROUGHLY) * least))
 
 
 def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
@@ -48,8 +49,9 @@ def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Flo
     draw, sides = np.random.default_rng(options.seed), mirror_of(robot, _left(problem))
     every = draw.uniform(robot.lower, robot.upper, (options.drawn, len(robot.lower)))
     other = np.clip(sides.angles(every), robot.lower, robot.upper)
-    half = len(every) // 2
-    middle = np.concatenate([every[:half], other[:half]])
+    third = len(every) // 3
+    # Straight ahead first: a motion that is its own mirror image should have no side to begin with.
+    middle = np.concatenate([(every[:third] + other[:third]) / 2, every[third : 2 * third], other[third : 2 * third]])
     chosen = {"l_hand": every, "r_hand": other, "head": middle}
     paired = {limb: table for end, table in chosen.items() if end in spots and (limb := _limb(problem, end))}
     return {limb: (table if _mirrored(sides, limb) else every)[:, list(limb)] for limb, table in paired.items()}

@@ -16,6 +16,8 @@ from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
 """Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""
+TIE = 1e-7
+"""Surfaces are as near as each other within this [m]."""
 _YZX, _ZXY = [1, 2, 0], [2, 0, 1]
 
 
@@ -43,7 +45,7 @@ class Separation:
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         found = self.found(qpos)
-        found = found[np.argsort(found.distance)[: self.most]]
+        found = found[self._nearest(found.distance)]
         first, second = self.model.geom_bodyid[found.geoms].T
         arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
@@ -51,6 +53,14 @@ class Separation:
         slope = np.concatenate([moment, along], axis=1) @ self.data.cdof.T
         slope *= self.carried[second] - self.carried[first]
         return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
+
+    def _nearest(self, distance: Floats) -> Ints:
+        """At most `most` of many, the nearest; what is as near as what must go goes too, lest left be kept and right not."""
+        order = np.argsort(distance, kind="stable")
+        if len(order) <= self.most:
+            return order
+        kept = int(np.searchsorted(distance[order], distance[order[self.most]] - TIE))
+        return order[: kept or self.most]
 
     def depth(self, qpos: Floats) -> float:
         """How deep the deepest two links are inside each other [m], 0 when none touch."""
