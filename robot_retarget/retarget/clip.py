@@ -106,13 +106,25 @@ def _mend_overlaps(
     solver: FrameSolver, poses: list[Pose], wished: list[tuple[Floats, ...]], pulls: list[Pull], fixed: int, fps: float
 ) -> None:
     """A full descent for frames whose links the passes left inside each other; a second one without the pull, from the
-    frame before, for those that the smooth path draws through each other.
+    frame before, for those that the smooth path draws through each other; at last a pose on the way from the frame before.
     """
     for t in _still_overlapping(solver, poses, fixed):
         box = _reachable(solver, poses, t, fps)
         poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], box=box)
     for t in _still_overlapping(solver, poses, fixed):
         poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
+    for t in _still_overlapping(solver, poses, max(fixed, 1)):
+        poses[t] = _held_back(solver, poses[t - 1], poses[t])
+
+
+def _held_back(solver: FrameSolver, before: Pose, pose: Pose) -> Pose:
+    """The pose nearest to one, of eight on the way from the frame before, whose links are not inside each other."""
+    apart, robot = solver.landscape.separation, solver.robot
+    assert apart is not None
+    way = difference(robot, before.qpos, pose.qpos)
+    tried = (integrate(robot, before.qpos, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
+    qpos = next((q for q in tried if apart.depth(q) <= OVERLAP), before.qpos)
+    return replace(pose, qpos=qpos, status=Status.BLOCKED, around=None)
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:

@@ -14,6 +14,7 @@ HOLD = 1e4
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
 _TOE, _HEEL = [0, 1], [2, 3]
+_LEFT, _RIGHT = [0, 2], [1, 3]
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,10 @@ def flattened(corners: Floats) -> Floats:
     ahead = (corners[..., _TOE, :2].mean(-2) - corners[..., _HEEL, :2].mean(-2))[..., None, :]
     ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     left = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)
-    length = np.linalg.norm(corners[..., 0, :] - corners[..., 2, :], axis=-1)[..., None, None] / 2
-    width = np.linalg.norm(corners[..., 0, :] - corners[..., 1, :], axis=-1)[..., None, None] / 2
+    length, width = (
+        np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1).mean(axis=-1)[..., None, None] / 2
+        for one, other in ((_TOE, _HEEL), (_LEFT, _RIGHT))
+    )
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     flat = middle[..., :2] + signs[:, :1] * length * ahead + signs[:, 1:] * width * left
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)

@@ -15,6 +15,9 @@ from robot_retarget.robot.kinematics import integrate
 REFUSALS = 6
 """Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
 
+UNSEEN = 0.1
+"""The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -72,6 +75,7 @@ class Pose:
     qpos: Floats
     status: Status
     cost: float
+    """Before the last step, which was too small to be worth another look."""
     iterations: int
     around: Quadratic | None = None
     """The model of the cost there, without any pull: a further descent with the same wishes starts from it."""
@@ -115,8 +119,9 @@ class FrameSolver:
             step, gain = self._step(q, here, damping, trust, box)
             if step is None:
                 return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base))
-            if gain <= least_gain * here.cost + 1e-12 and not forced:
-                return self._closed(Pose(q, Status.CONVERGED, base.cost, taken, base))
+            small = float(np.abs(step[self.hinges]).max()) < UNSEEN
+            if gain <= least_gain * here.cost + 1e-12 and not forced and small:
+                return self._closed(Pose(integrate(self.robot, q, step), Status.CONVERGED, base.cost, taken))
             trial = integrate(self.robot, q, step)
             there = self.landscape.around(trial, wished)
             pulled = self._drawn(there, trial, pull, ahead)

@@ -49,10 +49,8 @@ def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Flo
     draw, sides = np.random.default_rng(options.seed), mirror_of(robot, _left(problem))
     every = draw.uniform(robot.lower, robot.upper, (options.drawn, len(robot.lower)))
     other = np.clip(sides.angles(every), robot.lower, robot.upper)
-    third = len(every) // 3
-    # Straight ahead first: a motion that is its own mirror image should have no side to begin with.
-    middle = np.concatenate([(every[:third] + other[:third]) / 2, every[third : 2 * third], other[third : 2 * third]])
-    chosen = {"l_hand": every, "r_hand": other, "head": middle}
+    straight = (every + other) / 2  # a motion that is its own mirror image should not begin with a side
+    chosen = {"l_hand": every, "r_hand": other, "head": straight}
     paired = {limb: table for end, table in chosen.items() if end in spots and (limb := _limb(problem, end))}
     return {limb: (table if _mirrored(sides, limb) else every)[:, list(limb)] for limb, table in paired.items()}
 

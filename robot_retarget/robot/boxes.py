@@ -2,8 +2,8 @@
 
 MuJoCo's own contacts of boxes that do not touch yet miss pairs, are off by up to a centimetre, and change when the
 boxes are mirrored. Here the nearest two points are those of `mj_geomDistance`. As one point lets boxes roll into each
-other about it, the corners near the other box's surface are added: the distance of a point p from a box of half sizes
-h is ‖max(|p| − h, 0)‖ outside and max(|p| − h) inside.
+other about it, the corners near the other box's surface are added, ‖max(|p| − h, 0)‖ away for a point p and a box of half
+sizes h; not for boxes that overlap, where a corner does not tell which way is out.
 """
 
 import itertools
@@ -14,6 +14,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 
+TOUCHING = 1e-9
+"""Boxes this near have no direction between them [m]."""
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
@@ -50,7 +52,10 @@ class Boxes:
     def near(self, data: mujoco.MjData) -> Near:
         """The places where boxes are near each other, as the geoms of `data` stand."""
         pairs, turn, offset = self._candidates(data)
-        return self._nearest(data, pairs) + self._corners(
+        nearest = self._nearest(data, pairs)
+        apart = np.flatnonzero(nearest.distance > TOUCHING)
+        pairs, turn, offset = pairs[apart], turn[apart], offset[apart]
+        return nearest[np.flatnonzero(np.abs(nearest.distance) > TOUCHING)] + self._corners(
             data,
             np.concatenate([pairs, pairs[:, ::-1]]),
             np.concatenate([turn, turn.mT]),
@@ -73,24 +78,22 @@ class Boxes:
         return pairs[keep], turn[keep], offset[keep]
 
     def _nearest(self, data: mujoco.MjData, pairs: Ints) -> Near:
-        """The nearest points of every pair; boxes that just touch have no direction and are told by their corners."""
+        """The nearest points of every pair; boxes that just touch have no normal."""
         ends, distance = np.zeros((len(pairs), 6)), np.empty(len(pairs))
         for k, (a, b) in enumerate(pairs.tolist()):
             distance[k] = mujoco.mj_geomDistance(self.model, data, a, b, 2 * self.reach, ends[k])
         ends = ends.reshape(-1, 2, 3)
-        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > 1e-9, distance, np.inf)[:, None]
-        return Near(distance, pairs, ends.mean(axis=1), way)[np.flatnonzero(way.any(axis=1))]
+        way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
+        return Near(distance, pairs, ends.mean(axis=1), way)
 
     def _corners(self, data: mujoco.MjData, pairs: Ints, turn: Floats, offset: Floats) -> Near:
         """Corners of the second box of each pair near the surface of the first."""
         corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
-        beyond = np.abs(corner) - self.sizes[pairs[:, 0], None]
-        out = np.maximum(beyond, 0.0)
-        distance = np.sqrt((out * out).sum(axis=2)) + np.minimum(beyond.max(axis=2), 0.0)
-        pair, which = np.nonzero(distance < self.reach)
-        corner, beyond, out, distance = (part[pair, which] for part in (corner, beyond, out, distance))
-        slope = np.where(distance[:, None] > 0, out, beyond == beyond.max(axis=1, keepdims=True)) * np.sign(corner)
-        slope /= np.sqrt((slope * slope).sum(axis=1, keepdims=True))
+        out = np.maximum(np.abs(corner) - self.sizes[pairs[:, 0], None], 0.0)
+        distance = np.sqrt((out * out).sum(axis=2))
+        pair, which = np.nonzero((distance > TOUCHING) & (distance < self.reach))
+        corner, out, distance = corner[pair, which], out[pair, which], distance[pair, which]
+        slope = out * np.sign(corner) / distance[:, None]
         box = pairs[pair, 0]
         axes = data.geom_xmat.reshape(-1, 3, 3)[box]
         place = data.geom_xpos[box] + _times(axes, corner - 0.5 * distance[:, None] * slope)

@@ -17,7 +17,7 @@ from robot_retarget.retarget.windows import Windows
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.shipped import SAMPLES
 
-SHORT = Windows(2.0, 1.0, 0.5)
+SHORT = Windows(3.0)
 seconds = st.floats(0.1, 5.0)
 
 
@@ -67,12 +67,12 @@ def walk() -> tuple[Result, Result]:
     return retarget(motion, robot, smoothing=whole), retarget(motion, robot, smoothing=cut)
 
 
-def test_a_walk_in_windows_is_no_rougher_where_they_join_than_solved_at_once(walk: tuple[Result, Result]) -> None:
-    index = load_robot("op3").qpos_index
-    whole, cut = (np.abs(np.diff(r.trajectory.qpos[:, index], 2, axis=0)).max(axis=1) for r in walk)
-    joins = [w.first + w.fixed for w in list(SHORT.cut(len(cut) + 2, 20.0))[1:]]
+def test_a_walk_in_windows_is_no_rougher_where_they_join(walk: tuple[Result, Result]) -> None:
+    qpos = walk[1].trajectory.qpos
+    bend = np.abs(np.diff(qpos[:, load_robot("op3").qpos_index], 2, axis=0)).max(axis=1)
+    joins = [w.first + w.fixed for w in list(SHORT.cut(len(qpos), 20.0))[1:]]
     assert len(joins) >= 2
-    assert max(cut[t - 2 : t + 1].max() for t in joins) < whole.max()
+    assert max(bend[t - 2 : t + 1].max() for t in joins) < np.quantile(bend, 0.98)
 
 
 def test_a_foot_that_stands_across_a_join_does_not_move(walk: tuple[Result, Result]) -> None:
