@@ -204,7 +204,7 @@ def play(
             console.note(sentence)
         rows = [(k, str(v)) for k, v in outcome.figures.items()]
         console.table("Played", ("figure", "value"), rows)
-        console.say(f"{outcome.ended.value}: {outcome.reason} ({outcome.state}); log in {log}")
+        console.say(f"{outcome.sentence}; log in {log}")
     raise typer.Exit(outcome.exit_code)
 
 

@@ -12,7 +12,7 @@ import select
 import termios
 import threading
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -186,25 +186,28 @@ class Bus:
         return {reply.id: reply for reply in self.replies(length, ids, fast, len(request), patience)}
 
     def replies(
-        self, length: int, ids: Collection[int], fast: bool, sent: int, patience: float = PATIENCE
+        self, length: int, ids: Sequence[int], fast: bool, sent: int, patience: float = PATIENCE
     ) -> Iterator[Reply]:
         """The answers to a sync read just sent, the last of `sent` bytes: each as it comes, while they come in time."""
         size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
         until = self._deadline(sent + size, len(ids), patience)
         if fast:
-            yield from self._chain(size, length, len(ids), until)
+            yield from self._chain(size, length, len(ids), until, patience)
             return
-        missing = set(ids)
-        # The last one is awaited awake: the next exchange hangs on it, and waking up takes half a servo's turn.
-        while missing and (data := self._fetch(until, AWAKE if len(missing) == 1 else 0.0)):
+        missing, last = set(ids), ids[-1]
+        # Servos answer in turn: when the last one has, nobody is waited for. It is awaited awake, as the next exchange
+        # hangs on it and waking up takes half a servo's turn.
+        while last in missing and (data := self._fetch(until, AWAKE if len(missing) == 1 else 0.0)):
             for frame in self._parser.feed(data):
                 if frame.instruction == Instruction.STATUS and frame.id in missing and len(frame.data) == length:
                     missing.remove(frame.id)
                     yield _reply(frame)
+            until = min(until, self._deadline((11 + length) * len(missing), len(missing), patience))
 
-    def _chain(self, size: int, length: int, count: int, until: float) -> Iterator[Reply]:
+    def _chain(self, size: int, length: int, count: int, until: float, patience: float) -> Iterator[Reply]:
         raw = bytearray()
         while len(raw) < size and (data := self._fetch(until)):
+            until = min(until, self._deadline(size - len(raw), 0, patience))
             raw += data
             # What came late of an earlier, single answer may stand before it.
             start = raw.find(CHAIN)
@@ -301,7 +304,7 @@ def _reply(frame: Frame) -> Reply:
 
 
 def _reason(error: BaseException) -> str:
-    strerror = getattr(error, "strerror", None)
     if isinstance(error, BlockingIOError) or "exclusively lock" in str(error):
         return "another program has it"
-    return strerror or str(error)
+    number = error.args[0] if error.args else None
+    return os.strerror(number) if isinstance(number, int) else str(error)

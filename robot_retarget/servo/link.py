@@ -18,7 +18,7 @@ GOALS = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
 """What a sync write of goals begins with."""
 FROM = XM430_W350["present_current"].address
 SENSORS = XM430_W350["present_input_voltage"].address
-CYCLE_PATIENCE = 0.004
+CYCLE_PATIENCE = 0.006
 """An answer that comes later after its time than this is lost for this tick [s]."""
 
 

@@ -42,5 +42,11 @@ class Outcome:
     warnings: tuple[str, ...] = ()
 
     @property
+    def sentence(self) -> str:
+        """How it ended and why, and in what state the servos are."""
+        how = self.ended.value
+        return f"{self.reason if self.reason.startswith(how) else f'{how}: {self.reason}'} ({self.state})"
+
+    @property
     def exit_code(self) -> int:
         return 0 if self.ended is Ended.FINISHED else 1

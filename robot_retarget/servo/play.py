@@ -141,7 +141,7 @@ class Player:
     def _hold(self) -> Outcome:
         """Ctrl-C: hold under watch for a while; a second one lets go."""
         if self.interrupts.terminated:
-            return self._leave(Ended.INTERRUPTED, "terminated, holding")
+            return self._leave(Ended.INTERRUPTED, "interrupted by SIGTERM, holding")
         self.say(f"holding; Ctrl-C within {self.options.grace:g} s lets go")
         asked = self.interrupts.count
         try:
@@ -235,7 +235,7 @@ def rehearse(plan: Plan, servo_map: ServoMap, port: str | Path | None = None) ->
         "duration_s": round(plan.duration, 3),
         "top_speed_rad_s": round(plan.top_speed, 3),
         "speed_limit_rad_s": servo_map.limits.speed,
-        "clipped_rad": {j: round(float(x), 4) for j, x in zip(servo_map.joints, outside, strict=True) if x > 1e-9},
+        "clipped_rad": {j: round(float(x), 4) for j, x in zip(servo_map.joints, outside, strict=True) if x > 5e-5},
     }
     if port is not None:
         with Bus(port, servo_map.baud) as bus:

@@ -117,6 +117,24 @@ def test_a_sync_read_gives_those_who_answered(emulator: Emulated, bus: Bus, fast
     port.closePort()
 
 
+def test_only_the_last_servo_in_turn_is_waited_for(emulator: Emulated, bus: Bus) -> None:
+    """When a later one has answered, an earlier one has missed its turn."""
+    took = []
+    for silent in (2, 4):
+        emulator.do(f"silent {silent}")
+        began = time.monotonic()
+        assert set(bus.sync_read(POSITION.address, 4, IDS, patience=0.5)) == {1, 2, 3, 4} - {silent}
+        took.append(time.monotonic() - began)
+        emulator.do(f"heard {silent}")
+    assert took[0] < 0.4 < 0.5 < took[1]
+
+
+def test_a_late_answer_does_not_hide_a_fast_one(emulator: Emulated, bus: Bus) -> None:
+    emulator.do("delay 30")
+    assert not bus.sync_read(POSITION.address, 3, [2], patience=0.0)
+    assert set(bus.sync_read(POSITION.address, 4, IDS, fast=True, patience=0.1)) == {1, 2, 3, 4}
+
+
 @pytest.mark.parametrize("fast", [False, True])
 def test_a_sync_read_keeps_each_servo_s_alert(emulator: Emulated, bus: Bus, fast: bool) -> None:
     emulator.do("overload 2")

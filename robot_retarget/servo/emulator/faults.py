@@ -109,6 +109,8 @@ class Faults:
         try:
             action(*words[1:])
             self.struck = self.world.time
+            # Supply and heat are felt with the next step of the world: this is it.
+            self.world.advance(self.world.time + self.world.step)
         except (TypeError, ValueError) as error:
             raise ServoError(f"fault {sentence!r}: {error}") from None
 

@@ -188,7 +188,7 @@ class Server:
             return
         try:
             if words != ["state"]:
-                self.faults.add(line)
+                self.faults.add(line.strip())
                 self._follow_plug()
             print(json.dumps(self.state()), flush=True)
         except ServoError as error:
