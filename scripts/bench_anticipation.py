@@ -18,7 +18,7 @@ import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.warn import Surfaces, surfaces
-from robot_retarget.robot.collidable import Clearance
+from robot_retarget.robot.clearance import Clearance
 from robot_retarget.shipped import SAMPLES
 
 APART = 0.003
@@ -42,9 +42,9 @@ class Run:
 def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, options: Options) -> Run:
     """Carry a clip over and measure what came of it."""
     result = rr.retarget(motion, robot, fps=fps, options=options)
-    qpos, clearance = result.trajectory.qpos, Clearance(robot, known.pairs)
+    qpos = result.trajectory.qpos
     human = result.match.human_positions(result.motion)
-    distance = np.array([clearance.all(q, FAR) for q in qpos])
+    distance = Clearance(robot, known.pairs).all(qpos, FAR)
     return Run(figures(robot, result.match, human, qpos, fps), distance, fps)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
@@ -22,7 +23,7 @@ from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.guard import Guard
 from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
 from robot_retarget.robot import Points, recognise, world_points
-from robot_retarget.robot.collidable import Clearance
+from robot_retarget.robot.clearance import Clearance, Marks
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.trajectory import Trajectory
@@ -33,6 +34,9 @@ FAR = 0.08
 """Distances are told apart up to here [m]."""
 GAP = 0.15
 """Contacts of a pair that part for less than this are one [s]."""
+THRESHOLDS = np.arange(0.002, 0.04, 0.001)
+"""Of the alarm by distance [m]."""
+PARTS = ("accuracy", "horizons", "speed", "guard")
 HORIZONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
 
 
@@ -122,27 +126,23 @@ def judge(cases: Sequence[Case], alarms: Sequence[np.ndarray], horizon: float) -
     return score
 
 
-def by_distance(cases: Sequence[Case], precision: float, horizon: float) -> tuple[float, Score]:
-    """The alarm by distance alone with the largest threshold that is as precise, held as long as the warnings are."""
-    hold = WarnOptions().release
-    best = 0.0, Score()
-    for threshold in np.arange(0.002, 0.05, 0.001):
+def by_distance(cases: Sequence[Case], horizon: float) -> list[Score]:
+    """The alarm by distance alone, held as long as the warnings are, at each of the thresholds."""
+    hold, scores = WarnOptions().release, []
+    for threshold in THRESHOLDS:
         alarms = []
         for case in cases:
-            near = case.distance <= threshold
             size = round(hold * case.trajectory.fps) + 1
-            padded = np.concatenate([np.zeros((size - 1, near.shape[1]), bool), near])
-            alarms.append(np.lib.stride_tricks.sliding_window_view(padded, size, axis=0).any(-1))
-        score = judge(cases, alarms, horizon)
-        if score.precision >= precision:
-            best = float(threshold), score
-    return best
+            near = (case.distance <= threshold).astype(np.int8)
+            alarms.append(maximum_filter1d(near, size, axis=0, mode="constant", origin=(size - 1) // 2) > 0)
+        scores.append(judge(cases, alarms, horizon))
+    return scores
 
 
 def measured(robot: rr.Robot, known: Surfaces, kind: str, trajectories: Sequence[Trajectory]) -> list[Case]:
     """Trajectories with what MuJoCo says of them."""
     clearance = Clearance(robot, known.pairs)
-    return [Case(kind, one, np.array([clearance.all(q, FAR) for q in one.qpos])) for one in trajectories]
+    return [Case(kind, one, clearance.all(one.qpos, FAR)) for one in trajectories]
 
 
 def timing_errors(cases: Sequence[Case], found: Sequence[Warnings]) -> list[float]:
@@ -157,23 +157,44 @@ def timing_errors(cases: Sequence[Case], found: Sequence[Warnings]) -> list[floa
     return errors
 
 
-def accuracy(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> tuple[list[Score], list[float]]:
-    """A line per kind of trajectory: the warnings, and the alarm by distance that is as precise."""
-    scores, errors = [], []
+@dataclass(frozen=True)
+class Accuracy:
+    """What came of some trajectories: the warnings, the alarms by distance, and errors of the time to contact."""
+
+    warned: Score
+    plain: list[Score]
+    errors: list[float]
+
+    def line(self, *names: str) -> str:
+        """Beside the alarm by distance with the largest threshold that is as precise."""
+        score = self.warned
+        fits = [k for k, plain in enumerate(self.plain) if plain.precision >= score.precision]
+        threshold, plain = (THRESHOLDS[fits[-1]], self.plain[fits[-1]]) if fits else (0.0, Score())
+        off = np.median(self.errors)
+        cells = (
+            *names, score.contacts, f"{score.recall:.3f}", f"{score.precision:.3f}", f"{score.lead:.3f}",
+            f"{threshold * 100:.1f}", f"{plain.recall:.3f}", f"{plain.lead:.3f}", f"{off:.2f}" if off < np.inf else "–",
+        )  # fmt: skip
+        return f"| {' | '.join(map(str, cells))} |"
+
+
+def accuracy(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> list[Accuracy]:
+    """A line per kind of trajectory and one for all of them."""
+    options, results = WarnOptions(), []
     for kind, cases in groups.items():
-        options = WarnOptions()
         found = [warnings_of(case.trajectory, robot, options, known) for case in cases]
-        score = judge(cases, [one.flagged for one in found], options.horizon)
-        threshold, plain = by_distance(cases, score.precision, options.horizon)
-        off = timing_errors(cases, found)
-        print(
-            f"| {robot.name} | {kind} | {score.contacts} | {score.recall:.3f} | {score.precision:.3f} | {score.lead:.3f} "
-            f"| {threshold * 100:.1f} | {plain.recall:.3f} | {plain.lead:.3f} | {np.median(off):.2f} |",
-            flush=True,
-        )
-        scores.append(score)
-        errors += off
-    return scores, errors
+        warned = judge(cases, [one.flagged for one in found], options.horizon)
+        results.append(Accuracy(warned, by_distance(cases, options.horizon), timing_errors(cases, found)))
+        print(results[-1].line(robot.name, kind), flush=True)
+    print(together(results).line(robot.name, "all"), flush=True)
+    return results
+
+
+def together(results: Sequence[Accuracy]) -> Accuracy:
+    """All of them as one."""
+    ladders = zip(*(one.plain for one in results), strict=True)
+    warned, plain = pooled([one.warned for one in results]), [pooled(scores) for scores in ladders]
+    return Accuracy(warned, plain, [error for one in results for error in one.errors])
 
 
 def pooled(scores: Sequence[Score]) -> Score:
@@ -183,26 +204,25 @@ def pooled(scores: Sequence[Score]) -> Score:
 
 
 def over_horizons(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> None:
-    """A line per horizon and kind."""
+    """A line per kind: recall, precision and lead at every horizon."""
     for kind, cases in groups.items():
+        cells = []
         for horizon in HORIZONS:
             options = WarnOptions(horizon=horizon)
             alarms = [warnings_of(case.trajectory, robot, options, known).flagged for case in cases]
             score = judge(cases, alarms, horizon)
-            print(
-                f"| {robot.name} | {kind} | {horizon} | {score.recall:.3f} | {score.precision:.3f} | {score.lead:.3f} |",
-                flush=True,
-            )
+            cells.append(f"{score.recall:.2f} / {score.precision:.2f} / {score.lead:.2f}")
+        print(f"| {robot.name} | {kind} | {' | '.join(cells)} |", flush=True)
 
 
 def speed(robot: rr.Robot, known: Surfaces, trajectory: Trajectory) -> None:
     """Frames per second of the capsules alone and of whole warnings; one update of a stream."""
     qpos = np.concatenate([trajectory.qpos] * 4)
     interaction = Interaction(15, WarnOptions().dead_band)
-    still = Joints(robot).pinned(qpos)
+    still, marks = Joints(robot).pinned(qpos), Marks(robot, known.capsules.points)
 
     def capsules() -> None:
-        ends = known.capsules.world(robot, still)
+        ends = marks.along(still)
         known.capsule_pairs.approach(ends, strides(ends, 1), interaction)
 
     bare = best_time(capsules) / len(qpos)
@@ -290,6 +310,7 @@ def main() -> None:
     parser.add_argument("--clips", type=Path, nargs="*", default=[SAMPLES], help="BVH files, or folders of them")
     parser.add_argument("--random", type=int, default=200, help="random motions per robot")
     parser.add_argument("--some", type=int, default=20, help="of these, how many for horizons and guard")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="tables to print")
     chosen = parser.parse_args()
     robots = [rr.load_robot(name) for name in chosen.robot]
     watched = [surfaces(robot) for robot in robots]
@@ -301,25 +322,27 @@ def main() -> None:
     both = list(zip(robots, watched, sets, strict=True))
     few = [(r, k, {"clips": g["clips"], "random": g["random"][: chosen.some]}) for r, k, g in both]
 
-    columns = ("recall", "precision", "lead [s]")
-    plain = ("distance as precise [cm]", "its recall", "its lead [s]")
-    heading("Warnings", "robot", "trajectories", "contacts", *columns, *plain, "time to contact off [frames]")
-    results = [accuracy(*one) for one in both]
-    total, off = pooled([s for scores, _ in results for s in scores]), [e for _, errors in results for e in errors]
-    print(
-        f"| all | | {total.contacts} | {total.recall:.3f} | {total.precision:.3f} | {total.lead:.3f} | | | | {np.median(off):.2f} |"
-    )
-    heading("Horizons", "robot", "trajectories", "horizon [s]", *columns)
-    for one in few:
-        over_horizons(*one)
-    heading("Speed", "robot", "pairs", "capsules [frames/s]", "all [frames/s]", "update [ms]", "95 % [ms]")
-    for robot, known, groups in both:
-        speed(robot, known, max((case.trajectory for case in groups["clips"]), key=len))
-    penetrated = "frames deeper than 1 mm", "guarded", "deepest, guarded [mm]"
-    heading("Guard", "robot", "trajectories", "frames", *penetrated, "joints off [rad]", "limbs off [°]")
-    for robot, known, groups in few:
-        for kind, cases in groups.items():
-            guarded(robot, known, kind, cases)
+    if "accuracy" in chosen.parts:
+        columns = ("robot", "trajectories", "contacts", "recall", "precision", "lead [s]")
+        plain = ("distance as precise [cm]", "its recall", "its lead [s]")
+        heading("Warnings", *columns, *plain, "time to contact off [frames]")
+        results = [result for one in both for result in accuracy(*one)]
+        print(together(results).line("all", "all"), flush=True)
+    if "horizons" in chosen.parts:
+        heading("Recall / precision / lead [s]", "robot", "trajectories", *(f"{horizon} s" for horizon in HORIZONS))
+        for one in few:
+            over_horizons(*one)
+    if "speed" in chosen.parts:
+        closed = "closed form [frames/s]", "whole warnings [frames/s]"
+        heading("Speed", "robot", "pairs", *closed, "update [ms]", "95 % [ms]")
+        for robot, known, groups in both:
+            speed(robot, known, max((case.trajectory for case in groups["clips"]), key=len))
+    if "guard" in chosen.parts:
+        penetrated = "frames deeper than 1 mm", "guarded", "deepest, guarded [mm]"
+        heading("Guard", "robot", "trajectories", "frames", *penetrated, "joints off [rad]", "limbs off [°]")
+        for robot, known, groups in few:
+            for kind, cases in groups.items():
+                guarded(robot, known, kind, cases)
 
 
 if __name__ == "__main__":

@@ -7,24 +7,32 @@ nearest points, for which the closed form is asked again. Every round lowers the
 
     D = ‖c + k w‖ − r_u − r_v,    α = 1 + k,    D ≤ distance now.
 
-Arrays run over (coordinate, capsule pair, frame), so that every operation walks through memory in order.
+All pairs are one CasADi function of dense vectors, a coordinate each: its work stays in the processor's first cache, so
+a frame of a stream costs what a frame among many does. Choices are sums of products with 0 and 1, which are fast.
 """
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.interaction import Interaction, steps_ahead
+from robot_retarget.dgp.interaction import Interaction
+from robot_retarget.retarget.compiled import Compiled
 from robot_retarget.robot.capsules import Capsules
-from robot_retarget.robot.collidable import Pairs
+from robot_retarget.robot.clearance import Pairs
 
 REST = Interaction(horizon=0)
 """Looks at no step ahead: D is the distance now."""
-BLOCK = 32
-"""Frames handled at once: the working arrays stay in the processor's cache."""
+BLOCK = 16
+"""Frames handed over at once."""
 _POINT = 1e-12
-"""Squared lengths below this are those of points [m²]."""
+"""Added to squared lengths, so that those of points divide [m²]; and to 1 for segments that are parallel."""
+_STILL = 1e-300
+"""Added to squared steps, so that those of rest divide [m²]."""
 
 
 @dataclass(frozen=True)
@@ -48,109 +56,137 @@ class CapsulePairs:
 
     def __init__(self, capsules: Capsules, pairs: Pairs):
         tables = [_products(capsules.by_link[a], capsules.by_link[b]) for a, b in pairs.links.tolist()]
-        self.count = len(pairs)
-        self.first, self.second = np.concatenate(tables, axis=1) if tables else np.zeros((2, 0), int)
-        self.starts = np.cumsum([0] + [table.shape[1] for table in tables[:-1]]) if tables else np.zeros(0, int)
-        self.owner = np.repeat(np.arange(self.count), [table.shape[1] for table in tables])
-        self.single = len(self.owner) == self.count
-        self.radii = (capsules.radius[self.first] + capsules.radius[self.second])[:, None]
+        self.count, self.radius, self.layers = len(pairs), capsules.radius, _layers(tables)
 
     def approach(self, ends: Floats, steps: Floats, options: Interaction) -> Approach:
-        """D and α of every pair from the ends (T, C, 2, 3) of the capsules and their last steps, the same shape [m]."""
-        frames = len(ends)
-        shape = (frames, self.count)
-        found = Approach(np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64))
-        for start in range(0, frames, BLOCK):
-            block = slice(start, start + BLOCK)
-            distance, ahead, k = self._block(ends[block], steps[block], options)
-            found.distance[block], found.ahead[block] = distance.T, ahead.T
-            found.alpha[block] = 1 + k.T
-        return found
+        """D and α of every pair from the ends of the capsules and their last steps, T frames of 6C numbers each [m]."""
+        limits = np.array([math.floor(options.farthest), options.dead_band**2])
+        if len(ends) == 1 and self.count:
+            distance, ahead, alpha = self._frame(ends.ravel(), steps.ravel(), limits)
+            return Approach(distance[None], ahead[None], alpha[None].astype(np.int64))
+        found, many = np.empty((3, len(ends), self.count)), np.tile(limits, BLOCK)
+        padded = np.zeros((2, BLOCK, 6 * len(self.radius)))
+        for start in range(0, len(ends) if self.count else 0, BLOCK):
+            part = slice(start, start + BLOCK)
+            size = len(ends[part])
+            padded[0, :size], padded[1, :size] = ends[part].reshape(size, -1), steps[part].reshape(size, -1)
+            for field, values in zip(found, self._block(padded[0].ravel(), padded[1].ravel(), many), strict=True):
+                field[part] = values.T[:size]
+        return Approach(found[0], found[1], found[2].astype(np.int64))
 
-    def _block(self, ends: Floats, steps: Floats, options: Interaction) -> tuple[Floats, Floats, Floats]:
-        """Distance, D and k, each (P, frames)."""
-        both = np.concatenate([ends, steps], axis=-1).transpose(3, 1, 2, 0)
-        rows = np.ascontiguousarray(np.concatenate([both[:, :, 0], both[:, :, 1] - both[:, :, 0]]))
-        first, second = rows.take(self.first, axis=1), rows.take(self.second, axis=1)
-        gap = second[:6] - first[:6]
-        now = _Rods(gap[:3], first[6:9], second[6:9])
-        step = _Rods(gap[3:], first[9:], second[9:])
+    @cached_property
+    def _frame(self) -> Compiled:
+        """The closed form for one frame."""
+        return Compiled(self._closed_form)
+
+    @cached_property
+    def _block(self) -> Compiled:
+        """The same for several frames."""
+        return Compiled(self._closed_form.map(BLOCK))
+
+    @cached_property
+    def _closed_form(self) -> ca.Function:
+        """Ends (6C), steps (6C), farthest k and squared dead band (2) ↦ distance, D and α, (P) each."""
+        ends, steps = ca.MX.sym("ends", 6 * len(self.radius)), ca.MX.sym("steps", 6 * len(self.radius))
+        bounds = ca.MX.sym("bounds", 2)
+        found = self._least(*self._of_capsules(ends, steps, bounds[0], bounds[1]))
+        return ca.Function("approach", [ends, steps, bounds], found)
+
+    def _of_capsules(self, ends: Any, steps: Any, farthest: Any, band: Any) -> tuple[Any, Any, Any]:
+        """Distance, D and α of pairs of capsules, layer by layer."""
+        first, second = np.concatenate([pairs for _, pairs in self.layers]).T
+        now, step = _rods(ends, first, second), _rods(steps, first, second)
         s, t = now.nearest()
         c, w = now.between(s, t), step.between(s, t)
-        square = _dot(w, w)
-        k = steps_ahead(_dot(c, w), square, options)
+        k = _clip(_signed(c, w, band), farthest)
         near = _squared(c, w, k)
         there = now.moved(step, k)
         s, t = there.nearest()
         later, w = there.between(s, t), step.between(s, t)
-        k2 = np.clip(k + _signed(later, w, options), 0.0, np.floor(options.farthest))
+        k2 = _clip(k + _signed(later, w, band), farthest)
         again = _squared(later, w, k2 - k)
-        better = again < near
-        distance = np.sqrt(_dot(c, c)) - self.radii
-        ahead = np.sqrt(np.where(better, again, near)) - self.radii
-        return self._least(distance, ahead, np.where(better, k2, k))
+        radii = ca.DM(self.radius[first] + self.radius[second])
+        ahead = ca.sqrt(_chosen(again < near, again, near)) - radii
+        return ca.sqrt(_dot(c, c)) - radii, ahead, 1 + _chosen(again < near, k2, k)
 
-    def _least(self, distance: Floats, ahead: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
-        """From capsule pairs to pairs of links: the nearest now, and the nearest ahead with its k."""
-        if self.single or not self.count:
-            return distance, ahead, k
-        least = np.minimum.reduceat(ahead, self.starts)
-        at = np.maximum.reduceat(np.where(ahead <= least[self.owner], k, 0.0), self.starts)
-        return np.minimum.reduceat(distance, self.starts), least, at
+    def _least(self, distance: Any, ahead: Any, alpha: Any) -> list[Any]:
+        """From capsule pairs to pairs of links: the nearest now, and the nearest ahead with its α."""
+        least, start = [values[: self.count] for values in (distance, ahead, alpha)], self.count
+        for owners, _ in self.layers[1:]:
+            near, later, when = (values[start : start + len(owners)] for values in (distance, ahead, alpha))
+            start += len(owners)
+            nearer, sooner = near < least[0][owners], later < least[1][owners]
+            for value, which, more in zip(least, (nearer, sooner, sooner), (near, later, when), strict=True):
+                value[owners] = _chosen(which, more, value[owners])
+        return least
 
 
 @dataclass(frozen=True, eq=False)
 class _Rods:
-    """Pairs of segments: from the one base to the other, and along each; (3, N, frames)."""
+    """Pairs of segments: from the one base to the other, and along each; three coordinates, N pairs."""
 
-    gap: Floats
-    u: Floats
-    v: Floats
+    gap: list[Any]
+    u: list[Any]
+    v: list[Any]
 
-    def moved(self, step: "_Rods", k: Floats) -> "_Rods":
+    def moved(self, step: "_Rods", k: Any) -> "_Rods":
         """The same k steps later."""
-        return _Rods(self.gap + k * step.gap, self.u + k * step.u, self.v + k * step.v)
+        ways = zip((self.gap, self.u, self.v), (step.gap, step.u, step.v), strict=True)
+        return _Rods(*([a + k * b for a, b in zip(now, along, strict=True)] for now, along in ways))
 
-    def between(self, s: Floats, t: Floats) -> Floats:
+    def between(self, s: Any, t: Any) -> list[Any]:
         """From the point at s on the first to the point at t on the second."""
-        return self.gap + t * self.v - s * self.u
+        return [g + t * b - s * a for g, a, b in zip(self.gap, self.u, self.v, strict=True)]
 
-    def nearest(self) -> tuple[Floats, Floats]:
+    def nearest(self) -> tuple[Any, Any]:
         """s and t of the points nearest to each other: the lines' nearest points, brought within the segments in turn."""
-        uu, vv, uv = _dot(self.u, self.u), _dot(self.v, self.v), _dot(self.u, self.v)
+        uu, vv, uv = _dot(self.u, self.u) + _POINT, _dot(self.v, self.v) + _POINT, _dot(self.u, self.v)
         ug, vg = _dot(self.u, self.gap), _dot(self.v, self.gap)
-        uu, vv = np.maximum(uu, _POINT), np.maximum(vv, _POINT)
-        spread = np.maximum(uu * vv - uv * uv, _POINT * uu * vv)
-        s = _unit((ug * vv - vg * uv) / spread)
-        t = _unit((s * uv - vg) / vv)
-        return _unit((t * uv + ug) / uu), t
+        s = _clip((ug * vv - vg * uv) / ((1 + _POINT) * uu * vv - uv * uv), 1)
+        t = _clip((s * uv - vg) / vv, 1)
+        return _clip((t * uv + ug) / uu, 1), t
 
 
-def _signed(c: Floats, w: Floats, options: Interaction) -> Floats:
-    """k from c·w and w·w, backwards in time too; 0 within the dead band."""
+def _rods(ends: Any, first: Ints, second: Ints) -> _Rods:
+    """Of capsules (N,) and capsules (N,), from all ends: capsule by capsule, end by end, coordinate by coordinate."""
+    bases = [ends[axis::6] for axis in range(3)]
+    along = [ends[3 + axis :: 6] - bases[axis] for axis in range(3)]
+    gap = [base[second.tolist()] - base[first.tolist()] for base in bases]
+    return _Rods(gap, [way[first.tolist()] for way in along], [way[second.tolist()] for way in along])
+
+
+def _signed(c: list[Any], w: list[Any], band: Any) -> Any:
+    """k = ⌈−c·w / w·w − ½⌉, backwards in time too; 0 within the dead band."""
     square = _dot(w, w)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        best = np.ceil(-_dot(c, w) / square - 0.5)
-    return np.where(square > options.dead_band**2, best, 0.0)
+    return (square > band) * ca.ceil(-_dot(c, w) / (square + _STILL) - 0.5)
 
 
-def _squared(c: Floats, w: Floats, k: Floats) -> Floats:
-    reached = c + k * w
+def _squared(c: list[Any], w: list[Any], k: Any) -> Any:
+    reached = [a + k * b for a, b in zip(c, w, strict=True)]
     return _dot(reached, reached)
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    product = a * b
-    total = product[0]
-    total += product[1]
-    total += product[2]
-    return total
+def _dot(a: list[Any], b: list[Any]) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _unit(values: Floats) -> Floats:
-    return np.minimum(np.maximum(values, 0.0), 1.0)
+def _clip(x: Any, most: Any) -> Any:
+    """x brought within 0 … most."""
+    return x * ((x > 0) * (x <= most)) + most * (x > most)
+
+
+def _chosen(which: Any, a: Any, b: Any) -> Any:
+    """a where `which` is 1, b where it is 0."""
+    return which * a + (1 - which) * b
 
 
 def _products(first: list[int], second: list[int]) -> Ints:
-    """(2, N) every capsule of one link with every capsule of the other."""
-    return np.stack(np.meshgrid(first, second, indexing="ij")).reshape(2, -1)
+    """(N, 2) every capsule of one link with every capsule of the other."""
+    return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _layers(tables: list[Ints]) -> list[tuple[list[int], Ints]]:
+    """The first pair of capsules of every pair of links, the second of those that have two, and so on: owners, pairs."""
+    depth = max(map(len, tables), default=0)
+    owners = [[k for k, table in enumerate(tables) if len(table) > layer] for layer in range(depth)]
+    return [(some, np.array([tables[k][layer] for k in some])) for layer, some in enumerate(owners)]

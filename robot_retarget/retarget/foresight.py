@@ -12,13 +12,13 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.retarget.pace import STEP
 from robot_retarget.robot import Robot
-from robot_retarget.robot.collidable import Clearance, Pairs
+from robot_retarget.robot.clearance import Clearance
 from robot_retarget.robot.model import FREE
 
 REACH = 0.2
 """Surfaces farther apart than this count as this far [m]."""
 FOLLOWED = 0.1
-"""On the way, surfaces farther apart than this count as this far [m]."""
+"""On the way, surfaces of a pair that nears count as this far where they are farther apart [m]."""
 CLOSING = 5e-4
 """A pair that comes no nearer than this within the horizon stays where it is [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
@@ -36,7 +36,8 @@ class Outlook:
     next: Floats
     """(N,) the same one step ahead, where the pair closes."""
     contact: Floats
-    """(N,) time to contact [s], 0 in contact, infinite where none is foreseen within the horizon."""
+    """(N,) time to contact [s]: until surfaces meet, or are nearest where they come within the margin; 0 in contact,
+    infinite where nothing of this is foreseen within the horizon."""
     depth: Floats
     """(N,) how deep the surfaces would come to overlap within the horizon [m]."""
     sure: Floats
@@ -50,75 +51,102 @@ class Joints:
         model = robot.model
         single = np.flatnonzero(model.jnt_type != FREE)
         self.columns = np.asarray(model.jnt_qposadr[single], dtype=np.int64)
-        self.rest = np.array(model.qpos0)
+        self.free, self.rest = np.setdiff1d(np.arange(model.nq), self.columns), np.array(model.qpos0)
         self.lower, self.upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
         self.lower[robot.qpos_index], self.upper[robot.qpos_index] = robot.lower, robot.upper
 
     def pinned(self, qpos: Floats) -> Floats:
         """Configurations (…, nq) with a free root put where `qpos0` has it."""
-        still = np.empty_like(qpos)
-        still[:] = self.rest
-        still[..., self.columns] = qpos[..., self.columns]
+        still = qpos.copy()
+        still[..., self.free] = self.rest[self.free]
         return still
 
-    def path(self, qpos: Floats, step: Floats, change: Floats, gains: Floats) -> Floats:
-        """(K, nq) from one configuration, its step and its change of step (nq,), by gains (2, K)."""
-        ahead = qpos + gains.T @ np.stack([step, change])
-        return np.clip(ahead, np.minimum(self.lower, qpos), np.maximum(self.upper, qpos))
+    def paths(self, qpos: Floats, step: Floats, change: Floats, gains: Floats) -> Floats:
+        """(L, K, nq) from L configurations, their steps and changes of step (L, nq), by gains (L, 2, K)."""
+        now, ahead = qpos[:, None], gains[:, 0, :, None] * step[:, None]
+        ahead += gains[:, 1, :, None] * change[:, None]
+        ahead += now
+        np.maximum(ahead, np.minimum(self.lower, now), out=ahead)
+        return np.minimum(ahead, np.maximum(self.upper, now), out=ahead)
 
 
 class Foresight:
-    """Distances of chosen pairs along the path of the joints."""
+    """Distances of chosen pairs along the paths of the joints."""
 
     def __init__(
-        self, robot: Robot, pairs: Pairs, horizon: float, step: float, margin: float, doubt: float, slack: float
+        self,
+        joints: Joints,
+        clearance: Clearance,
+        horizon: float,
+        step: float,
+        margin: float,
+        doubt: float,
+        slack: float,
     ):
         """Look `horizon` [s] ahead in steps of `step` [s]; `sure` is measured against margin − ½ doubt t²."""
-        self.joints, self.clearance, self.slack = Joints(robot), Clearance(robot, pairs), slack
-        self.worth = 1.5 * margin
+        self.joints, self.clearance, self.slack, self.margin = joints, clearance, slack, margin
+        self.worth = max(1.5 * margin, CLOSING)
         steps = horizon / step
         self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
-        self.main = np.union1d(range(0, len(self.k), MAIN), len(self.k) - 1)
-        self.other = np.setdiff1d(np.arange(len(self.k)), self.main)
+        instants = np.arange(1, len(self.k) + 1)
+        self.main = np.union1d(instants[::MAIN], instants[-1])
+        self.other = np.setdiff1d(instants, self.main)
         self.times = np.concatenate([[0.0], self.k]) * step
+        inner = self.times[self.main[:-1] - 1], self.times[self.main[:-1] + 1]
+        self.share = (self.times[self.main[:-1]] - inner[0]) / (inner[1] - inner[0])
         self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
 
-    def look(self, qpos: Floats, step: Floats, change: Floats, gains: Floats, pairs: Ints, drop: Floats) -> Floats:
-        """Distances (1 + K, N) of pairs (N,) now and at every instant [m]; `REACH` where it is not worth measuring.
+    def look(self, path: Floats, pairs: Ints, drop: Floats) -> Floats:
+        """Distances (1 + K, N) of pairs (N,) on a path (1 + K, nq), now and at every instant [m].
 
         A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
         `slack`, and it does not touch already: at the main instants, and at all where those bring it near enough, and
-        nearer than it is.
+        nearer than it is. What is not worth measuring is `REACH`.
         """
-        found = np.full((1 + len(self.k), len(pairs)), REACH)
-        found[0] = self.clearance.along(qpos[None], pairs, np.minimum(self.slack + drop + CLOSING, REACH))[0]
-        follow = np.flatnonzero((found[0] > 0) & (found[0] - drop <= self.slack))
+        found, along = np.full((len(path), len(pairs)), REACH), self.clearance.along
+        found[0] = now = along(path[:1], pairs, np.minimum(drop + (self.slack + CLOSING), REACH))[0]
+        follow = ((now > 0) & (now - drop <= self.slack)).nonzero()[0]
         if follow.size:
-            path = self.joints.path(qpos, step, change, gains)
-            for instants in (self.main, self.other):
-                reach = np.full(len(follow), FOLLOWED)
-                found[1 + instants[:, None], follow] = self.clearance.along(path[instants], pairs[follow], reach)
-                least = found[1:, follow].min(axis=0)
-                follow = follow[(least <= self.worth) & (least < found[0, follow] - CLOSING)]
+            main = along(path[self.main], pairs[follow], np.full(len(follow), self.worth))
+            found[self.main[:, None], follow] = main
+            least = main.min(axis=0)
+            follow = follow[(least < self.worth) & (least < now[follow] - CLOSING)]
+        if follow.size:
+            other = along(path[self.other], pairs[follow], np.full(len(follow), FOLLOWED))
+            found[self.other[:, None], follow] = other
+            self._fill(found, follow)
         return found
+
+    def _fill(self, found: Floats, columns: Ints) -> None:
+        """Main instants at which surfaces were too far apart to be measured lie between their neighbours."""
+        rows = self.main[:-1, None]
+        known = found[rows, columns]
+        cut = known >= self.worth
+        if cut.any() and (found[:, columns] <= 0).any():
+            before, after = found[rows - 1, columns], found[rows + 1, columns]
+            between = before + self.share[:, None] * (after - before)
+            found[rows, columns] = np.where(cut, np.maximum(between, self.worth), known)
 
     def outlook(self, distances: Floats) -> Outlook:
         """What distances (1 + K, N) tell."""
         now, ahead = distances[0], distances[1:]
-        times = self.times
-        inside = distances <= 0
-        hit = inside.any(0)
-        after = np.where(hit, inside.argmax(0), 1)
-        before = np.maximum(after - 1, 0)
-        columns = np.arange(len(now))
-        outer, inner = distances[before, columns], distances[after, columns]
-        share = np.where(outer > inner, outer / np.where(outer > inner, outer - inner, 1.0), 0.0)
-        contact = np.where(hit, times[before] + share * (times[after] - times[before]), np.inf)
-        contact = np.where(now <= 0, 0.0, contact)
-        depth = np.maximum(0.0, -distances.min(0))
-        closing = ahead.min(0) < now - CLOSING
-        sure = np.where(closing, (self.asked[:, None] - ahead).max(0), -np.inf)
+        least = ahead.min(axis=0)
+        closing = least < now - CLOSING
+        contact = np.where(closing & (least <= self.margin), self.times[1:][ahead.argmin(axis=0)], np.inf)
+        hit = np.flatnonzero((now > 0) & (least <= 0))
+        if hit.size:
+            contact[hit] = self._time_to_zero(distances[:, hit])
+        contact[now <= 0] = 0.0
+        sure = np.where(closing, (self.asked[:, None] - ahead).max(axis=0), -np.inf)
+        depth = np.maximum(0.0, -np.minimum(now, least))
         return Outlook(now, np.where(closing, ahead[0], REACH), contact, depth, sure)
+
+    def _time_to_zero(self, distances: Floats) -> Floats:
+        """When distances (1 + K, N), positive at first, reach zero, straight between instants [s]."""
+        after, columns = (distances <= 0).argmax(axis=0), np.arange(distances.shape[1])
+        outer, inner = distances[after - 1, columns], distances[after, columns]
+        before = self.times[after - 1]
+        return before + outer / (outer - inner) * (self.times[after] - before)
 
 
 def span_of(fps: float) -> int:

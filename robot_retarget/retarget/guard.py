@@ -20,7 +20,6 @@ from robot_retarget.errors import UsageError
 from robot_retarget.retarget.approach import REST
 from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces
 from robot_retarget.robot import Robot
-from robot_retarget.robot.collidable import Clearance
 from robot_retarget.robot.separation import carrying
 
 LEAST = 2.0**-6
@@ -83,7 +82,7 @@ class Guard:
         """
         self.robot, self.options, self.known = robot, options or GuardOptions(), known or surfaces(robot)
         self.warner = Warner(robot, fps, warn, self.known)
-        self.clearance = Clearance(robot, self.known.pairs)
+        self.clearance = self.warner.eye.clearance
         carried = carrying(robot.model)[:, robot.dof_index]
         self.between = carried[self.known.pairs.links[:, 0]] ^ carried[self.known.pairs.links[:, 1]]
         self.keep = (1 - self.options.gain) ** (30 / fps)
@@ -134,25 +133,23 @@ class Guard:
 
     def _near(self, safe: Floats, wanted: Floats) -> Ints:
         """The pairs whose capsules are near each other before, halfway, or after."""
-        ways = self.warner.eye.foresight.joints.pinned(np.array([safe, (safe + wanted) / 2, wanted]))
-        ends = self.known.capsules.world(self.robot, ways)
+        ends = self.warner.eye.ends.along(self.warner.eye.joints.pinned(np.array([safe, (safe + wanted) / 2, wanted])))
         distance = self.known.capsule_pairs.approach(ends, np.zeros_like(ends), REST).distance
         return np.flatnonzero(distance.min(axis=0) < self.options.near)
 
     def _distances(self, qpos: Floats, pairs: Ints) -> Floats:
-        self.clearance.place(qpos)
-        return np.array([self.clearance.of(pair, self.options.near) for pair in pairs.tolist()])
+        return self.clearance.along(qpos[None], pairs, np.full(len(pairs), self.options.near))[0]
 
     def _begin(self, wanted: Floats) -> Floats:
         """The wanted configuration, or the last before a contact on the way to it from the standing pose."""
-        margin, everything = self.options.margin, np.arange(len(self.known.pairs))
-        if (self._distances(wanted, everything) >= margin).all():
+        margin, near = self.options.margin, self.options.near
+        if (self.clearance.all(wanted[None], near) >= margin).all():
             return wanted
         columns, reached = self.robot.qpos_index, wanted.copy()
         start, way = self.robot.standing()[columns], wanted.copy()
         for share in np.linspace(0, 1, PLACES):
             way[columns] = start + share * (wanted[columns] - start)
-            if share > 0 and (self._distances(way, everything) < margin).any():
+            if share > 0 and (self.clearance.all(way[None], near) < margin).any():
                 break
             reached = way.copy()
         return reached

@@ -56,6 +56,7 @@ class Pace:
     def __init__(self, k: Floats, step: float):
         """Gains for the instants k (K,) in steps of `step` [s]."""
         self.ways = np.stack([steady(k, step), swinging(k)])
+        self._between = self.ways[0] - self.ways[1]
         check = np.array([float(CHECK)])
         self._check = np.stack([steady(check, step), swinging(check)])[..., 0]
         self.trust = 0.5
@@ -68,10 +69,10 @@ class Pace:
         """(2, K) gains g and h for the look at joints (n,) with this step and change of step."""
         self._looks += 1
         if self._looks > UNKNOWN:
-            self._guesses.append(joints + self._check @ np.stack([step, change]))
+            self._guesses.append(joints + self._check[:, :1] * step + self._check[:, 1:] * change)
         if len(self._guesses) > CHECK:
             missed = self._guesses[0] - joints
-            self._error = self._keep * self._error + (missed * missed).sum(axis=1)
-        total = self._error.sum()
-        self.trust = float(self._error[1] / total) if total > 0 else 0.5
-        return self.trust * self.ways[0] + (1 - self.trust) * self.ways[1]
+            self._error = self._keep * self._error + np.einsum("wj,wj->w", missed, missed)
+        steady, swinging = self._error.tolist()
+        self.trust = swinging / (steady + swinging) if steady + swinging > 0 else 0.5
+        return self.ways[1] + self.trust * self._between

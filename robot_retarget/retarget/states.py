@@ -4,7 +4,6 @@ A contact is imminent once it has been foreseen in every frame of a window (leas
 as long as any frame of a window called for it (greatest over the window). Both windows end at the present frame.
 """
 
-from collections import deque
 from enum import IntEnum
 
 import numpy as np
@@ -26,8 +25,8 @@ class Windows:
     def __init__(self, confirm: int, release: int):
         """Frames in which a contact must be foreseen, and frames for which a state is kept."""
         self.confirm, self.release = confirm, release
-        self._foreseen: deque[np.ndarray] = deque(maxlen=confirm)
-        self._called: deque[np.ndarray] = deque(maxlen=release)
+        self._foreseen, self._called = np.zeros((confirm, 0), bool), np.zeros((release, 0), np.int8)
+        self._count = 0
 
     def all(self, foreseen: np.ndarray, called: np.ndarray) -> np.ndarray:
         """(T, P) states from (T, P) whether a contact is foreseen and what each frame calls for by itself."""
@@ -39,7 +38,13 @@ class Windows:
 
     def next(self, foreseen: np.ndarray, called: np.ndarray) -> np.ndarray:
         """The same (1, P) for the frame that follows those given before."""
-        self._foreseen.append(foreseen)
-        lasting = np.logical_and.reduce(self._foreseen) if len(self._foreseen) == self.confirm else np.False_
-        self._called.append(np.where(lasting, np.maximum(called, State.IMMINENT), called).astype(np.int8))
-        return np.maximum.reduce(self._called)
+        if not self._count:
+            self._foreseen, self._called = (
+                np.zeros((len(past), foreseen.shape[1]), past.dtype) for past in (self._foreseen, self._called)
+            )
+        self._foreseen[self._count % self.confirm] = foreseen
+        latest = self._called[self._count % self.release]
+        latest[:] = called
+        np.maximum(latest, State.IMMINENT, out=latest, where=self._foreseen.all(axis=0))
+        self._count += 1
+        return self._called.max(axis=0, keepdims=True)

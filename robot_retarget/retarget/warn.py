@@ -7,7 +7,7 @@ of the joints. A pair is then in one of four states,
     contact      the geoms touch now,
     imminent     for `confirm` seconds running, an instant t ahead showed an overlap deeper than ½ doubt t² − margin
                  (or the very next step did); one look is enough where the stream has kept its pace (`pace`),
-    approaching  an overlap is foreseen within the horizon,
+    approaching  an overlap, or surfaces nearer than `margin`, are foreseen within the horizon,
     clear        none of these,
 
 and keeps the highest that any of the last `release` seconds called for, so that a warning does not flicker. A stretch
@@ -27,15 +27,17 @@ from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.retarget.approach import Approach, CapsulePairs
 from robot_retarget.retarget.events import Event, events_of
-from robot_retarget.retarget.foresight import Foresight, changes, span_of, strides
+from robot_retarget.retarget.foresight import Foresight, Joints, changes, span_of, strides
 from robot_retarget.retarget.pace import TRUSTED, Pace
 from robot_retarget.retarget.states import State, Windows
 from robot_retarget.robot import Robot
 from robot_retarget.robot.capsules import Capsules, fit_capsules
-from robot_retarget.robot.collidable import Pairs, collidable
+from robot_retarget.robot.clearance import Clearance, Marks, Pairs
+from robot_retarget.robot.collidable import collidable
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
 
+APPROACHING, IMMINENT, CONTACT = (np.int8(state) for state in (State.APPROACHING, State.IMMINENT, State.CONTACT))
 Judge = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -54,7 +56,7 @@ class WarnOptions:
     slack: float = 0.02
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
-    """Surfaces foreseen this near count as touching [m]."""
+    """Surfaces foreseen this near count as touching, when they are nearest [m]."""
     doubt: float = 0.35
     """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
     confirm: float = 1 / 30
@@ -150,8 +152,8 @@ def warnings_of(
     if len(trajectory) < 2:
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
     eye = Eye(known or surfaces(robot), trajectory.fps, options or WarnOptions())
-    qpos = eye.foresight.joints.pinned(trajectory.qpos)
-    ends, steps = eye.known.capsules.world(robot, qpos), strides(qpos, eye.span)
+    qpos = eye.joints.pinned(trajectory.qpos)
+    ends, steps = eye.ends.along(qpos), strides(qpos, eye.span)
     near = eye.known.capsule_pairs.approach(ends, strides(ends, eye.span), eye.interaction)
     looks = np.arange(0, len(qpos), eye.span)
     seen = eye.look(near.at(looks), qpos[looks], steps[looks], changes(steps, eye.span)[looks], eye.windows.all)
@@ -171,8 +173,9 @@ class Warner:
             raise UsageError(f"frames per second must be positive, got {fps}")
         self.robot = robot
         self.eye = Eye(known or surfaces(robot), float(fps), options or WarnOptions())
-        self._past: deque[Floats] = deque(maxlen=2 * self.eye.span + 1)
+        self._past: deque[Floats] = deque(maxlen=self.eye.span + 1)
         self._ends: deque[Floats] = deque(maxlen=self.eye.span + 1)
+        self._step: Floats | None = None
         self._count = 0
         self._seen: Seen | None = None
 
@@ -185,18 +188,17 @@ class Warner:
         nq = self.robot.model.nq
         if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
             raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
-        eye, still = self.eye, self.eye.foresight.joints.pinned(np.asarray(qpos, dtype=float))
-        eye.foresight.clearance.place(still)
-        ends = eye.known.capsules.carried(*eye.foresight.clearance.frames())
+        eye, still = self.eye, self.eye.joints.pinned(np.asarray(qpos, dtype=float)[None])
+        ends = eye.ends.along(still)
         self._past.append(still)
         self._ends.append(ends)
-        steps = strides(np.array(self._past), eye.span)
         share = eye.span / max(len(self._ends) - 1, 1)
         near = eye.known.capsule_pairs.approach(ends, (ends - self._ends[0]) * share, eye.interaction)
         since = self._count % eye.span
         if self._seen is None or since == 0:
-            changed = changes(steps, eye.span)[-1:]
-            self._seen = eye.look(near, still[None], steps[-1:], changed, eye.windows.next)
+            step = (still - self._past[0]) * share
+            changed = step - self._step if self._step is not None and self._count > eye.span else np.zeros_like(step)
+            self._seen, self._step = eye.look(near, still, step, changed, eye.windows.next), step
         self._count += 1
         return eye.warnings(near, self._seen, np.array([since]))
 
@@ -222,46 +224,53 @@ class Eye:
         self.span = span_of(fps)
         step = self.span / fps
         self.interaction = Interaction(options.horizon / step, options.dead_band)
+        self.joints = Joints(known.robot)
+        self.ends = Marks(known.robot, known.capsules.points)
+        self.clearance = Clearance(known.robot, known.pairs)
         self.foresight = Foresight(
-            known.robot, known.pairs, options.horizon, step, options.margin, options.doubt, options.slack
+            self.joints, self.clearance, options.horizon, step, options.margin, options.doubt, options.slack
         )
         self.pace = Pace(self.foresight.k, step)
         self.windows = Windows(round(options.confirm / step) + 1, round(options.release / step) + 1)
 
     def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats, judge: Judge) -> Seen:
         """States at L looks, from configurations (L, nq), their steps and changes of step."""
-        suspect, drop = near.ahead <= self.options.slack, near.distance - near.ahead
-        distances, trusted = [np.zeros((1 + len(self.foresight.k), 0))], np.zeros((len(qpos), 1), bool)
-        single = self.foresight.joints.columns
-        for t in range(len(qpos)):
-            gains = self.pace.next(qpos[t, single], steps[t, single], changed[t, single])
+        looks, pairs = np.nonzero(near.ahead <= self.options.slack)
+        gains, trusted = self._gains(qpos, steps, changed)
+        paths, bounds = self.joints.paths(qpos, steps, changed, gains), np.searchsorted(looks, np.arange(len(qpos) + 1))
+        drop, distances = (near.distance - near.ahead)[looks, pairs], [np.zeros((paths.shape[1], 0))]
+        for path, first, last in zip(paths, bounds.tolist(), bounds[1:].tolist(), strict=False):
+            if first < last:
+                distances.append(self.foresight.look(path, pairs[first:last], drop[first:last]))
+        seen = self.foresight.outlook(np.concatenate(distances, axis=1))
+
+        def spread(values: np.ndarray) -> np.ndarray:
+            full = np.zeros(near.ahead.shape, dtype=values.dtype)
+            full[looks, pairs] = values
+            return full
+
+        foreseen, touching = seen.sure > 0, seen.distance <= 0
+        called = np.isfinite(seen.contact) * APPROACHING
+        called[(seen.next <= self.options.margin / 2) | (foreseen & trusted[looks])] = IMMINENT
+        called[touching] = CONTACT
+        state, contact = judge(spread(foreseen), spread(called)), np.full(near.ahead.shape, np.inf)
+        contact[looks, pairs] = seen.contact
+        return Seen(state, contact, spread(seen.depth), spread(touching))
+
+    def _gains(self, qpos: Floats, steps: Floats, changed: Floats) -> tuple[Floats, np.ndarray]:
+        """(L, 2, 1 + K) gains now and at every instant, and (L,) whether the stream keeps its pace."""
+        single, gains = self.joints.columns, np.zeros((len(qpos), 2, 1 + len(self.foresight.k)))
+        trusted = np.zeros(len(qpos), dtype=bool)
+        for t, (joints, step, change) in enumerate(zip(qpos, steps, changed, strict=True)):
+            gains[t, :, 1:] = self.pace.next(joints[single], step[single], change[single])
             trusted[t] = self.pace.trust >= TRUSTED
-            pairs = np.flatnonzero(suspect[t])
-            if pairs.size:
-                distances.append(self.foresight.look(qpos[t], steps[t], changed[t], gains, pairs, drop[t, pairs]))
-        outlook = self.foresight.outlook(np.concatenate(distances, axis=1))
-        touching = spread(suspect, outlook.distance <= 0, False)
-        contact = spread(suspect, outlook.contact, np.inf)
-        called = np.where(np.isfinite(contact), State.APPROACHING, State.CLEAR)
-        called[spread(suspect, outlook.next <= self.options.margin / 2, False)] = State.IMMINENT
-        foreseen = spread(suspect, outlook.sure > 0, False)
-        called[foreseen & trusted] = State.IMMINENT
-        called[touching] = State.CONTACT
-        state = judge(foreseen, called)
-        return Seen(state, contact, spread(suspect, outlook.depth, 0.0), touching)
+        return gains, trusted
 
     def warnings(self, near: Approach, seen: Seen, frames: Ints) -> Warnings:
         """What was seen, said at frames counted from the first look; the time to contact runs on between looks."""
+        names, fields = self.known.names, (near.distance, near.ahead, near.alpha)
+        if self.span == 1:
+            return Warnings(names, self.fps, *fields, seen.state, seen.time_to_contact, seen.depth, seen.touching)
         look, since = frames // self.span, (frames % self.span) / self.fps
         contact = np.maximum(seen.time_to_contact[look] - since[:, None], 0.0)
-        near_fields = near.distance, near.ahead, near.alpha
-        return Warnings(
-            self.known.names, self.fps, *near_fields, seen.state[look], contact, seen.depth[look], seen.touching[look]
-        )
-
-
-def spread(where: np.ndarray, values: np.ndarray, otherwise: float) -> np.ndarray:
-    """The values at the places of a mask, something else elsewhere."""
-    full = np.full(where.shape, otherwise, dtype=values.dtype)
-    full[where] = values
-    return full
+        return Warnings(names, self.fps, *fields, seen.state[look], contact, seen.depth[look], seen.touching[look])

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 
 _GEOM = mujoco.mjtGeom
@@ -63,15 +63,10 @@ class Capsules:
         """The capsules of each link."""
         return {int(link): np.flatnonzero(self.links == link).tolist() for link in np.unique(self.links)}
 
-    def world(self, robot: Robot, qpos: Floats) -> Floats:
-        """Ends (T, C, 2, 3) at configurations (T, nq) [m]."""
-        return self.carried(*body_frames(robot, qpos))
-
-    def carried(self, positions: Floats, rotations: Floats) -> Floats:
-        """Ends (T, C, 2, 3) where bodies have these positions (T, B, 3) and rotations (T, B, 3, 3)."""
-        turned = np.einsum("tcij,cej->tcei", rotations[:, self.links], self.ends)
-        turned += positions[:, self.links, None]
-        return turned
+    @property
+    def points(self) -> Points:
+        """Both ends of one capsule after the other."""
+        return Points(np.repeat(self.links, 2), self.ends)
 
 
 def collision_geoms(robot: Robot) -> dict[int, list[int]]:

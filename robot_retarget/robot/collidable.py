@@ -6,13 +6,12 @@ pose within the joint ranges brings together.
 """
 
 import itertools
-from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.arrays import Floats
 from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.clearance import Clearance, Pairs
 from robot_retarget.robot.model import Robot
 
 FEW_HINGES = 3
@@ -20,92 +19,6 @@ FEW_HINGES = 3
 POSES = 800
 NEVER = 0.005
 """A pair that stays farther apart than this in all those poses is left out [m]."""
-FEW_GEOMS = 4
-"""Links with more pairs of geoms than this, on the average, have those far apart sorted out by balls first."""
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """P pairs of links and, for each, the pairs of geoms that may touch."""
-
-    links: Ints
-    """(P, 2) body ids, the lower first."""
-    geoms: tuple[tuple[tuple[int, int], ...], ...]
-    """P lists of geom pairs."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "links", frozen(np.reshape(self.links, (-1, 2)), np.int64))
-
-    def __len__(self) -> int:
-        return len(self.links)
-
-    def of(self, keep: np.ndarray) -> "Pairs":
-        """Those that a mask (P,) chooses."""
-        return Pairs(self.links[keep], tuple(self.geoms[k] for k in np.flatnonzero(keep)))
-
-    def names(self, robot: Robot) -> list[tuple[str, str]]:
-        """The links' names."""
-        return [(robot.model.body(a).name, robot.model.body(b).name) for a, b in self.links.tolist()]
-
-
-class Clearance:
-    """Distances between the geoms of pairs of links, by MuJoCo."""
-
-    def __init__(self, robot: Robot, pairs: Pairs):
-        self.model, self.data, self.pairs = robot.model, mujoco.MjData(robot.model), pairs
-        self._geoms = [np.array(geoms, dtype=np.int64).T for geoms in pairs.geoms]
-
-    def place(self, qpos: Floats) -> None:
-        """Take up a configuration (nq,)."""
-        self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self.data)
-
-    def frames(self) -> tuple[Floats, Floats]:
-        """Positions (1, B, 3) [m] and rotations (1, B, 3, 3) of the bodies as placed."""
-        return self.data.xpos[None], self.data.xmat.reshape(1, -1, 3, 3)
-
-    def of(self, pair: int, reach: float) -> float:
-        """Distance of a pair as placed [m], negative inside, `reach` for all that is farther."""
-        model, data, least = self.model, self.data, reach
-        for a, b in self.pairs.geoms[pair]:
-            least = min(least, mujoco.mj_geomDistance(model, data, a, b, least, None))
-        return least
-
-    def along(self, path: Floats, pairs: Ints, reach: Floats) -> Floats:
-        """Distances (K, N) of some pairs (N,) at configurations (K, nq) [m], `reach` (N,) for all that is farther."""
-        found = np.tile(reach, (len(path), 1))
-        if not len(pairs):
-            return found
-        tables = [self._geoms[pair] for pair in pairs.tolist()]
-        owner = np.repeat(np.arange(len(pairs)), [table.shape[1] for table in tables])
-        geoms = np.concatenate(tables, axis=1)
-        few = len(owner) <= FEW_GEOMS * len(pairs)
-        bounds = np.full((len(path), len(owner)), -np.inf) if few else self._bounds(path, geoms)
-        listed = list(zip(owner.tolist(), *geoms.tolist(), strict=True))
-        model, data = self.model, self.data
-        for qpos, row, bound in zip(path, found, bounds, strict=True):
-            self.place(qpos)
-            least, order = row.tolist(), range(len(listed)) if few else np.argsort(bound).tolist()
-            for k, apart in zip(order, (bound if few else bound[order]).tolist(), strict=True):
-                pair, a, b = listed[k]
-                if apart < least[pair]:
-                    least[pair] = min(least[pair], mujoco.mj_geomDistance(model, data, a, b, least[pair], None))
-            row[:] = least
-        return found
-
-    def _bounds(self, path: Floats, geoms: Ints) -> Floats:
-        """(K, G) how far apart the balls around two geoms (2, G) are [m]: less than the geoms."""
-        centres = np.empty((len(path), self.model.ngeom, 3))
-        for k, qpos in enumerate(path):
-            self.place(qpos)
-            centres[k] = self.data.geom_xpos
-        gap = centres[:, geoms[0]] - centres[:, geoms[1]]
-        return np.sqrt(np.einsum("kga,kga->kg", gap, gap)) - self.model.geom_rbound[geoms].sum(axis=0)
-
-    def all(self, qpos: Floats, reach: float) -> Floats:
-        """Distances (P,) at a configuration (nq,) [m]."""
-        self.place(qpos)
-        return np.array([self.of(pair, reach) for pair in range(len(self.pairs))])
 
 
 def collidable(robot: Robot) -> Pairs:
@@ -148,12 +61,11 @@ def _apart(
     clearance = Clearance(
         robot, Pairs(np.zeros((0, 2), dtype=np.int64), tuple((pair,) for pairs in table.values() for pair in pairs))
     )
-    clearance.place(qpos)
     flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
+    apart = clearance.along(qpos[None], np.arange(len(flat)), np.full(len(flat), NEVER))[0] >= 0
     kept: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for k, (links, pair) in enumerate(flat):
-        if clearance.of(k, NEVER) >= 0:
-            kept.setdefault(links, []).append(pair)
+    for links, pair in itertools.compress(flat, apart):
+        kept.setdefault(links, []).append(pair)
     return kept
 
 
@@ -162,15 +74,12 @@ def _ever_near(robot: Robot, pairs: Pairs) -> np.ndarray:
     hinges = set(robot.joint_ids.tolist())
     between = [_joints_between(robot, a, b) for a, b in pairs.links.tolist()]
     near = np.array([len(joints) > FEW_HINGES or not joints <= hinges for joints in between], dtype=bool)
-    clearance, draw = Clearance(robot, pairs), np.random.default_rng(0)
-    qpos = robot.neutral()
-    for _ in range(POSES):
-        # Joints stand at the ends of their ranges as often as not: that is where links meet.
-        share = np.clip(draw.uniform(-0.5, 1.5, len(robot.lower)), 0, 1)
-        qpos[robot.qpos_index] = robot.lower + share * (robot.upper - robot.lower)
-        clearance.place(qpos)
-        for pair in np.flatnonzero(~near):
-            near[pair] = clearance.of(int(pair), 2 * NEVER) < NEVER
+    # Joints stand at the ends of their ranges as often as not: that is where links meet.
+    share = np.clip(np.random.default_rng(0).uniform(-0.5, 1.5, (POSES, len(robot.lower))), 0, 1)
+    poses = np.tile(robot.neutral(), (POSES, 1))
+    poses[:, robot.qpos_index] = robot.lower + share * (robot.upper - robot.lower)
+    few = np.flatnonzero(~near)
+    near[few] = (Clearance(robot, pairs).along(poses, few, np.full(len(few), NEVER)) < NEVER).any(axis=0)
     return near
 
 

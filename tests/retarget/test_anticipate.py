@@ -14,7 +14,7 @@ from robot_retarget.retarget.quadratic import Ahead, Landscape, Quadratic
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.retarget.warn import surfaces
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.collidable import Clearance
+from robot_retarget.robot.clearance import Clearance
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 
@@ -73,7 +73,7 @@ def test_legs_that_would_cross_part_earlier_than_by_separation_alone() -> None:
     near = []
     for weight in (0.0, 3.0):
         found = retarget(motion, robot, fps=30, options=Options(interaction=weight)).trajectory
-        distance = np.array([clearance.all(q, 0.05) for q in found.qpos])
+        distance = clearance.all(found.qpos, 0.05)
         assert distance.min() > -1e-3
         near.append(np.sort(distance.min(axis=1)))
     assert near[1][: len(near[1]) // 4].mean() > near[0][: len(near[0]) // 4].mean()

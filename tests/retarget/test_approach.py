@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.retarget.approach import Approach, CapsulePairs
 from robot_retarget.robot.capsules import Capsules
-from robot_retarget.robot.collidable import Pairs
+from robot_retarget.robot.clearance import Pairs
 
 R = 0.1
 CASES = {  # centre and step of two balls of radius R → D, α

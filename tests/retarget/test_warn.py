@@ -65,6 +65,19 @@ def test_a_steady_approach_is_timed_exactly(tmp_path: Path, fps: float) -> None:
     assert 0.3 < event.lead_s < 0.5
 
 
+def test_what_passes_within_the_margin_is_timed_where_it_is_nearest(tmp_path: Path) -> None:
+    mjcf = CARTS.replace('name="right" pos="1 0 0"', 'name="right" pos="1 0 .205"')
+    robot, times = robot_of(mjcf, tmp_path / "passing.xml"), np.arange(91) / 30
+    qpos = np.zeros((91, 3))
+    qpos[:, 0] = 0.9 * times  # above the other, 5 mm away, after 2 / 0.9 s
+    found = warnings_of(Trajectory(qpos, 30.0, robot.joint_names, robot.name), robot)
+    wait, foreseen = 2 / 0.9 - times, found.time_to_contact[:, found.pairs.index(("left", "right"))]
+    soon = (wait > 0.1) & (wait < 0.33)
+    assert np.abs(foreseen[soon] - wait[soon]).max() < 1 / 30  # half the way between two instants
+    assert found.events and all(event.contact is None for event in found.events)
+    assert warnings_of(Trajectory(qpos, 30.0, robot.joint_names, robot.name), robot, WarnOptions(margin=0)).events == []
+
+
 def test_what_recedes_or_rests_is_not_flagged(tmp_path: Path) -> None:
     for speed in (0.0, -0.8):
         found = warnings_of(*carts(tmp_path, speed))

@@ -10,7 +10,8 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.capsules import Capsules, collision_geoms, fit_capsules
-from robot_retarget.robot.collidable import Clearance, collidable
+from robot_retarget.robot.clearance import Clearance, Marks
+from robot_retarget.robot.collidable import collidable
 from robot_retarget.simulate.contacts import built_in
 
 SHAPES = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/><geom type="box" size=".1 .15 .2"/>
@@ -95,10 +96,9 @@ def test_capsules_are_never_farther_apart_than_geoms() -> None:
     robot = load_robot("op3")
     capsules, pairs = fit_capsules(robot), collidable(robot)
     qpos = wander(robot, 12).qpos
-    ends = capsules.world(robot, qpos)
+    ends = Marks(robot, capsules.points).along(qpos)
     found = CapsulePairs(capsules, pairs).approach(ends, np.zeros_like(ends), REST)
-    clearance = Clearance(robot, pairs)
-    assert (found.distance <= np.array([clearance.all(q, 10.0) for q in qpos]) + 1e-6).all()
+    assert (found.distance <= Clearance(robot, pairs).all(qpos, 10.0) + 1e-6).all()
 
 
 @needs_shared
