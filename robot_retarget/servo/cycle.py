@@ -1,6 +1,7 @@
 """One exchange after the other: goals and a request out, readings in, judged and written down."""
 
 import time
+from math import ceil
 from typing import Any, NamedTuple
 
 from robot_retarget.arrays import Floats
@@ -10,9 +11,9 @@ from robot_retarget.servo.link import Link
 from robot_retarget.servo.record import PHASES, Record
 
 SPARE = 1.5e-3
-"""With so much of a tick left, voltage and temperature of one servo are read [s]; without, only every SENSE_PERIOD."""
-SENSE_PERIOD = 0.1
-"""[s]."""
+"""With so much of a tick left, voltage and temperature are read of as many servos as make ROUND one round [s]."""
+ROUND = 0.1
+"""Without time to spare, they are read of one servo after so long [s]."""
 
 
 class Ahead(NamedTuple):
@@ -53,12 +54,11 @@ class Cycle:
         self.link.listen()
         now = time.monotonic()
         self._open["busy"] = now - began
-        spare = due + period - now > SPARE
-        if spare or now - self._sensed > SENSE_PERIOD:
-            self._sensed = now
-            self.link.sense()
-        if spare:
+        if due + period - now > SPARE:
+            self._sense(ceil(len(wish) * period / ROUND))
             self.finish()
+        elif now - self._sensed > ROUND:
+            self._sense(1)
 
     def _send(self, wish: Floats, period: float) -> Floats:
         """The goals for a wish go out: those made ready for it, where the joints are near enough to them."""
@@ -69,6 +69,10 @@ class Cycle:
         self.link.ask(ahead.frame if goal is ahead.aim else self.link.goals(goal))
         self.guard.keep(goal, wish)
         return goal
+
+    def _sense(self, count: int) -> None:
+        self._sensed = time.monotonic()
+        self.link.sense(count)
 
     def _prepared(self, wish: Floats, period: float) -> Ahead:
         aim = self.guard.aim(wish, period)

@@ -8,8 +8,8 @@ from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.tables import XM430_W350
 
-MISSES = 5
-"""So many ticks without an answer are forgiven at any rate."""
+MISSES = 2
+"""A single tick without an answer is forgiven at any rate."""
 OVERLOADED = 0.5
 """Too high a current is forgiven for so long [s]."""
 ALERTED = 0x80

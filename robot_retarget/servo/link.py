@@ -119,12 +119,13 @@ class Link:
         if self._short >= 2:
             self.fast = False
 
-    def sense(self) -> None:
-        """Voltage and temperature of the next servo in turn."""
-        k = self._turn
-        self._turn = (k + 1) % len(self.ids)
-        reply = self.bus.sync_read(SENSORS, 3, [self.ids[k]], patience=CYCLE_PATIENCE).get(self.ids[k])
-        if reply is not None:
+    def sense(self, count: int = 1) -> None:
+        """Voltage and temperature of the next `count` servos in turn, each once at most."""
+        places = [(self._turn + k) % len(self.ids) for k in range(min(count, len(self.ids)))]
+        self._turn = (places[-1] + 1) % len(self.ids)
+        replies = self.bus.sync_read(SENSORS, 3, [self.ids[k] for k in places], patience=CYCLE_PATIENCE)
+        for identity, reply in replies.items():
+            k = self._place[identity]
             self.voltage[k] = int.from_bytes(reply.data[:2], "little") / 10
             self.temperature[k] = reply.data[2]
 

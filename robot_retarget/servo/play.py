@@ -202,13 +202,18 @@ def play(
     Raises:
         ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
     """
+    options, watchdog = options or Options(), servo_map.limits.watchdog
     slow = slow_adapter(port)
     if slow is not None:
         raise ServoError(slow)
+    if options.rate * watchdog < 2 and watchdog:
+        raise ServoError(
+            f"{options.rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do"
+        )
     record = Record(servo_map.joints)
     try:
         with Bus(port, servo_map.baud) as bus:
-            return Player(bus, servo_map, options or Options(), record, say).play(plan)
+            return Player(bus, servo_map, options, record, say).play(plan)
     finally:
         if log is not None:
             record.save(log)

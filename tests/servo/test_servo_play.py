@@ -10,12 +10,13 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from emulated import ARM, Emulated, emulated, until
+from emulated import ARM, QUICK, Emulated, emulated, until
 from shared_files import ROOT
 
 from robot_retarget.errors import ServoError
@@ -24,7 +25,7 @@ from robot_retarget.servo.guard import Scale
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.map import TICKS_PER_RADIAN, dump_map
+from robot_retarget.servo.map import TICKS_PER_RADIAN, dump_map, load_map
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import Plan
 from robot_retarget.servo.play import Player, play
@@ -201,6 +202,26 @@ def test_what_can_be_lived_with_before_the_start_is(emulator: Emulated, tmp_path
         assert before["torque_enable"]
         return
     require_harmless(emulator, tmp_path)
+
+
+def test_ticks_too_slow_for_the_watchdog_are_refused(emulator: Emulated) -> None:
+    with pytest.raises(ServoError, match=r"12 ticks a second do not feed a watchdog of 0\.1 s; 20 do"):
+        play(PLAN, ARM, emulator.port, Options(12.0))
+    assert not any(servo["torque_enable"] for servo in emulator.servos().values())
+
+
+@pytest.mark.parametrize("fault", ["heat 17 75", "silent 20", "supply 9.7"])
+def test_a_fault_of_one_of_twenty_servos_stops_all_as_soon_at_any_rate(tmp_path: Path, fault: str) -> None:
+    swing = Plan(0.1 * np.sin(3 * TIME) * np.ones(20), 20.0)
+    with emulated(tmp_path, "op3") as twenty:
+
+        def say(text: str) -> None:
+            if text.startswith("playing"):
+                threading.Timer(0.3, twenty.do, (fault,)).start()
+
+        outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, Options(20.0), say=say)
+        assert (outcome.ended, outcome.state) == (Ended.FAULT, "hold")
+        assert settling(twenty) < PROMPT
 
 
 def test_a_port_that_is_not_there_is_said(tmp_path: Path) -> None:
