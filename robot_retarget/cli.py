@@ -206,9 +206,12 @@ def warn(
     from robot_retarget.retarget.events import figures_of, write_csv
     from robot_retarget.retarget.warn import WarnOptions, surfaces, warnings_of
     from robot_retarget.trajectory import load_trajectory
+    from robot_retarget.view.approaches import require_drawable
 
     for path in filter(None, (output, plot)):
         require_writable(path)
+    if plot is not None:
+        require_drawable(plot)
     options = WarnOptions(horizon=horizon)
     model = load(robot, limits)
     known = surfaces(model)

@@ -62,4 +62,6 @@ def test_bad_input_ends_in_a_sentence(op3: Robot, colliding: Path, tmp_path: Pat
     for path, sentence in ((single, "two frames"), (other, "not of 'op3'"), (broken, "not finite"), (still, "fps")):
         with pytest.raises(RobotRetargetError, match=sentence):
             warn(path, "--robot", "op3", "-o", tmp_path / "w.csv")
+    with pytest.raises(RobotRetargetError, match="xyz is no picture format; known: jpg, pdf, png, svg"):
+        warn(colliding, "--robot", "op3", "-o", tmp_path / "w.csv", "--plot", tmp_path / "w.xyz")
     assert not (tmp_path / "w.csv").exists()

@@ -4,7 +4,9 @@ Asked one by one, distances cost more in the asking than in the answer. So a mod
 pointed at the geoms in question as they come up, and one call reads them all. Points are sites of another model.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -17,6 +19,8 @@ SENSORS = 512
 """So many pairs of geoms are measured in one call."""
 _AWAKE, _ASLEEP = mujoco.mjtStage.mjSTAGE_POS, mujoco.mjtStage.mjSTAGE_NONE
 _SITE = "measured {}"
+_KEPT = 4
+"""So many compiled models are kept: to copy one takes a tenth of the time."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +51,8 @@ class Marks:
     """Where points fixed to links are."""
 
     def __init__(self, robot: Robot, points: Points):
-        """Add a site to the model for every point."""
-        spec = mujoco.MjSpec.from_file(str(robot.path))
-        for k in range(len(points)):  # of the world at first: there they are numbered as they come
-            spec.worldbody.add_site(name=_SITE.format(k))
-        self._model = model = spec.compile()
+        """Point the sites of a model of its own at the points."""
+        self._model = model = deepcopy(_marked(robot, len(points)))
         self._data = mujoco.MjData(model)
         first = model.site(_SITE.format(0)).id if len(points) else 0
         added = slice(first, first + len(points))
@@ -73,10 +74,10 @@ class Clearance:
     """Distances between the geoms of pairs of links."""
 
     def __init__(self, robot: Robot, pairs: Pairs):
-        """Add distance sensors to the model."""
+        """Take a model of its own, with as many sensors as are needed at once."""
         self.pairs, self._geoms = pairs, [np.array(geoms, dtype=np.int32).reshape(-1, 2) for geoms in pairs.geoms]
         self._counts = np.array([len(geoms) for geoms in self._geoms], dtype=np.int64)
-        self._model = model = _sensing(robot, min(SENSORS, int(self._counts.sum())))
+        self._model = model = deepcopy(_sensing(robot, min(SENSORS, int(self._counts.sum()))))
         self._data = data = mujoco.MjData(model)
         # Views are kept: to ask the model for one takes longer than to write it.
         self._first, self._second, self._reach = model.sensor_objid, model.sensor_refid, model.sensor_cutoff
@@ -116,6 +117,16 @@ class Clearance:
         self._awake = awake
 
 
+@lru_cache(maxsize=_KEPT)
+def _marked(robot: Robot, count: int) -> mujoco.MjModel:
+    """The model with so many sites, of the world at first: there they are numbered as they come."""
+    spec = mujoco.MjSpec.from_file(str(robot.path))
+    for k in range(count):
+        spec.worldbody.add_site(name=_SITE.format(k))
+    return spec.compile()
+
+
+@lru_cache(maxsize=_KEPT)
 def _sensing(robot: Robot, count: int) -> mujoco.MjModel:
     """The model with so many distance sensors, asleep, in place of its own."""
     spec = mujoco.MjSpec.from_file(str(robot.path))
