@@ -36,7 +36,10 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         start = _onward(robot, poses, box) if t > 1 and aim is None else before
         if aim is not None:
             aim = solver.descend(aim.qpos, wished)
-        poses.append(solver.lifted(solver.descend(start, wished, pull=_towards(robot, aim), box=box)))
+        pose = solver.descend(start, wished, pull=_towards(robot, aim), box=box)
+        if pose.missing > solver.options.margin / 2:
+            pose = solver.held_back(before, pose)
+        poses.append(solver.lifted(pose))
         before = poses[-1].qpos
         if aim is None:
             aim = lookout.better(poses[-1], wished)

@@ -24,8 +24,6 @@ PASS_TOLERANCE = 1e-5
 """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
 SETTLED = 0.01
 """A frame that the last pass moved by less counts as converged [rad or m]."""
-OVERLAP = 5e-4
-"""Links inside each other by more are not accepted without a full descent [m]."""
 
 
 @dataclass(frozen=True)
@@ -114,17 +112,7 @@ def _mend_overlaps(
     for t in _still_overlapping(solver, poses, fixed):
         poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
     for t in _still_overlapping(solver, poses, max(fixed, 1)):
-        poses[t] = _held_back(solver, poses[t - 1], poses[t])
-
-
-def _held_back(solver: FrameSolver, before: Pose, pose: Pose) -> Pose:
-    """The pose nearest to one, of eight on the way from the frame before, whose links are not inside each other."""
-    apart, robot = solver.landscape.separation, solver.robot
-    assert apart is not None
-    way = difference(robot, before.qpos, pose.qpos)
-    tried = (integrate(robot, before.qpos, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
-    qpos = next((q for q in tried if apart.depth(q) <= OVERLAP), before.qpos)
-    return replace(pose, qpos=qpos, status=Status.BLOCKED, around=None)
+        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t])
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
@@ -156,9 +144,8 @@ def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Bo
 
 
 def _still_overlapping(solver: FrameSolver, poses: list[Pose], fixed: int) -> list[int]:
-    """Frames whose links are inside each other by more than `OVERLAP`."""
-    apart, later = solver.landscape.separation, range(fixed, len(poses))
-    return [] if apart is None else [t for t in later if apart.depth(poses[t].qpos) > OVERLAP]
+    """Frames whose links are inside each other."""
+    return [t for t in range(fixed, len(poses)) if solver.overlapping(poses[t].qpos)]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:

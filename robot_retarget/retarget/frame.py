@@ -10,11 +10,13 @@ from robot_retarget.retarget.footing import CORNERS, grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape, Pull, Quadratic
 from robot_retarget.retarget.solution import Status
-from robot_retarget.robot.kinematics import integrate
+from robot_retarget.robot.kinematics import difference, integrate
 
 REFUSALS = 6
 """Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
 
+OVERLAP = 5e-4
+"""Links inside each other by more are not accepted [m]."""
 UNSEEN = 0.1
 """The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
 
@@ -79,6 +81,8 @@ class Pose:
     iterations: int
     around: Quadratic | None = None
     """The model of the cost there, without any pull: a further descent with the same wishes starts from it."""
+    missing: float = 0.0
+    """How much the nearest links lacked to be apart when last looked at, over the leg length."""
 
 
 class FrameSolver:
@@ -118,10 +122,11 @@ class FrameSolver:
             forced = here.sunk or box.outside(q[self.robot.qpos_index]) > 1e-6
             step, gain = self._step(q, here, damping, trust, box)
             if step is None:
-                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base))
+                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base, base.missing))
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
             if gain <= least_gain * here.cost + 1e-12 and not forced and small:
-                return self._closed(Pose(integrate(self.robot, q, step), Status.CONVERGED, base.cost, taken))
+                last = integrate(self.robot, q, step)
+                return self._closed(Pose(last, Status.CONVERGED, base.cost, taken, missing=base.missing))
             trial = integrate(self.robot, q, step)
             there = self.landscape.around(trial, wished)
             pulled = self._drawn(there, trial, pull, ahead)
@@ -131,7 +136,7 @@ class FrameSolver:
             else:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
                 refused += 1
-        return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, base.cost, taken, base))
+        return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, base.cost, taken, base, base.missing))
 
     def _drawn(self, base: Quadratic, q: Floats, pull: Pull | None, ahead: Ahead | None) -> Quadratic:
         return self.landscape.foreseen(self.landscape.pulled(base, q, pull), q, ahead)
@@ -164,6 +169,20 @@ class FrameSolver:
     def corners(self, qpos: Floats) -> Floats:
         """(F, 4, 3) where the corners of the soles are [m]."""
         return self.problem.corners(qpos)[0].reshape(len(self.problem.feet), CORNERS, 3)
+
+    def overlapping(self, qpos: Floats) -> bool:
+        """Whether links are inside each other by more than `OVERLAP`."""
+        apart = self.landscape.separation
+        return apart is not None and apart.depth(qpos) > OVERLAP
+
+    def held_back(self, before: Floats, pose: Pose) -> Pose:
+        """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
+        if not self.overlapping(pose.qpos):
+            return pose
+        way = difference(self.robot, before, pose.qpos)
+        tried = (integrate(self.robot, before, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
+        qpos = next((q for q in tried if not self.overlapping(q)), before)
+        return replace(pose, qpos=qpos, status=Status.BLOCKED, around=None)
 
     def lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let a sole sink under the floor."""

@@ -6,6 +6,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.motion import read_motion
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.frame import Options
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
@@ -72,6 +73,15 @@ def deepest(options: Options) -> float:
 def test_separation_keeps_links_from_entering_each_other() -> None:
     assert deepest(Options(separation=False)) > 0.002
     assert deepest(Options()) < 0.001
+
+
+@needs_shared
+def test_frame_by_frame_links_stay_out_of_each_other_however_far_a_frame_leaps() -> None:
+    robot = load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml")
+    motion = read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/05_06_dance.bvh").resample(10)
+    qpos = retarget(motion, robot, smoothing=Smoothing(passes=0)).trajectory.qpos
+    separation = Separation(robot, 0.0)
+    assert max(separation.depth(q) for q in qpos) < 0.001
 
 
 @needs_shared
