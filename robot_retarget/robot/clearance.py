@@ -94,13 +94,14 @@ class Clearance:
         tables = [self._geoms[pair] for pair in pairs.tolist()]
         geoms, counts = np.concatenate(tables), self._counts[pairs]
         limits, found = np.repeat(reach, counts), np.empty((len(path), len(geoms)))
+        model, data = self._model, self._data
         for first in range(0, len(geoms), SENSORS):
             part = slice(first, first + SENSORS)
             self._point_sensors(geoms[part], limits[part])
             for qpos, row in zip(path, found[:, part], strict=True):
                 self._qpos[:] = qpos
-                mujoco.mj_kinematics(self._model, self._data)
-                mujoco.mj_sensorPos(self._model, self._data)
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_sensorPos(model, data)
                 row[:] = self._read[: len(row)]
         return found if len(geoms) == len(pairs) else np.minimum.reduceat(found, np.cumsum(counts) - counts, axis=1)
 
