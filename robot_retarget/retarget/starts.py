@@ -1,5 +1,7 @@
 """Where to start when no frame before tells: standing poses with limbs that were drawn and cost little."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -26,9 +28,15 @@ def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: i
         place_root(problem, q, edges.root[frame], edges.facing[frame]) for q in (robot.neutral(), robot.standing())
     ]
     placed += _limbs_drawn(problem, solver.options, placed[1], wished)
-    ends = [solver.descend(q, wished, iterations=2 * solver.options.iterations, tolerance=ROUGHLY) for q in placed]
+    ends = [_descended(solver, q, wished, 2 * solver.options.iterations) for q in placed]
     least = min(end.cost for end in ends)
     return sorted(ends, key=lambda end: max(end.cost, (1 + ROUGHLY) * least))
+
+
+def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], iterations: int) -> Pose:
+    """Where a rough descent ends, and what it costs there: closing its chains may have moved it much."""
+    end = solver.descend(start, wished, iterations=iterations, tolerance=ROUGHLY)
+    return replace(end, cost=solver.landscape.around(end.qpos, wished).cost)
 
 
 def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
