@@ -1,6 +1,6 @@
 """Measure the servo side against the emulated bus: rates by baud rate, jitter, load of the player.
 
-    python scripts/bench_servo.py [--seconds 10]
+    python scripts/bench_servo.py [--seconds 5] [--even 60]
 
 Every line is measured here and now, the emulator in a process of its own; the load of the machine is printed first.
 """
@@ -13,6 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,49 +76,61 @@ def play_evenly(
     )
 
 
-def emulate(servo_map: ServoMap, folder: Path, *options: str) -> tuple[subprocess.Popen[str], str]:
-    """An emulator in a process of its own."""
+@contextmanager
+def emulate(servo_map: ServoMap, folder: Path, *options: str) -> Iterator[str]:
+    """The port of an emulator in a process of its own."""
     command = [sys.executable, "-m", "robot_retarget", "servos", "emulate", "--map", servo_map.robot]
     process = subprocess.Popen([*command, "--link", str(folder / "tty"), *options], stdout=subprocess.PIPE, text=True)
     assert process.stdout
-    return process, process.stdout.readline().split()[1]
+    try:
+        yield process.stdout.readline().split()[1]
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def bare_rates(robot: ServoMap, folder: Path, seconds: float) -> None:
+    """One exchange after the other, without a player: immediate, and paced by each baud rate."""
+    for baud in (None, *BAUDS):
+        with emulate(robot, folder, *([] if baud is None else ["--baud", str(baud)])) as port:
+            for fast in (False, True):
+                rate, middle = cycles(port, replace(robot, baud=baud or robot.baud), fast, seconds)
+                limit = bus_limit(len(robot.servos), baud, READING.itemsize, fast) if baud else float("nan")
+                print(
+                    f"{baud or 'unpaced':>8} {'fast' if fast else 'sync'}: {rate:7.1f} Hz, limit {limit:7.1f}, "
+                    f"{rate / limit:6.1%}; median {middle:7.1f} Hz, {middle / limit:6.1%}",
+                    flush=True,
+                )
+
+
+def played_rates(robot: ServoMap, folder: Path, seconds: float) -> None:
+    """The whole player at 2 Mbps, asked for nearly all, and for all that fits on the wire."""
+    with emulate(robot, folder, "--baud", "2000000") as port:
+        for fast in (False, True):
+            limit = bus_limit(len(robot.servos), 2_000_000, READING.itemsize, fast)
+            for share in (0.96, 1.0):
+                found = play_evenly(port, robot, share * limit, seconds, folder / "play.npz", fast)
+                kept = found["rate_hz"] / limit, found["median_rate_hz"] / limit
+                print(f"2 Mbps, asked for {share:.0%} of {limit:.1f} Hz: mean {kept[0]:.1%}, median {kept[1]:.1%}")
+                print("   ", json.dumps(found), flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement of a rate")
-    parser.add_argument("--even", type=float, default=60.0, help="seconds of playing at 200 Hz")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement of a rate; 0 for none")
+    parser.add_argument("--even", type=float, default=60.0, help="seconds of playing at 200 Hz; 0 for none")
     arguments = parser.parse_args()
     robot = load_map("op3")
     print(f"load {os.getloadavg()}, {os.cpu_count()} cores, {len(robot.servos)} servos, read {READING.itemsize} bytes")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for baud in (None, *BAUDS):
-            servo_map = robot if baud is None else replace(robot, baud=baud)
-            process, port = emulate(robot, folder, *([] if baud is None else ["--baud", str(baud)]))
-            for fast in (False, True):
-                rate, middle = cycles(port, servo_map, fast, arguments.seconds)
-                limit = bus_limit(len(robot.servos), baud, READING.itemsize, fast) if baud else float("nan")
-                kind = "fast" if fast else "sync"
-                print(
-                    f"{baud or 'unpaced':>8} {kind}: {rate:7.1f} Hz, limit {limit:7.1f}, {rate / limit:6.1%}; "
-                    f"median {middle:7.1f} Hz, {middle / limit:6.1%}",
-                    flush=True,
-                )
-            process.terminate()
-            process.wait()
-        process, port = emulate(robot, folder)
-        print("200 Hz:", json.dumps(play_evenly(port, robot, 200.0, arguments.even, folder / "play.npz")), flush=True)
-        process.terminate()
-        process.wait()
-        process, port = emulate(robot, folder, "--baud", "2000000")
-        for fast in (False, True):
-            limit = bus_limit(len(robot.servos), 2_000_000, READING.itemsize, fast)
-            for share in (0.96, 1.0):
-                found = play_evenly(port, robot, share * limit, arguments.seconds, folder / "play.npz", fast)
-                print(f"2 Mbps, asked for {share * limit:.0f} Hz:", json.dumps(found), flush=True)
-        process.terminate()
-        process.wait()
+        if arguments.seconds:
+            played_rates(robot, folder, arguments.seconds)
+            bare_rates(robot, folder, arguments.seconds)
+        if arguments.even:
+            with emulate(robot, folder) as port:
+                found = play_evenly(port, robot, 200.0, arguments.even, folder / "play.npz")
+                print("200 Hz:", json.dumps(found))
 
 
 if __name__ == "__main__":
