@@ -13,10 +13,9 @@ import termios
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import serial
 from dynamixel_sdk import PortHandler
@@ -34,8 +33,6 @@ TURN = 0.6e-3
 """What a servo may need before it answers, its longest return delay among it [s]."""
 CHAIN = HEADER + bytes((BROADCAST,))
 """How an answer to a fast read begins."""
-AWAKE = 0.2e-3
-"""So long the last answer of a cycle is awaited without sleep [s]."""
 
 WIRE_ERRORS = (OSError, serial.SerialException, termios.error)
 
@@ -52,8 +49,7 @@ class StatusError(ServoError):
     """A servo refused what it was asked."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(NamedTuple):
     """What one servo answered."""
 
     id: int
@@ -195,13 +191,14 @@ class Bus:
             yield from self._chain(size, length, len(ids), until, patience)
             return
         missing, last = set(ids), ids[-1]
-        # Servos answer in turn: when the last one has, nobody is waited for. It is awaited awake, as the next exchange
-        # hangs on it and waking up takes half a servo's turn.
-        while last in missing and (data := self._fetch(until, AWAKE if len(missing) == 1 else 0.0)):
+        # Servos answer in turn: when the last one has, nobody is waited for.
+        while last in missing and (data := self._fetch(until)):
             for frame in self._parser.feed(data):
-                if frame.instruction == Instruction.STATUS and frame.id in missing and len(frame.data) == length:
-                    missing.remove(frame.id)
-                    yield _reply(frame)
+                if frame.instruction == Instruction.STATUS and frame.id in missing:
+                    reply = _reply(frame)
+                    if len(reply.data) == length:
+                        missing.remove(frame.id)
+                        yield reply
             until = min(until, self._deadline((11 + length) * len(missing), len(missing), patience))
 
     def _chain(self, size: int, length: int, count: int, until: float, patience: float) -> Iterator[Reply]:
@@ -249,16 +246,13 @@ class Bus:
                 if frame.instruction == Instruction.STATUS and frame.stuffed:
                     yield frame
 
-    def _fetch(self, until: float, awake: float = 0.0) -> bytes:
-        """Some bytes, or none when the time is over; the first `awake` seconds are not slept through.
+    def _fetch(self, until: float) -> bytes:
+        """Some bytes, or none when the time is over.
 
         Raises:
             PortLostError: the port is gone.
         """
         try:
-            spun = time.monotonic() + awake
-            while time.monotonic() < spun and not select.select([self._fd], [], [], 0.0)[0]:
-                pass
             ready, _, _ = select.select([self._fd], [], [], max(0.0, until - time.monotonic()))
             if not ready:
                 return b""

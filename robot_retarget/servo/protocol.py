@@ -5,9 +5,9 @@ Pure functions of bytes; nothing here knows a port. Reference: https://emanual.r
 
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from struct import unpack_from
+from typing import NamedTuple
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
@@ -100,8 +100,7 @@ def word(value: int) -> bytes:
     return value.to_bytes(2, "little")
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """One frame as it came off the wire, its checksum already found right."""
 
     id: int
