@@ -61,17 +61,15 @@ class CapsulePairs:
     def approach(self, ends: Floats, steps: Floats, options: Interaction) -> Approach:
         """D and α of every pair from the ends of the capsules and their last steps, T frames of 6C numbers each [m]."""
         limits = np.array([math.floor(options.farthest), options.dead_band**2])
-        if len(ends) == 1 and self.count:
-            distance, ahead, alpha = self._frame(ends.ravel(), steps.ravel(), limits)
-            return Approach(distance[None], ahead[None], alpha[None].astype(np.int64))
-        found, many = np.empty((3, len(ends), self.count)), np.tile(limits, BLOCK)
-        padded = np.zeros((2, BLOCK, 6 * len(self.radius)))
-        for start in range(0, len(ends) if self.count else 0, BLOCK):
+        found, whole = np.empty((3, len(ends), self.count)), len(ends) - len(ends) % BLOCK
+        many = np.tile(limits, BLOCK) if whole else limits
+        for start in range(0, whole if self.count else 0, BLOCK):
             part = slice(start, start + BLOCK)
-            size = len(ends[part])
-            padded[0, :size], padded[1, :size] = ends[part].reshape(size, -1), steps[part].reshape(size, -1)
-            for field, values in zip(found, self._block(padded[0].ravel(), padded[1].ravel(), many), strict=True):
-                field[part] = values.T[:size]
+            for field, values in zip(found, self._block(ends[part].ravel(), steps[part].ravel(), many), strict=True):
+                field[part] = values.T
+        for t in range(whole, len(ends) if self.count else 0):
+            for field, values in zip(found, self._frame(ends[t].ravel(), steps[t].ravel(), limits), strict=True):
+                field[t] = values
         return Approach(found[0], found[1], found[2].astype(np.int64))
 
     @cached_property

@@ -70,10 +70,12 @@ class Capsules:
 
 
 def collision_geoms(robot: Robot) -> dict[int, list[int]]:
-    """Geoms that take part in contacts, by link; the world has no part in it."""
+    """Geoms that take part in contacts, by type or as one of an explicit pair, by link; the world has no part in it."""
     model, found = robot.model, {}
     link = np.asarray(model.body_weldid)[model.geom_bodyid]
-    for geom in np.flatnonzero((model.geom_contype | model.geom_conaffinity) & (link > 0)):
+    touching = (model.geom_contype | model.geom_conaffinity) != 0
+    touching[[*model.pair_geom1, *model.pair_geom2]] = True
+    for geom in np.flatnonzero(touching & (link > 0)):
         found.setdefault(int(link[geom]), []).append(int(geom))
     return dict(sorted(found.items()))
 
