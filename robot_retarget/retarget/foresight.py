@@ -1,8 +1,7 @@
 """Where a robot's joints go from here, and what MuJoCo says of its surfaces on the way.
 
 The joints stand k steps ahead at q + g(k) v + h(k) a, brought within their ranges, with their last step v and its
-change a and the gains of `pace`.
-The root is left where it is: it moves no surface against another.
+change a and the gains of `pace`. The root is left where it is: it moves no surface against another.
 """
 
 from dataclasses import dataclass
@@ -50,8 +49,8 @@ class Joints:
     def __init__(self, robot: Robot):
         model = robot.model
         single = np.flatnonzero(model.jnt_type != FREE)
-        self.columns = np.asarray(model.jnt_qposadr[single], dtype=np.int64)
-        self.free, self.rest = np.setdiff1d(np.arange(model.nq), self.columns), np.array(model.qpos0)
+        columns = np.asarray(model.jnt_qposadr[single], dtype=np.int64)
+        self.free, self.rest = np.setdiff1d(np.arange(model.nq), columns), np.array(model.qpos0)
         self.lower, self.upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
         self.lower[robot.qpos_index], self.upper[robot.qpos_index] = robot.lower, robot.upper
 
@@ -132,8 +131,11 @@ class Foresight:
         now, ahead = distances[0], distances[1:]
         least = ahead.min(axis=0)
         closing = least < now - CLOSING
-        contact = np.where(closing & (least <= self.margin), self.times[1:][ahead.argmin(axis=0)], np.inf)
-        hit = np.flatnonzero((now > 0) & (least <= 0))
+        contact = np.full(len(now), np.inf)
+        near = (closing & (least <= self.margin)).nonzero()[0]
+        if near.size:
+            contact[near] = self.times[1 + ahead[:, near].argmin(axis=0)]
+        hit = ((now > 0) & (least <= 0)).nonzero()[0]
         if hit.size:
             contact[hit] = self._time_to_zero(distances[:, hit])
         contact[now <= 0] = 0.0

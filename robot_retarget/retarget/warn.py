@@ -259,10 +259,10 @@ class Eye:
 
     def _gains(self, qpos: Floats, steps: Floats, changed: Floats) -> tuple[Floats, np.ndarray]:
         """(L, 2, 1 + K) gains now and at every instant, and (L,) whether the stream keeps its pace."""
-        single, gains = self.joints.columns, np.zeros((len(qpos), 2, 1 + len(self.foresight.k)))
+        gains = np.zeros((len(qpos), 2, 1 + len(self.foresight.k)))
         trusted = np.zeros(len(qpos), dtype=bool)
         for t, (joints, step, change) in enumerate(zip(qpos, steps, changed, strict=True)):
-            gains[t, :, 1:] = self.pace.next(joints[single], step[single], change[single])
+            gains[t, :, 1:] = self.pace.next(joints, step, change)  # a free root, pinned, adds no error
             trusted[t] = self.pace.trust >= TRUSTED
         return gains, trusted
 
