@@ -12,12 +12,10 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError
-from robot_retarget.retarget.contacts import intervals, stances
-from robot_retarget.retarget.ground import grounded
+from robot_retarget.retarget.activity import activity_of
 from robot_retarget.retarget.transfer import MOST_FPS, Result
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
@@ -27,16 +25,6 @@ from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.simulate.stepping import Playback, Rollout
 
 SETTLE = Playback(settle_before=3.0, settle_after=3.0)
-IN_PLACE = 0.95
-"""Share of the time that both feet of a human who stays in place are planted."""
-FLIGHT, HIGH = 0.12, 0.12
-"""No foot of the human on the floor for longer [s], both higher than this share of the leg: a jump."""
-DRIFT = 0.6
-"""The lowest within this time to either side is the floor: captures lose their height [s]."""
-SEATED, LOW = 0.1, 0.62
-"""Share of the time with the pelvis lower than this share of its height, far from over the feet: held by something."""
-BESIDE = 0.3
-"""Far from over the feet: the pelvis is so many legs beside their middle."""
 SUNK = 0.5
 """A pelvis at this share of its planned height is down."""
 
@@ -60,25 +48,6 @@ class Row:
     reason: str = ""
 
 
-def kind_of(motion: rr.Motion, robot: rr.Robot) -> str:
-    """`in place`, `stepping`, `flight` or `supported`, by the human's feet and pelvis."""
-    matched = rr.match(motion, robot)
-    x = grounded(matched.human_positions(motion), matched, motion.fps) / matched.human_leg
-    ankles = x[:, [matched.index(k) for k in ("l_ankle", "r_ankle")]]
-    pelvis = x[:, matched.index("pelvis")]
-    standing = np.quantile(pelvis[:, 2], 0.95)
-    beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1) > BESIDE
-    if ((pelvis[:, 2] < LOW * standing) & beside).mean() > SEATED:
-        return "supported"
-    parts = [matched.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in matched.keypoints]
-    lowest = (x[:, parts, 2] - np.quantile(x[:, parts, 2], 0.05, axis=0)).min(axis=1)  # on tiptoe toes stay low
-    lift = lowest - minimum_filter1d(lowest, 2 * round(DRIFT * motion.fps) + 1, mode="nearest")
-    if any((stop - start) / motion.fps > FLIGHT for start, stop in intervals(lift > HIGH)):
-        return "flight"
-    planted = [both.any(axis=1) for both in stances(x * matched.human_leg, matched, motion.fps).values()]
-    return "in place" if np.logical_and.reduce(planted).mean() >= IN_PLACE else "stepping"
-
-
 def down(rollout: Rollout, result: Result) -> bool:
     """Whether the pelvis is at half its planned height at any time, or the physics broke down."""
     planned = np.arange(len(result.trajectory)) / result.trajectory.fps
@@ -90,7 +59,7 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
     """Balance, play, judge; in `count` drawn worlds too."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))
-    head = (robot.name, clip.stem, kind_of(motion, robot), legs)
+    head = (robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs)
     try:
         result = rr.retarget(motion, robot, legs=legs, balance="static")
     except BalanceError as error:

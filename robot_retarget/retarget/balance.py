@@ -17,13 +17,13 @@ from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.outline import Clip, Outline, outlined
 from robot_retarget.retarget.planting import Planter
-from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched
+from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
 from robot_retarget.retarget.support import kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.zmp import Plan, Steadiness
 from robot_retarget.robot import Robot
-from robot_retarget.robot.dynamics import zero_moment_points
+from robot_retarget.robot.dynamics import joint_torques, zero_moment_points
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
@@ -40,6 +40,10 @@ EASE = 0.3
 """Time to either side of a leap that is smoothed [s]."""
 EASE_STIFFNESS = 200.0
 """As `smooth.smooth_offsets`, at 30 frames a second."""
+STIFFNESS = 3.0
+"""The same of the whole motion, which is then planted anew: nearly straight knees answer the pelvis with jolts."""
+JOLT = 0.5
+"""A joint that changes its speed by this share of its greatest from frame to frame leaps."""
 QUICK = 0.04
 """Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
 
@@ -143,7 +147,7 @@ def balanced(
 def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None = None) -> Balanced:
     """The clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs the time."""
     chosen = pacing or Pacing()
-    stretch = np.ones(len(clip.qpos) - 1)
+    stretch = unhurried(clip.planted, clip.fps, chosen)
     outline = outlined(planter, clip, stretch, how)
     for _ in range(chosen.shifts):
         late = outline.plan.excess > chosen.excess
@@ -154,7 +158,8 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
     found = eased(planter, outline)
     clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
     for _ in range(chosen.rounds):
-        needs = motion_needs(planter.robot, found.qpos, found.margin / outline.reach, clip.fps, chosen)
+        loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
+        needs = motion_needs(planter.robot, found.qpos, loads, found.margin / outline.reach, clip.fps, chosen)
         if needs.max() <= 1.0 or stretch.mean() >= chosen.slowest - 1e-3:
             break
         stretch = stretched(stretch, outline.score, needs, chosen)
@@ -165,7 +170,9 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
 
 def played(planter: Planter, outline: Outline) -> Balanced:
     """The configurations that follow an outline."""
-    return _judged(planter, outline, _planted(planter, outline, outline.wished))
+    robot, fps = planter.robot, outline.score.fps
+    rough = _planted(planter, outline, outline.wished)
+    return _judged(planter, outline, _planted(planter, outline, _smoothed(robot, rough, fps, np.ones(len(rough)))))
 
 
 def eased(planter: Planter, outline: Outline) -> Balanced:
@@ -176,7 +183,7 @@ def eased(planter: Planter, outline: Outline) -> Balanced:
         if wished is None:
             break
         qpos = _planted(planter, outline, wished)
-    return _judged(planter, outline, qpos)
+    return played(planter, replace(outline, wished=qpos))
 
 
 def _judged(planter: Planter, outline: Outline, qpos: Floats) -> Balanced:
@@ -195,12 +202,13 @@ def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
 
 def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:
     """(K, nq) each frame from the correction of the one before."""
-    robot, found = planter.robot, []
-    correction = np.zeros(robot.model.nv)
+    robot, found, box = planter.robot, [], None
+    correction, reach = np.zeros(robot.model.nv), robot.max_speed / outline.score.fps
     for k, wish in enumerate(wished):
         grip = np.where(outline.score.planted[k], HOLD, SWING)
         start = integrate(robot, wish, correction)
-        found.append(planter.plant(start, wish, outline.places[k], outline.plan.centre[k], grip))
+        found.append(planter.plant(start, wish, outline.places[k], outline.plan.centre[k], grip, box=box))
+        box = planter.solver.ranges.around([found[-1][robot.qpos_index]], reach)
         correction = difference(robot, wish, found[-1])
     return np.array(found)
 
@@ -211,12 +219,17 @@ def _eased(robot: Robot, qpos: Floats, fps: float) -> Floats | None:
     if not leaps.any():
         return None
     near = maximum_filter1d(np.append(leaps, False).astype(float), 2 * round(EASE * fps) + 1)
-    part = gaussian_filter1d(near, EASE * fps / 2)
+    return _smoothed(robot, qpos, fps, gaussian_filter1d(near, EASE * fps / 2), EASE_STIFFNESS)
+
+
+def _smoothed(robot: Robot, qpos: Floats, fps: float, part: Floats, stiffness: float = STIFFNESS) -> Floats:
+    """The motion (K, nq), each frame moved by its `part` (K,) of the way to the smooth one."""
     speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
-    offsets = part[:, None] * smooth_offsets(speed, EASE_STIFFNESS * (fps / 30) ** 4)
+    offsets = part[:, None] * smooth_offsets(speed, stiffness * (fps / 30) ** 4)
     return np.array([integrate(robot, q, d) for q, d in zip(qpos, offsets, strict=True)])
 
 
 def _leaps(robot: Robot, qpos: Floats, fps: float) -> np.ndarray:
-    """(K − 1,) whether a joint turns faster than it can."""
-    return np.any(np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * fps > robot.max_speed, axis=1)
+    """(K − 1,) whether a joint changes its speed from one frame to the next by more than a motor can."""
+    speed = np.diff(qpos[:, robot.qpos_index], axis=0, append=qpos[-1:, robot.qpos_index]) * fps
+    return np.any(np.abs(np.diff(speed, axis=0)) > JOLT * robot.max_speed, axis=1)

@@ -20,13 +20,17 @@ from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import mass_function, point_function
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.separation import carrying
+from robot_retarget.robot.separation import Separation, carrying
 
 OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""
 
-MARGIN = 0.025
-"""Links stay this share of a leg apart: servos lag, and links that are planned to pass closely touch."""
+MARGIN = 0.05
+"""Links stay this share of a leg apart: servos lag, and links that are planned to pass closely touch ..."""
+LEGS_MARGIN = 0.025
+"""... and two legs this share: they lag less, and have to pass each other in a step."""
+SIGHT = 0.08
+"""Links nearer than this share of a leg are watched."""
 BENT = 0.12
 """A knee is bent so far at least [rad]."""
 CLEARANCE = 0.06
@@ -59,17 +63,28 @@ class Planter:
     def __init__(self, robot: Robot, match: Match, draw: Draw | None = None):
         self.robot, self.feet = robot, tuple(match.anatomy.soles)
         self.leg, self.forward = match.robot_leg, match.anatomy.forward
+        corners = [sole_corners(match.anatomy, foot) for foot in self.feet]
+        self.soles = Points(np.concatenate([c.bodies for c in corners]), np.concatenate([c.offsets for c in corners]))
         problem = planting_problem(robot, match)
         self.solver = FrameSolver(problem, Options(tolerance=TOLERANCE, margin=MARGIN))
         self.solver.ranges = _knees_bent(robot, match)
         self.mass = dense_function("mass", *_mass(robot))
         self.weight = _weights(self.solver, match, draw or Draw())
         self.legs = _leg_dofs(self.solver, match)
+        self.solver.landscape.separation = self._separation()
 
     @property
     def leg_coordinates(self) -> Ints:
         """Where the hinges between pelvis and soles stand in qpos."""
         return self.robot.qpos_index[self.legs[self.robot.dof_index]]
+
+    def _separation(self) -> Separation:
+        """Of all links; two that hang on leg hinges may come nearer to each other than others."""
+        found = Separation(self.robot, SIGHT * self.leg)
+        legs = carrying(self.robot.model)[:, self.legs].any(axis=1)[self.robot.model.geom_bodyid]
+        both = np.logical_and.outer(legs, legs)
+        found.rest[both] = np.minimum(found.rest[both], LEGS_MARGIN * self.leg)
+        return found
 
     def corners(self, qpos: Floats) -> Floats:
         """(T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""
@@ -80,7 +95,14 @@ class Planter:
         return np.array([self.mass(q)[0] for q in qpos])
 
     def plant(
-        self, start: Floats, wished: Floats, places: Floats, centre: Floats | None, grip: Floats, steps: int = 8
+        self,
+        start: Floats,
+        wished: Floats,
+        places: Floats,
+        centre: Floats | None,
+        grip: Floats,
+        steps: int = 8,
+        box: Box | None = None,
     ) -> Floats:
         """A configuration (nq,) whose corners are at places (F, 4, 3) and whose mass stands over `centre` (2,).
 
@@ -88,15 +110,16 @@ class Planter:
             start: from where to search.
             wished: what it is drawn to.
             grip: (F,) weights of the feet, over the squared leg length.
+            box: what the hinges may be, if not all of their ranges.
         """
         h = np.repeat(grip, 3 * CORNERS)
         over = [0.0, 0.0, 0.0] if centre is None else [OVER, OVER, 0.0]
         spot = [0.0, 0.0, 0.0] if centre is None else [*centre, 0.0]
         pull = Pull(wished, np.zeros(self.robot.model.nv), self.weight)
         target = (h, places.ravel(), np.array(over), np.array(spot))
-        found = [self.solver.descend(start, target, pull=pull, iterations=steps)]
+        found = [self.solver.descend(start, target, pull=pull, iterations=steps, box=box)]
         if found[0].cost > ASTRAY:
-            found.append(self.solver.descend(wished, target, pull=pull, iterations=3 * steps))
+            found.append(self.solver.descend(wished, target, pull=pull, iterations=3 * steps, box=box))
         return self.solver.lifted(min(found, key=lambda pose: pose.cost)).qpos
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_retarget.motion import Motion
 from robot_retarget.motion.resample import at_frames
+from robot_retarget.retarget.activity import activity_of, require_own_feet
 from robot_retarget.retarget.balance import Balanced, balance_of, balanced
 from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.edges import Edges, Weights, build_edges
@@ -89,12 +90,14 @@ def retarget(
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
         UsageError: fps out of range, an unknown choice of legs or balance, or legs that stand without balance.
-        BalanceError: the motion leaves the floor, or the robot has no feet to stand on.
+        BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
     """
     began = time.perf_counter()
     mode = balance_of(robot, legs, balance)
     motion = motion.resample(min(motion.fps, MOST_FPS) if fps is None else fps)
     matched = match(motion, robot, overrides)
+    if mode != "off" and legs == "follow":
+        require_own_feet(activity_of(motion, matched))
     edges = build_edges(motion, matched, weights)
     problem = build_problem(robot, matched, edges, weights)
     prepared = time.perf_counter() - began

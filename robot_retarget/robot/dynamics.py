@@ -1,11 +1,27 @@
-"""What the floor must do for a motion to happen: the zero moment point, by MuJoCo's momenta."""
+"""What floor and servos must do for a motion to happen: the zero moment point by MuJoCo's momenta, torques by its inverse."""
+
+import copy
 
 import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
+
+PLANTED = 0.006
+"""Corners this near to the lowest one carry the robot [m]."""
+EVENNESS = 1e-3
+"""Weight of a force [N] against what the root lacks [N, N m]."""
+GRIP = 0.8
+"""Friction that the planted soles may use."""
+
+
+def root_dofs(robot: Robot) -> Ints:
+    """Where the root stands in qvel."""
+    return np.flatnonzero(np.isin(robot.model.dof_jntid, robot.root_joints))
 
 
 def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
@@ -51,3 +67,48 @@ def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0
     height = centre[:, 2:]
     lever = height * force[:, :2] + np.stack([turning[:, 1], -turning[:, 0]], axis=1)
     return centre[:, :2] - lever / force[:, 2:]
+
+
+def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0) -> tuple[Floats, Floats]:
+    """What the hinges must give (T, n) [N m] for a motion (T, nq) on planted soles: in all, and at rest in its poses.
+
+    Without damping and dry friction: those are the servos' own. `smooth` as in `zero_moment_points`, over velocities.
+    """
+    model = copy.copy(robot.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.dof_damping[:] = 0.0
+    qvel = velocities(robot, qpos, fps)
+    if smooth > 0:
+        qvel = gaussian_filter1d(qvel, smooth * fps, axis=0, mode="nearest")
+    qacc, still = np.gradient(qvel, 1 / fps, axis=0), np.zeros_like(qvel)
+    data, root = mujoco.MjData(model), root_dofs(robot)
+    moving, resting = (_inverse(model, data, (qpos, v, a), soles, root) for v, a in ((qvel, qacc), (still, still)))
+    return moving[:, robot.dof_index], resting[:, robot.dof_index]
+
+
+def _inverse(
+    model: mujoco.MjModel, data: mujoco.MjData, motion: tuple[Floats, Floats, Floats], soles: Points, root: Ints
+) -> Floats:
+    """(T, nv) generalised forces of the hinges' motors, less what the floor does through the soles."""
+    found = np.empty(motion[1].shape)
+    for t, (q, v, a) in enumerate(zip(*motion, strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+        mujoco.mj_inverse(model, data)
+        found[t] = data.qfrc_inverse - floor_push(model, data, soles, root, data.qfrc_inverse[root])
+    return found
+
+
+def floor_push(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
+    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
+    places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
+    planted = np.flatnonzero(places[:, 2] < places[:, 2].min() + PLANTED)
+    edges = np.array([[GRIP, 0, 1], [-GRIP, 0, 1], [0, GRIP, 1], [0, -GRIP, 1]])
+    jacobian, columns = np.zeros((3, model.nv)), []
+    for k in planted:
+        mujoco.mj_jac(model, data, jacobian, None, places[k], int(soles.bodies[k]))
+        columns.append(jacobian.T @ edges.T)
+    generators = np.hstack(columns)
+    # Two feet can share a load in many ways: the ridge picks the evenest, which changes smoothly.
+    ridge = EVENNESS * np.eye(generators.shape[1])
+    share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
+    return generators @ share

@@ -14,14 +14,13 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.robot.kinematics import Points
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.dynamics import floor_push, root_dofs
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
-from robot_retarget.simulate.plant import Mode, Plant, limb_inertia, root_dofs
+from robot_retarget.simulate.plant import Mode, Plant, limb_inertia
 from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.within import within
 from robot_retarget.trajectory import Trajectory
@@ -32,12 +31,6 @@ SLOW = 0.05
 """Dry friction reverses within ± this speed [rad/s]."""
 USABLE = 0.95
 """Of the torque bound that a goal may ask for."""
-PLANTED = 0.006
-"""Corners this near to the lowest one carry the robot [m]."""
-EVENNESS = 1e-3
-"""Weight of a force [N] against what the root lacks [N, N m]."""
-GRIP = 0.8
-"""Friction that the planted soles may use."""
 
 
 def compensated(
@@ -119,25 +112,9 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse.copy()
         if soles is not None and len(soles):
-            force -= _pushed(model, data, soles, root, force[root])
+            force -= floor_push(model, data, soles, root, force[root])
         torque[k] = links.driven(qpos[k], force)[dofs]
     return torque, qvel[:, dofs]
-
-
-def _pushed(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
-    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
-    places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
-    planted = np.flatnonzero(places[:, 2] < places[:, 2].min() + PLANTED)
-    edges = np.array([[GRIP, 0, 1], [-GRIP, 0, 1], [0, GRIP, 1], [0, -GRIP, 1]])
-    jacobian, columns = np.zeros((3, model.nv)), []
-    for k in planted:
-        mujoco.mj_jac(model, data, jacobian, None, places[k], int(soles.bodies[k]))
-        columns.append(jacobian.T @ edges.T)
-    generators = np.hstack(columns)
-    # Two feet can share a load in many ways: the ridge picks the evenest, which changes smoothly.
-    ridge = EVENNESS * np.eye(generators.shape[1])
-    share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
-    return generators @ share
 
 
 class _Links:

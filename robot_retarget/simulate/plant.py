@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
+from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
@@ -20,6 +21,8 @@ OPEN_STIFFNESS = 20.0
 """Where no torque bound is known, an added servo swings its limb at this rate without damping [rad/s]."""
 DAMPING_RATIO = 0.7
 """Damping of an added servo, as a part of critical."""
+HARD = 0.004
+"""Time constant of a sole's contact with the floor [s]; MuJoCo's default of 0.02 is a cushion."""
 HEAVY = 1e6
 """A held root is this many times as heavy as the robot: limbs cannot move it, gravity cannot let it fall."""
 
@@ -110,6 +113,8 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
     if mode == "pinned":
         _hold_root(model, robot)
         _leave_scene(model)
+    else:
+        _harden_floor(model, robot)
     servos = np.full(len(robot.joint_names), -1)
     place = {int(j): k for k, j in enumerate(robot.joint_ids)}
     for actuator in range(model.nu):
@@ -118,12 +123,6 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
     if mode == "free" and not feet_of(robot).names:
         said.append("no feet are recognised: the bodies that touch the floor first may stand on it")
     return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives)
-
-
-def root_dofs(robot: Robot) -> Ints:
-    """Where the root stands in qvel."""
-    model = robot.model
-    return np.array([d for j in robot.root_joints for d in np.flatnonzero(model.dof_jntid == j)], dtype=np.int64)
 
 
 def root_coordinates(robot: Robot) -> Ints:
@@ -223,6 +222,13 @@ def _add_floor(spec: mujoco.MjSpec, robot: Robot) -> bool:
         return False
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=1, conaffinity=0xFFFF)
     return True
+
+
+def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
+    """Soles on the floor settle within `HARD`: on a softer contact a foot creeps along under no more than its servos' jolts."""
+    own = np.isin(model.geom_bodyid, [0, *feet_of(robot).all_bodies])
+    soft = own & (model.geom_solref[:, 0] > HARD)
+    model.geom_solref[soft] = HARD, 1.0
 
 
 def _hold_root(model: mujoco.MjModel, robot: Robot) -> None:

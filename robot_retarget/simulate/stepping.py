@@ -10,10 +10,11 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import UsageError
+from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample, sample_hinges
 from robot_retarget.simulate.contacts import ContactLog, Contacts
-from robot_retarget.simulate.plant import Mode, Plant, root_coordinates, root_dofs
+from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
 from robot_retarget.trajectory import Trajectory
 
 SPEED_LIMIT = 1e3
