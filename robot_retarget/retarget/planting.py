@@ -81,7 +81,8 @@ class Planter:
     def _separation(self) -> Separation:
         """Of all links; two that hang on leg hinges may come nearer to each other than others."""
         found = Separation(self.robot, SIGHT * self.leg)
-        legs = carrying(self.robot.model)[:, self.legs].any(axis=1)[self.robot.model.geom_bodyid]
+        bodies = np.asarray(carrying(self.robot.model)[:, self.legs].any(axis=1))
+        legs = bodies[self.robot.model.geom_bodyid]
         both = np.logical_and.outer(legs, legs)
         found.rest[both] = np.minimum(found.rest[both], LEGS_MARGIN * self.leg)
         return found

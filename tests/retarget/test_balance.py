@@ -15,11 +15,13 @@ from robot_retarget.retarget.balance import paced
 from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.outline import Clip
 from robot_retarget.retarget.planting import Planter
+from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
 from robot_retarget.retarget.stand import balanced_stand, stand_places
 from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.robot import world_points
+from robot_retarget.robot.dynamics import joint_torques
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.rollout import plant_of
@@ -87,6 +89,52 @@ def test_a_shift_without_the_time_for_it_is_reported_as_excess() -> None:
     left, right = support(LEFT), support(RIGHT)
     plan = plan_centre(np.zeros((60, 2)), np.full(60, 0.25), [left] * 30 + [right] * 30, 30.0, Steadiness(keep=0.5))
     assert plan.excess.max() > 0.01
+
+
+def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swings_past() -> None:
+    left, right = support(LEFT), support(RIGHT)
+    supports, keep = [left] * 12 + [right] * 12 + [left] * 12 + [right] * 12, 0.8
+    plans = {
+        static: plan_centre(np.zeros((48, 2)), np.full(48, 0.25), supports, 30.0, Steadiness(keep, static))
+        for static in (True, False)
+    }
+    c = plans[False].centre
+    zmp = c[1:-1] - 0.25 / GRAVITY * (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
+    assert min(p.shrunk(keep).margin(x) for p, x in zip(supports[1:-1], zmp, strict=True)) > -2e-3
+    assert plans[False].excess.max() < 2e-3 < 0.01 < plans[True].excess.max()
+    assert min(p.margin(x) for p, x in zip(supports, c, strict=True)) < 0
+
+
+def test_swings_are_given_the_time_that_legs_need_and_stances_are_left_alone() -> None:
+    planted = np.ones((90, 2), bool)
+    planted[20:29, 0] = planted[50:80, 1] = False
+    durations = unhurried(planted, 30.0, Pacing(swing=0.8))
+    assert durations[19:29].sum() / 30 == pytest.approx(0.8) and (np.delete(durations, range(19, 29)) == 1).all()
+
+
+def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_not(planter: Planter) -> None:
+    robot = planter.robot
+    held = np.tile(planter.robot.standing(), (40, 1))
+    turning, elbow = held.copy(), robot.joint_names.index("l_el")
+    turning[:, robot.qpos_index[elbow]] -= np.linspace(0, 0.6 * robot.max_speed[elbow] * 39 / 30, 40)
+    rest, load = np.zeros((40, len(robot.joint_names))), np.zeros((40, len(robot.joint_names)))
+    inside = np.ones(40)
+    for torque, slower in ((-0.2, False), (-0.6, True), (0.6, False)):  # the last one brakes
+        load[:, elbow] = torque * robot.max_torque[elbow]
+        assert (motion_needs(robot, turning, (load, rest), inside, 30.0, Pacing())[:-1] > 1).all() == slower
+    assert (motion_needs(robot, held, (load, load), inside, 30.0, Pacing()) == 1).all()
+
+
+def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
+    robot, places = planter.robot, stand_places(planter)
+    held = np.tile(balanced_stand(planter, places), (30, 1))
+    moving, resting = joint_torques(robot, held, 30.0, planter.soles)
+    plant, trajectory = plant_of(robot, "free"), rr.Trajectory(held, 30.0, robot.joint_names, robot.name)
+    playback = Playback(settle_before=2.0)
+    rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    np.testing.assert_allclose(moving, resting, atol=1e-9)
+    pitch = [k for k, name in enumerate(robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
+    np.testing.assert_allclose(rollout.torque[-1, pitch], resting[-1, pitch], atol=0.06)
 
 
 @given(st.integers(0, 10_000))

@@ -11,7 +11,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import load_robot
-from robot_retarget.simulate.rollout import simulate
+from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint
@@ -126,6 +126,25 @@ def test_a_joint_beyond_its_range_fails_by_that_much():
 def test_a_stand_stays_up_on_its_own():
     report = simulate(hold(OP3, 3.0), OP3, mode="free")
     assert report.verdict == "pass" and report.figures["fall_s"] is None
+
+
+def test_soles_stand_on_a_hard_floor_only_where_there_is_one(tmp_path):
+    """As 20 N drag a standing robot sideways, far below what friction holds, its soles stay where they are."""
+    soft = OP3.path.read_text(encoding="utf-8").replace('solref="0.004 1"', 'solref="0.02 1"')
+    path = tmp_path / "op3.xml"
+    path.write_text(soft, encoding="utf-8")
+    model = plant_of(load_robot(path), "free").model
+    data = mujoco.MjData(model)
+    data.qpos[:] = OP3.standing()
+    data.ctrl[:] = OP3.standing()[OP3.qpos_index]
+    foot = model.body("l_ank_roll_link").id
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    before = data.xpos[foot].copy()
+    data.xfrc_applied[foot, 1] = 4.0
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    assert np.linalg.norm(data.xpos[foot] - before) < 2e-3
 
 
 def test_a_robot_set_down_leaning_falls():
