@@ -47,7 +47,12 @@ class Boxes:
         """Watch pairs of box geoms (N, 2) within `reach` [m]."""
         self.model, self.pairs, self.reach = model, pairs, reach
         self.sizes = np.array(model.geom_size)
-        self.balls = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
+        self.boxes, places = np.unique(pairs, return_inverse=True)
+        first, second = places.reshape(-1, 2).T
+        self.balls = np.full(
+            (len(self.boxes), len(self.boxes)), -1.0
+        )  # squared; pairs that are not watched are never near
+        self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
 
     def near(self, data: mujoco.MjData) -> Near:
         """The places where boxes are near each other, as the geoms of `data` stand."""
@@ -64,9 +69,10 @@ class Boxes:
 
     def _candidates(self, data: mujoco.MjData) -> tuple[Ints, Floats, Floats]:
         """Pairs that no face holds farther apart than the reach; the second box's rotation and centre in the first's axes."""
-        gap = data.geom_xpos[self.pairs[:, 1]] - data.geom_xpos[self.pairs[:, 0]]
-        close = np.flatnonzero((gap * gap).sum(axis=1) < self.balls)
-        pairs, gap = self.pairs[close], gap[close]
+        centres = data.geom_xpos[self.boxes]
+        squares = (centres * centres).sum(axis=1)
+        one, other = np.nonzero(squares[:, None] + squares - 2 * centres @ centres.T < self.balls)
+        pairs, gap = self.boxes[np.stack([one, other], axis=1)], centres[other] - centres[one]
         first, second = np.moveaxis(data.geom_xmat.reshape(-1, 3, 3)[pairs], 1, 0)
         turn, offset = first.mT @ second, _times(first.mT, gap)
         size, spread = self.sizes[pairs], np.abs(turn)
