@@ -41,7 +41,9 @@ class Options:
     separation: bool = True
     """Keep links apart ..."""
     margin: float = 0.006
-    """... by this share of a leg."""
+    """... by this share of a leg ..."""
+    reach: float = 0.05
+    """... by rows of the quadratic program for those nearer than this share."""
     interaction: float = 0.0
     """Weight of interaction edges, which slow links down that near each other, before separation bites; 0 for none."""
     horizon: float = 0.2
@@ -92,7 +94,7 @@ class FrameSolver:
         self.problem, self.options, self.robot = problem, options, problem.robot
         self.hinges, self.leg = self.robot.dof_index, problem.match.robot_leg
         self.ranges = Box(self.robot.lower, self.robot.upper)
-        self.landscape = Landscape(problem, options.separation, options.margin)
+        self.landscape = Landscape(problem, options.separation, options.margin, options.reach)
         self.grip = grip_of(self.robot, problem.match.anatomy)
         slack = 1  # of separation; it stands last
         self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)

@@ -20,7 +20,7 @@ from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import mass_function, point_function
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.separation import Separation, carrying
+from robot_retarget.robot.separation import carrying
 
 OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""
@@ -66,26 +66,19 @@ class Planter:
         corners = [sole_corners(match.anatomy, foot) for foot in self.feet]
         self.soles = Points(np.concatenate([c.bodies for c in corners]), np.concatenate([c.offsets for c in corners]))
         problem = planting_problem(robot, match)
-        self.solver = FrameSolver(problem, Options(tolerance=TOLERANCE, margin=MARGIN))
+        self.solver = FrameSolver(problem, Options(tolerance=TOLERANCE, margin=MARGIN, reach=SIGHT))
         self.solver.ranges = _knees_bent(robot, match)
         self.mass = dense_function("mass", *_mass(robot))
         self.weight = _weights(self.solver, match, draw or Draw())
         self.legs = _leg_dofs(self.solver, match)
-        self.solver.landscape.separation = self._separation()
+        if self.solver.landscape.separation is not None:
+            on_legs = np.asarray(carrying(robot.model)[:, self.legs].any(axis=1))
+            self.solver.landscape.separation.let_near(on_legs, LEGS_MARGIN * self.leg)
 
     @property
     def leg_coordinates(self) -> Ints:
         """Where the hinges between pelvis and soles stand in qpos."""
         return self.robot.qpos_index[self.legs[self.robot.dof_index]]
-
-    def _separation(self) -> Separation:
-        """Of all links; two that hang on leg hinges may come nearer to each other than others."""
-        found = Separation(self.robot, SIGHT * self.leg)
-        bodies = np.asarray(carrying(self.robot.model)[:, self.legs].any(axis=1))
-        legs = bodies[self.robot.model.geom_bodyid]
-        both = np.logical_and.outer(legs, legs)
-        found.rest[both] = np.minimum(found.rest[both], LEGS_MARGIN * self.leg)
-        return found
 
     def corners(self, qpos: Floats) -> Floats:
         """(T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""

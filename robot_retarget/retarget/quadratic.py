@@ -10,8 +10,6 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.separation import Separation
 
-REACH = 0.05
-"""Links nearer than this share of a leg are kept apart by rows of the quadratic program."""
 SEPARATION_COST = 1e6
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
 COUPLED = 30.0
@@ -71,9 +69,10 @@ class Quadratic:
 class Landscape:
     """The cost of one frame's problem around any configuration."""
 
-    def __init__(self, problem: Problem, separation: bool, margin: float):
+    def __init__(self, problem: Problem, separation: bool, margin: float, reach: float):
+        """Keep links apart by a `margin`, those within a `reach` of each other, both over the leg length."""
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
-        self.separation = Separation(self.robot, REACH * self.leg) if separation else None
+        self.separation = Separation(self.robot, reach * self.leg) if separation else None
         self.margin = margin * self.leg
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)

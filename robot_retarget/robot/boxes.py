@@ -49,9 +49,8 @@ class Boxes:
         self.sizes = np.array(model.geom_size)
         self.boxes, places = np.unique(pairs, return_inverse=True)
         first, second = places.reshape(-1, 2).T
-        self.balls = np.full(
-            (len(self.boxes), len(self.boxes)), -1.0
-        )  # squared; pairs that are not watched are never near
+        # Squared distances of centres; those of pairs that are not watched are never less.
+        self.balls = np.full((len(self.boxes), len(self.boxes)), -1.0)
         self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
 
     def near(self, data: mujoco.MjData) -> Near:

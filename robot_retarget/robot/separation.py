@@ -80,6 +80,12 @@ class Separation:
         two_boxes = self.is_box[near.geoms].all(axis=1)
         return near[~two_boxes] + self.boxes.near(self.data)
 
+    def let_near(self, links: np.ndarray, distance: float) -> None:
+        """Let links of one set (B,) come as near to each other as links that rest at a distance [m]."""
+        own = links[self.model.geom_bodyid]
+        both = np.logical_and.outer(own, own)
+        self.rest[both] = np.minimum(self.rest[both], distance)
+
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
         two_boxes = self.is_box[pairs].all(axis=1) & self.counts[pairs[:, 0], pairs[:, 1]]

@@ -25,7 +25,7 @@ K, WEIGHT = 6.0, 3.0
 def landscape() -> Landscape:
     motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3")
     matched = match(motion, robot)
-    return Landscape(build_problem(robot, matched, build_edges(motion, matched)), True, 0.006)
+    return Landscape(build_problem(robot, matched, build_edges(motion, matched)), True, 0.006, 0.05)
 
 
 def model_of(landscape: Landscape, slope: Floats, room: Floats) -> Quadratic:
