@@ -61,8 +61,9 @@ class Judge:
             raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits)}")
 
     def _silence(self) -> None:
-        silent = (self.link.missed >= MISSES) & (self.link.age >= self.limits.silence)
-        if silent.all():
+        missing = self.link.missed >= MISSES
+        silent = missing & (self.link.age >= self.limits.silence)
+        if silent.any() and missing.all():  # who answered a moment longer than the first is gone with it all the same
             raise FaultError("no servo answers any more (power, cable)")
         if silent.any():
             raise FaultError(f"{self._names(silent)} no longer answers")

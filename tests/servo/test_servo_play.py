@@ -119,6 +119,14 @@ def test_a_fault_on_the_way_stops_with_everybody_holding(
         assert free >= ({1, 2, 3, 4} - ({2} if fault == "silent 2" else set()))
 
 
+def test_when_one_servo_goes_and_then_the_rest_nobody_is_blamed(emulator: Emulated, tmp_path: Path) -> None:
+    def act() -> None:
+        emulator.do("silent 1")
+        threading.Timer(0.04, emulator.do, ("silent all",)).start()
+
+    assert_match(STOPPED["silent all"], perform(emulator, tmp_path, "play", act).reason)
+
+
 @pytest.mark.parametrize("phase", PHASE)
 @pytest.mark.parametrize("fault", ENDURED)
 def test_a_bad_cable_is_lived_through(emulator: Emulated, tmp_path: Path, fault: str, phase: str) -> None:
