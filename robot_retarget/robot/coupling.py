@@ -1,4 +1,8 @@
-"""Joints that are geared together and chains that close: the equality constraints of an MJCF."""
+"""Joints that are geared together and chains that close: the equality constraints of an MJCF, and its tendons with hardly any play.
+
+A gear of three joints, as in a waist on a differential, has no equality constraint of its own in MuJoCo: models write
+it as a tendon of joints whose length may hardly change.
+"""
 
 import copy
 
@@ -13,6 +17,8 @@ _OTHERS = sum(int(bit) for bit in (_BIT.mjDSBL_CONTACT, _BIT.mjDSBL_LIMIT, _BIT.
 
 STRIDE = 0.2
 """Longest step of a joint towards a closed chain [rad or m]."""
+PLAY = 0.1
+"""A tendon of joints whose length may change by less is a gear, held in the middle of its play [rad]."""
 
 
 class Coupling:
@@ -23,7 +29,9 @@ class Coupling:
         self.model.opt.disableflags |= _OTHERS
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)
-        self.present = bool(self.model.neq and self.data.eq_active.any())
+        self.turns, self.middle = _gears(self.model)
+        self._hinges = self.model.jnt_qposadr[self.model.dof_jntid]
+        self.present = bool(self.model.neq and self.data.eq_active.any()) or bool(len(self.turns))
         self.mobility = _mobility(robot)
 
     def __call__(self, qpos: Floats) -> tuple[Floats, Floats]:
@@ -34,7 +42,8 @@ class Coupling:
         mujoco.mj_makeConstraint(self.model, self.data)
         rows = self.data.ne
         slope = np.asarray(self.data.efc_J).reshape(-1, self.model.nv)[:rows]
-        return self.data.efc_pos[:rows].copy(), slope.copy()
+        mesh = self.turns @ qpos[self._hinges] - self.middle
+        return np.concatenate([self.data.efc_pos[:rows], mesh]), np.concatenate([slope, self.turns])
 
     def closed(self, qpos: Floats, steps: int = 8) -> Floats:
         """The configuration nearby that holds every constraint: Newton steps that move what nothing hangs on.
@@ -51,6 +60,20 @@ class Coupling:
             step *= min(1.0, STRIDE / max(float(np.abs(step).max()), STRIDE))
             mujoco.mj_integratePos(self.model, q, step, 1.0)
         return q
+
+
+def _gears(model: mujoco.MjModel) -> tuple[Floats, Floats]:
+    """Tendons of joints with hardly any play: by how much each dof moves them (G, nv), and the middle of their play (G,)."""
+    width = np.diff(model.tendon_range, axis=1).ravel()
+    tight = np.flatnonzero(np.asarray(model.tendon_limited, bool) & (width < PLAY))
+    turns = np.zeros((len(tight), model.nv))
+    gears = []
+    for row, tendon in zip(turns, tight, strict=True):
+        own = slice(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+        if (model.wrap_type[own] == mujoco.mjtWrap.mjWRAP_JOINT).all():
+            np.add.at(row, model.jnt_dofadr[model.wrap_objid[own]], model.wrap_prm[own])
+            gears.append(tendon)
+    return turns[turns.any(axis=1)], model.tendon_range[gears].mean(axis=1)
 
 
 def _mobility(robot: Robot) -> Floats:

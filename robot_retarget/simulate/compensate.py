@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import floor_push, root_dofs
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
@@ -118,29 +119,23 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
 
 
 class _Links:
-    """Hinges that no servo drives hang on others by the model's equality constraints: their load goes to those.
+    """Hinges that no servo drives hang on others by gears and closed chains: their load goes to those.
 
-    With J the constraints' Jacobian, forces τ + Jᵀλ do the same; λ is chosen such that nothing is left for the loose hinges.
+    With J the slopes of what couples them, forces τ + Jᵀλ do the same; λ is chosen such that nothing is left for the loose hinges.
     """
 
     def __init__(self, plant: Plant):
         driven = plant.robot.dof_index[plant.driven]
         self._loose = np.setdiff1d(plant.robot.dof_index, driven)
-        self._model = copy.copy(plant.model)
-        bits = mujoco.mjtDisableBit
-        self._model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
-        self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self._data = mujoco.MjData(self._model)
+        self._coupling = Coupling(plant.robot)
 
     def driven(self, qpos: Floats, force: Floats) -> Floats:
         """The same effect (nv,) with no force on loose hinges, at best."""
-        if not self._loose.size or not self._model.neq:
+        if not self._loose.size or not self._coupling.present:
             return force
-        self._data.qpos[:] = qpos
-        mujoco.mj_fwdPosition(self._model, self._data)
-        jacobian = np.array(self._data.efc_J).reshape(-1, self._model.nv)
-        pull, *_ = np.linalg.lstsq(jacobian[:, self._loose].T, -force[self._loose], rcond=1e-6)
-        return force + jacobian.T @ pull
+        _, slope = self._coupling(qpos)
+        pull, *_ = np.linalg.lstsq(slope[:, self._loose].T, -force[self._loose], rcond=1e-6)
+        return force + slope.T @ pull
 
 
 def _ahead(goals: Floats, playback: Playback) -> Floats:

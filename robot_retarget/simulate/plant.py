@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
+from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.feet import feet_of
@@ -91,7 +92,7 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
 
     With `drives` every hinge gets that servo in place of what the model has, joint damping, friction and armature too.
     Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
-    inertia, unless the model's equality constraints are there to move it. Every other actuator, all sensors and keyframes go.
+    inertia, unless gears or closed chains are there to move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes go.
     `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
 
     Raises:
@@ -160,7 +161,7 @@ def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str
     """Put servos on the hinges without one; their names."""
     model = robot.model
     actuated = set(model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0].tolist())
-    mechanism = model.neq > 0
+    mechanism = Coupling(robot).present
     bare = [k for k, j in enumerate(robot.joint_ids) if j not in served and (j in actuated or not mechanism)]
     if not bare:
         return []
@@ -254,7 +255,7 @@ def _notes(robot: Robot, servos: Ints, added: list[str], floor: bool) -> list[st
         )
     loose = [robot.joint_names[k] for k in np.flatnonzero(servos < 0)]
     if loose:
-        notes.append(f"left to the model's equality constraints: {', '.join(loose)}")
+        notes.append(f"left to the model's gears and closed chains: {', '.join(loose)}")
     if floor:
         notes.append("the model has no floor: a plane z = 0 added")
     return notes

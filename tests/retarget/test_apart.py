@@ -104,6 +104,20 @@ def test_coupling_slopes_agree_with_central_differences() -> None:
         assert slope[:, column] == pytest.approx((ahead - behind) / (2 * step), abs=1e-5)
 
 
+@needs_shared
+def test_a_waist_on_a_differential_turns_with_its_motors() -> None:
+    """Its model has no equality constraint for that, but tendons with hardly any play."""
+    robot = load_robot(TODDLER)
+    model, data = robot.model, mujoco.MjData(robot.model)
+    pose = robot.standing()
+    pose[robot.qpos_index[robot.joint_names.index("waist_yaw")]] = 0.4
+    for qpos, gap in ((pose, 0.3), (Coupling(robot).closed(pose), 0.0)):
+        data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(model, data)
+        beyond = np.maximum(data.ten_length - model.tendon_range[:, 1], model.tendon_range[:, 0] - data.ten_length)
+        assert (beyond.max() > gap) if gap else (beyond.max() <= 0.0)
+
+
 def test_a_robot_without_equalities_has_no_coupling() -> None:
     coupling, pose = Coupling(load_robot("op3")), load_robot("op3").standing()
     assert not coupling.present and (coupling.closed(pose) == pose).all()

@@ -135,13 +135,16 @@ COUPLED = """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldb
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass=".2" contype="0" conaffinity="0"/></body>
 <body name="second" pos="0 .2 0"><joint name="second" axis="0 1 0" range="-90 90" damping=".1"/>
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1" contype="0" conaffinity="0"/></body></body></worldbody>
-<equality><joint joint1="second" joint2="first" polycoef="0 1 0 0 0" solref="0.004 1"/></equality>
-<actuator><position joint="first" kp="40"/></actuator></mujoco>"""
+{gear}<actuator><position joint="first" kp="40"/></actuator></mujoco>"""
+EQUALITY = """<equality><joint joint1="second" joint2="first" polycoef="0 1 0 0 0" solref="0.004 1"/></equality>"""
+TENDON = """<tendon><fixed limited="true" range="-.001 .001" solreflimit="0.004 1"><joint joint="first" coef="-1"/>
+<joint joint="second" coef="1"/></fixed></tendon>"""
 
 
-def test_a_servo_carries_what_hangs_on_it_by_an_equality_constraint(tmp_path):
+@pytest.mark.parametrize("gear", [EQUALITY, TENDON], ids=["equality constraint", "tendon without play"])
+def test_a_servo_carries_what_is_geared_to_it(gear: str, tmp_path):
     """One servo, two arms geared one to one: it must hold the weight of both, m g l / 2 each."""
-    robot = robot_of(COUPLED, tmp_path / "coupled.xml")
+    robot = robot_of(COUPLED.format(gear=gear), tmp_path / "coupled.xml")
     plant = plant_of(robot, "pinned")
     assert plant.servos.tolist() == [0, -1]
     torque, _ = _torques(plant, np.zeros((5, 2)), 125.0, "pinned")
