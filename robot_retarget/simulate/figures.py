@@ -17,6 +17,8 @@ from robot_retarget.trajectory import Trajectory
 
 BETWEEN = 125.0
 """The way from frame to frame is looked at so often a second."""
+SUNK = 0.5
+"""A root at less than this share of its planned height is down."""
 MOVING = 0.05
 """A trajectory slower than this on average [rad/s] says nothing about lag."""
 
@@ -134,15 +136,28 @@ def own_contacts(rollout: Rollout, robot: Robot, until: float | None) -> Contact
     return contacts if until is None else contacts.of(rollout.times[contacts.frame] < until)
 
 
-def fall_figures(rollout: Rollout, robot: Robot) -> dict[str, Any]:
-    """When the first body other than a foot touched the floor (negative: before the trajectory began), and which."""
+def fall_figures(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> dict[str, Any]:
+    """When the robot fell (negative: before the trajectory began), and which body touched the floor.
+
+    A fall is a body other than a foot on the floor; or, where the model lets few bodies touch it, a root at less than
+    `SUNK` of its planned height.
+    """
     contacts = rollout.contacts.scene
     wrong = contacts.of(~np.isin(contacts.bodies[:, 1], _feet(robot, contacts)))
-    if not len(wrong):
+    sunk = np.flatnonzero(_sunk(rollout, robot, trajectory))
+    first, low = (int(at.min(initial=len(rollout.times))) for at in (wrong.frame, sunk))
+    if min(first, low) == len(rollout.times):
         return {"fall_s": None, "fall_body": None}
-    first = wrong.frame.argmin()
-    body = robot.model.body(int(wrong.bodies[first, 1])).name
-    return {"fall_s": round(float(rollout.times[wrong.frame[first]]), 3), "fall_body": body}
+    touched = robot.model.body(int(wrong.bodies[wrong.frame.argmin(), 1])).name if first <= low else None
+    return {"fall_s": round(float(rollout.times[min(first, low)]), 3), "fall_body": touched}
+
+
+def _sunk(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
+    """(N,) whether the root is at less than `SUNK` of its planned height, both above where the plan has the floor: z = 0."""
+    height = robot.root_address + 2
+    planned = np.interp(rollout.times, np.arange(len(trajectory)) / trajectory.fps, trajectory.qpos[:, height])
+    lift = planned[:1] - rollout.qpos[:1, height]
+    return rollout.qpos[:, height] + lift < SUNK * planned
 
 
 def _feet(robot: Robot, contacts: Contacts) -> list[int]:

@@ -105,7 +105,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     trajectory, plant, rollout, robot = played.trajectory, played.plant, played.rollout, played.plant.robot
     free = played.mode == "free"
     tracking = at_frames(trajectory, robot, rollout)
-    fall = fall_figures(rollout, robot) if free else {}
+    fall = fall_figures(rollout, robot, trajectory) if free else {}
     stance = stance_of(plant, rollout) if free else planned_stance(plant, trajectory)
     until = fall.get("fall_s")
     figures: dict[str, Any] = {
@@ -191,7 +191,8 @@ def _upright(figures: Mapping[str, Any]) -> list[str]:
         reasons.append(f"the simulation broke down at {figures['unstable_s']:g} s")
     if figures.get("fall_s") is not None:
         when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
-        reasons.append(f"fell: {figures['fall_body']} touched the floor {when}")
+        body = figures["fall_body"]
+        reasons.append(f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}")
     return reasons
 
 

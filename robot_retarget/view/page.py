@@ -166,7 +166,7 @@ def _charts(report: Report, warnings: Warnings | None) -> str:
 def _checks(report: Report) -> str:
     f, rows = report.figures, [_check(report.figures["unstable_s"] is None, "the simulation runs to its end")]
     if "fall_s" in f:
-        rows.append(_check(f["fall_s"] is None, "nothing but the feet touches the floor"))
+        rows.append(_check(f["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
     for check in CHECKS:
         value, most = f.get(check.figure), getattr(report.thresholds, check.threshold)
         if value is not None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_trajectories import hold, robot_of, swing
 from scipy.spatial.transform import Rotation
-from shared_files import ROOT
+from shared_files import ROOT, SHARED, needs_shared
 from simulate.motions import at_times, bob, kick, lean
 
 from robot_retarget.errors import RobotError, UsageError
@@ -129,6 +129,15 @@ def test_a_lean_of_30_degrees_without_balance_falls():
     report = simulate(lean(OP3, 30), OP3, mode="free")
     assert report.verdict == "fail" and report.reasons[0].startswith("fell: ")
     assert report.figures["fall_s"] > 0 and report.figures["com_margin_m"] < 0
+
+
+@needs_shared
+def test_a_robot_of_which_only_the_feet_can_touch_the_floor_falls_all_the_same():
+    toddler = load_robot(SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml")
+    ends = [toddler.standing()[toddler.qpos_index[toddler.joint_names.index("left_hip_roll")]], 1.4]
+    report = simulate(at_times(toddler, {"left_hip_roll": [*ends, ends[-1]]}, [0.0, 0.5, 3.0]), toddler, mode="free")
+    assert "sank to half its height" in report.reasons[0]
+    assert 0 < report.figures["fall_s"] < 3 and report.figures["fall_body"] is None
 
 
 def test_a_kick_at_full_speed_falls_and_says_when():
