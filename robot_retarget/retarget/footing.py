@@ -51,12 +51,10 @@ def grip_of(robot: Robot, anatomy: Anatomy) -> Grip:
 
 
 def sole_corners(anatomy: Anatomy, foot: str) -> Points:
-    """The corners of the flat part of a sole, in `CORNERS` order."""
-    sole = anatomy.soles[foot]
+    """The corners of what a foot stands on, in `CORNERS` order."""
     body, axes = anatomy.frames[f"{foot}_foot"]
-    along = sole.offsets @ axes
-    flat = along[along[:, 2] < along[:, 2].min() + 0.01]
-    (back, right, low), (front, left, _) = flat.min(0), flat.max(0)
+    along = anatomy.treads[foot].offsets @ axes
+    (back, right, low), (front, left, _) = along.min(0), along.max(0)
     corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
     return Points(np.full(CORNERS, body), corners @ axes.T)
 

@@ -148,7 +148,7 @@ class Links:
 
 
 def _local_points(model: mujoco.MjModel, geom: int) -> Floats:
-    kind, size = model.geom_type[geom], model.geom_size[geom]
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]  # NumPy's own integers are in no tuple of kinds
     if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
         start = model.mesh_vertadr[mesh]

@@ -34,6 +34,8 @@ HEAD_WORDS = {"head", "skull", "face"}
 SOLE_DIRECTIONS = 8
 SOLE_TILTS = (0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
+TREAD = 0.0005
+"""What is solid of a foot and this near to its lowest carries it where it stands flat [m]."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,9 @@ class Anatomy:
     frames: Mapping[str, tuple[int, Floats]]
     """Segments (pelvis, chest, head, feet, hands): body, and (3, 3) its local forward, left and up as columns."""
     soles: Mapping[str, Points]
-    """Per foot (`l`, `r`) the points that stand on the floor."""
+    """Per foot (`l`, `r`) the points, seen or felt, that can be its lowest."""
+    treads: Mapping[str, Points]
+    """Per foot the points of its solid surface on which it stands flat: what carries the robot."""
     forward: Floats
     """(3,) where the robot looks in its reference pose."""
     notes: tuple[str, ...]
@@ -235,7 +239,8 @@ def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) 
         spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)
     soles = {side: _sole(standing, foot) for side, foot in feet.items()}
     notes = [*sides.notes, *robot.notes, *_partial(spots)]
-    return Anatomy(spots, _frames(links, standing, spots, sides), soles, frozen(sides.forward), tuple(notes))
+    treads = {side: _tread(standing, foot) for side, foot in feet.items()}
+    return Anatomy(spots, _frames(links, standing, spots, sides), soles, treads, frozen(sides.forward), tuple(notes))
 
 
 def _limbs(links: Links, sides: _Sides, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
@@ -330,15 +335,32 @@ def _sole(standing: Links, foot: int) -> Points:
     """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
     cloud = standing.surface(foot, seen=True)
     cloud = cloud[cloud[:, 2] < cloud[:, 2].min() + max(0.02, 0.3 * float(np.ptp(cloud[:, 2])))]
-    azimuth = (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
+    azimuth = _all_around()
     ways = [[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for t in SOLE_TILTS for a in azimuth]
     flat = sole_cloud(standing, foot)
     rim = [[np.cos(a), np.sin(a), -0.05] for a in azimuth]
     corners = np.vstack(
         [cloud[np.unique((cloud @ np.transpose(ways)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]
     )
-    corners = np.unique(corners.round(5), axis=0)
-    return Points(np.full(len(corners), foot), np.array([standing.local(foot, c) for c in corners]))
+    return _on_foot(standing, foot, corners)
+
+
+def _tread(standing: Links, foot: int) -> Points:
+    """The points of the solid surface that touch the floor when the foot stands flat: the extremes all around."""
+    cloud = standing.surface(foot)
+    flat = cloud[cloud[:, 2] < cloud[:, 2].min() + TREAD]
+    azimuth = _all_around()
+    return _on_foot(standing, foot, flat[(flat[:, :2] @ np.stack([np.cos(azimuth), np.sin(azimuth)])).argmax(0)])
+
+
+def _all_around() -> Floats:
+    return (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
+
+
+def _on_foot(standing: Links, foot: int, places: Floats) -> Points:
+    """Each of the places (P, 3) once, fixed to the foot."""
+    once = np.unique(places.round(5), axis=0)
+    return Points(np.full(len(once), foot), np.array([standing.local(foot, place) for place in once]))
 
 
 def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides) -> dict[str, tuple[int, Floats]]:

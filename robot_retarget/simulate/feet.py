@@ -22,7 +22,7 @@ class Feet:
     bodies: tuple[frozenset[int], ...]
     """F: the bodies of each foot, toes too."""
     soles: Points
-    """Sole points of all feet, K in all."""
+    """The points on which all feet stand, K in all."""
     owner: np.ndarray
     """(K,) the place of the foot that each sole point belongs to."""
     corners: Points
@@ -38,16 +38,16 @@ def feet_of(robot: Robot) -> Feet:
     """The recognised feet; empty for a robot that is no humanoid."""
     try:
         anatomy = recognise(robot)
-        soles = anatomy.soles
+        treads = anatomy.treads
     except MatchError:
-        anatomy, soles = None, {}
-    names = tuple(soles)
-    bodies = tuple(with_toes(robot, {int(b) for b in soles[name].bodies}) for name in names)
+        anatomy, treads = None, {}
+    names = tuple(treads)
+    bodies = tuple(with_toes(robot, {int(b) for b in treads[name].bodies}) for name in names)
     if anatomy is None or not names:
         return Feet((), (), NONE, np.zeros(0, int), NONE)
-    points = _together([soles[name] for name in names])
+    points = _together([treads[name] for name in names])
     corners = _together([sole_corners(anatomy, name) for name in names])
-    owner = np.repeat(np.arange(len(names)), [len(soles[name].bodies) for name in names])
+    owner = np.repeat(np.arange(len(names)), [len(treads[name].bodies) for name in names])
     return Feet(names, bodies, points, owner, corners)
 
 

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
@@ -10,6 +11,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import KEYPOINTS, mirrored
 from robot_retarget.robot import Anatomy, Points, Robot, load_robot, override, recognise, world_points
+from robot_retarget.robot.links import Links
 
 JUDGED = ["robotis_op3", "unitree_g1", "booster_t1", "toddlerbot_2xc", "unitree_h1"]
 # Bodies whose names leave no doubt, as a person reads them in the model files.
@@ -145,3 +147,26 @@ def test_an_override_replaces_one_line_and_lists_what_is_known_otherwise() -> No
     ):
         with pytest.raises(MatchError, match=message):
             override(recognise(robot), robot, table)
+
+
+@needs_shared
+def test_a_foot_stands_on_what_is_solid_of_it_not_on_what_is_seen() -> None:
+    """Four little balls carry each foot of the G1; the shell that is seen reaches 2 cm further."""
+    robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
+    anatomy, model = recognise(robot), robot.model
+    for foot in "lr":
+        body = int(anatomy.treads[foot].bodies[0])
+        solid = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype > 0))
+        assert (model.geom_type[solid] == mujoco.mjtGeom.mjGEOM_SPHERE).all()
+        under = model.geom_pos[solid] - model.geom_size[solid, :1] * anatomy.frames[f"{foot}_foot"][1][:, 2]
+        for ball in under:
+            assert np.linalg.norm(anatomy.treads[foot].offsets - ball, axis=1).min() < 1e-4
+        reach = [np.ptp(points[foot].offsets[:, 0]) for points in (anatomy.soles, anatomy.treads)]
+        assert reach[0] > reach[1] + 0.02
+
+
+def test_the_surface_of_a_ball_is_its_radius_away_from_its_middle(tmp_path: Path) -> None:
+    path = tmp_path / "ball.xml"
+    path.write_text('<mujoco><worldbody><body><freejoint/><geom size=".3"/></body></worldbody></mujoco>')
+    links = Links(load_robot(path))
+    assert np.linalg.norm(links.geom_points(0), axis=1) == pytest.approx(0.3)
