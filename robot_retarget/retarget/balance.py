@@ -23,7 +23,7 @@ from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_plac
 from robot_retarget.retarget.support import kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.zmp import Plan, Steadiness
 from robot_retarget.robot import Robot
-from robot_retarget.robot.dynamics import joint_torques, zero_moment_points
+from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
@@ -69,6 +69,8 @@ class Balanced:
     """(K, 2) [m]."""
     margin: Floats
     """(K,) of the zero moment point inside the full support polygon [m]."""
+    friction: Floats
+    """(K,) coefficient of the floor that the soles need."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -159,7 +161,8 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
     clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
     for _ in range(chosen.rounds):
         loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
-        needs = motion_needs(planter.robot, found.qpos, loads, found.margin / outline.reach, clip.fps, chosen)
+        inside = found.margin / outline.reach
+        needs = motion_needs(planter.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         if needs.max() <= 1.0 or stretch.mean() >= chosen.slowest - 1e-3:
             break
         stretch = stretched(stretch, outline.score, needs, chosen)
@@ -187,9 +190,12 @@ def eased(planter: Planter, outline: Outline) -> Balanced:
 
 
 def _judged(planter: Planter, outline: Outline, qpos: Floats) -> Balanced:
-    zmp = zero_moment_points(planter.robot, qpos, outline.score.fps, QUICK)
-    margin = np.array([p.margin(x) for p, x in zip(outline.supports, zmp, strict=True)])
-    return Balanced(qpos, outline.score, outline.places, outline.plan, outline.slowdown, outline.stride, zmp, margin)
+    score, places = outline.score, outline.places
+    pressed = tread(planter.robot, qpos, score.fps, QUICK)
+    margin = np.array([p.margin(x) for p, x in zip(outline.supports, pressed.point, strict=True)])
+    friction = pressed.friction([spots[down].reshape(-1, 3) for spots, down in zip(places, score.planted, strict=True)])
+    slowed = outline.slowdown, outline.stride
+    return Balanced(qpos, score, places, outline.plan, *slowed, pressed.point, margin, friction)
 
 
 def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:

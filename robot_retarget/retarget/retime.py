@@ -25,6 +25,8 @@ class Pacing:
     """Share of what the torque–speed line leaves."""
     edge: float = 0.3
     """The zero moment point stays this share of the way from the edge of the support to its middle inside."""
+    friction: float = 0.35
+    """Coefficient of the floor that may be needed: what turns quickly over feet that stand makes them slide."""
     excess: float = 1e-3
     """The planned centre of mass may leave its polygon by this [m]."""
     swing: float = 0.8
@@ -93,13 +95,20 @@ def shift_needs(late: np.ndarray, score: Score, pacing: Pacing) -> Floats:
 
 
 def motion_needs(
-    robot: Robot, qpos: Floats, loads: tuple[Floats, Floats], inside: Floats, fps: float, pacing: Pacing
+    robot: Robot,
+    qpos: Floats,
+    loads: tuple[Floats, Floats],
+    inside: Floats,
+    friction: Floats,
+    fps: float,
+    pacing: Pacing,
 ) -> Floats:
-    """(K,) factors by which joints are too fast or too heavily loaded, or the zero moment point too near an edge.
+    """(K,) factors by which joints are too fast or too heavily loaded, or soles near tipping over an edge or sliding.
 
     Args:
         loads: (K, n) torques in motion and at rest (`dynamics.joint_torques`) [N m].
         inside: (K,) how far the zero moment point is inside the support: 1 in its middle, 0 on the edge.
+        friction: (K,) coefficient that the soles need; forces go by the square of the pace.
     """
     share = np.diff(qpos[:, robot.qpos_index], axis=0, append=qpos[-1:, robot.qpos_index]) * fps / robot.max_speed
     moving, resting = (load / robot.max_torque for load in loads)
@@ -107,4 +116,5 @@ def motion_needs(
     asked, held = np.abs(moving + share), np.abs(resting)
     overload = np.maximum(asked - held, 0.0) / np.maximum(pacing.torque - held, SPARE)
     worst = np.maximum(np.abs(share) / pacing.speed, overload ** (2 / 3)).max(axis=1)
-    return np.clip(np.maximum(worst, 1 + pacing.edge - inside), 1.0, pacing.most)
+    soles = np.maximum(1 + pacing.edge - inside, np.sqrt(friction / pacing.friction))
+    return np.clip(np.maximum(worst, soles), 1.0, pacing.most)

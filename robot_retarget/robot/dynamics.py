@@ -1,6 +1,7 @@
 """What floor and servos must do for a motion to happen: the zero moment point by MuJoCo's momenta, torques by its inverse."""
 
 import copy
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -48,31 +49,55 @@ def momenta(robot: Robot, qpos: Floats, qvel: Floats) -> tuple[Floats, Floats, F
     return found[0], found[1], found[2]
 
 
-def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Floats:
-    """(T, 2) where on the floor z = 0 the contact forces push [m].
+@dataclass(frozen=True)
+class Tread:
+    """How a motion presses on the floor z = 0, over T frames."""
+
+    point: Floats
+    """(T, 2) the zero moment point: where the contact forces push [m]."""
+    pull: Floats
+    """(T, 2) force along the floor, over that across it [-]."""
+    twist: Floats
+    """(T,) moment about the vertical through the point, over the force across the floor [m]."""
+
+    def friction(self, corners: list[Floats]) -> Floats:
+        """(T,) the friction coefficient that T sets of planted corners (N, 3) need: force and moment, at their mean lever."""
+        levers = [np.linalg.norm(c[:, :2] - x, axis=1).mean() for c, x in zip(corners, self.point, strict=True)]
+        return np.linalg.norm(self.pull, axis=1) + np.abs(self.twist) / np.array(levers)
+
+
+def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Tread:
+    """What the floor must do for a motion (T, nq) to happen.
 
         p_x = c_x − (c_z F_x + L̇_y)/F_z,   p_y = c_y − (c_z F_y − L̇_x)/F_z,   F = Ṗ + m g e_z
+        M_z = L̇_z + (c_x − p_x) F_y − (c_y − p_y) F_x
 
     Args:
         smooth: standard deviation of a Gaussian over the momenta [s]; servos cannot follow what is quicker.
     """
-    if len(qpos) < 3:
-        return momenta(robot, qpos, velocities(robot, qpos, fps))[0][:, :2]
     centre, linear, angular = momenta(robot, qpos, velocities(robot, qpos, fps))
+    if len(qpos) < 3:
+        return Tread(centre[:, :2], np.zeros((len(qpos), 2)), np.zeros(len(qpos)))
     if smooth > 0:
         linear, angular = (gaussian_filter1d(a, smooth * fps, axis=0, mode="nearest") for a in (linear, angular))
     mass = robot.model.body_subtreemass[robot.model.body_rootid[robot.root_body]]
     force = np.gradient(linear, 1 / fps, axis=0) - mass * robot.model.opt.gravity
     turning = np.gradient(angular, 1 / fps, axis=0)
-    height = centre[:, 2:]
-    lever = height * force[:, :2] + np.stack([turning[:, 1], -turning[:, 0]], axis=1)
-    return centre[:, :2] - lever / force[:, 2:]
+    height, across = centre[:, 2:], force[:, 2]
+    arm = (height * force[:, :2] + np.stack([turning[:, 1], -turning[:, 0]], axis=1)) / across[:, None]
+    twist = turning[:, 2] + arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+    return Tread(centre[:, :2] - arm, force[:, :2] / across[:, None], twist / across)
+
+
+def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Floats:
+    """(T, 2) where on the floor z = 0 the contact forces push [m]; see `tread`."""
+    return tread(robot, qpos, fps, smooth).point
 
 
 def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0) -> tuple[Floats, Floats]:
     """What the hinges must give (T, n) [N m] for a motion (T, nq) on planted soles: in all, and at rest in its poses.
 
-    Without damping and dry friction: those are the servos' own. `smooth` as in `zero_moment_points`, over velocities.
+    Without damping and dry friction: those are the servos' own. `smooth` as in `tread`, over velocities.
     """
     model = copy.copy(robot.model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
