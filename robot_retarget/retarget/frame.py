@@ -44,6 +44,8 @@ class Options:
     """... by this share of a leg ..."""
     reach: float = 0.05
     """... by rows of the quadratic program for those nearer than this share."""
+    glance: float = 0.0
+    """Joints that turned by less since distances were measured let them go on along their slopes [rad]."""
     interaction: float = 0.0
     """Weight of interaction edges, which slow links down that near each other, before separation bites; 0 for none."""
     horizon: float = 0.2
@@ -94,7 +96,7 @@ class FrameSolver:
         self.problem, self.options, self.robot = problem, options, problem.robot
         self.hinges, self.leg = self.robot.dof_index, problem.match.robot_leg
         self.ranges = Box(self.robot.lower, self.robot.upper)
-        self.landscape = Landscape(problem, options.separation, options.margin, options.reach)
+        self.landscape = Landscape(problem, options.separation, options.margin, options.reach, options.glance)
         self.grip = grip_of(self.robot, problem.match.anatomy)
         slack = 1  # of separation; it stands last
         self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)

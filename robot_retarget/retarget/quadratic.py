@@ -69,10 +69,14 @@ class Quadratic:
 class Landscape:
     """The cost of one frame's problem around any configuration."""
 
-    def __init__(self, problem: Problem, separation: bool, margin: float, reach: float):
-        """Keep links apart by a `margin`, those within a `reach` of each other, both over the leg length."""
+    def __init__(self, problem: Problem, separation: bool, margin: float, reach: float, glance: float = 0.0):
+        """Keep links apart by a `margin`, those within a `reach` of each other, both over the leg length.
+
+        Within a `glance` [rad, m] of a configuration distances go on along their slopes instead of being measured anew.
+        """
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
         self.separation = Separation(self.robot, reach * self.leg) if separation else None
+        self.glance, self._seen = glance, None
         self.margin = margin * self.leg
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
@@ -95,12 +99,24 @@ class Landscape:
 
     def _apart(self, q: Floats, rows: Floats, least: Floats) -> float:
         """Fill in the rows of near links; how much the nearest lack, over the leg length."""
-        assert self.separation is not None
-        distance, slope, rest = self.separation.near(q)
+        distance, slope, rest = self._near(q)
         wanted = np.minimum(self.margin, rest) - distance  # links that rest nearer may stay so
         near = len(distance)
         rows[:near, :-1], rows[:near, -1], least[:near] = slope, 1.0, wanted
         return float(wanted.max(initial=0.0)) / self.leg
+
+    def _near(self, q: Floats) -> tuple[Floats, Floats, Floats]:
+        """As `Separation.near`; from a configuration hardly elsewhere, as its slopes tell."""
+        assert self.separation is not None
+        if self._seen is not None:
+            there, (distance, slope, rest) = self._seen
+            moved = difference(self.robot, there, q)
+            if np.abs(moved).max() < self.glance:
+                return distance + slope @ moved, slope, rest
+        near = self.separation.near(q)
+        if self.glance:
+            self._seen = np.array(q), near
+        return near
 
     def pulled(self, here: Quadratic, q: Floats, pull: Pull | None) -> Quadratic:
         """The model with a pull on top."""
