@@ -9,7 +9,7 @@ from robot_retarget.retarget.footing import flattened
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Score
 from robot_retarget.retarget.stand import balanced_stand, stand_places
-from robot_retarget.retarget.support import foothold_places
+from robot_retarget.retarget.support import GAP, foothold_places, gaps
 from robot_retarget.retarget.zmp import Plan, Polygon, Steadiness, plan_centre, support
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
@@ -134,7 +134,8 @@ def _places(planter: Planter, clip: Clip, ends: list[Floats], score: Score) -> F
     for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
         aside = score.planted[frames] & ~clip.planted[frame]
         corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
-    return foothold_places(score.planted, corners, ARC * planter.leg, score.fps)
+    gap = GAP * float(gaps(stand_places(planter)[None])[0])
+    return foothold_places(score.planted, corners, ARC * planter.leg, gap)
 
 
 def _supports(score: Score, places: Floats) -> list[Polygon]:

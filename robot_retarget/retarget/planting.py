@@ -26,11 +26,13 @@ OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""
 
 MARGIN = 0.05
-"""Links stay this share of a leg apart: servos lag, and links that are planned to pass closely touch ..."""
+"""Arms stay this share of a leg apart from all else: servos lag, and links that are planned to pass closely touch ..."""
 LEGS_MARGIN = 0.025
-"""... and two legs this share: they lag less, and have to pass each other in a step."""
+"""... and other links this share: legs lag less, have to pass each other in a step, and to bend under a trunk."""
 SIGHT = 0.08
 """Links nearer than this share of a leg are watched."""
+GLANCE = 0.02
+"""As `Options.glance`: the far end of a limb moves by less than between what is watched and what is kept."""
 BENT = 0.12
 """A knee is bent so far at least [rad]."""
 CLEARANCE = 0.06
@@ -66,14 +68,13 @@ class Planter:
         corners = [sole_corners(match.anatomy, foot) for foot in self.feet]
         self.soles = Points(np.concatenate([c.bodies for c in corners]), np.concatenate([c.offsets for c in corners]))
         problem = planting_problem(robot, match)
-        self.solver = FrameSolver(problem, Options(tolerance=TOLERANCE, margin=MARGIN, reach=SIGHT))
+        self.solver = FrameSolver(problem, Options(tolerance=TOLERANCE, margin=MARGIN, reach=SIGHT, glance=GLANCE))
         self.solver.ranges = _knees_bent(robot, match)
         self.mass = dense_function("mass", *_mass(robot))
         self.weight = _weights(self.solver, match, draw or Draw())
         self.legs = _leg_dofs(self.solver, match)
         if self.solver.landscape.separation is not None:
-            on_legs = np.asarray(carrying(robot.model)[:, self.legs].any(axis=1))
-            self.solver.landscape.separation.let_near(on_legs, LEGS_MARGIN * self.leg)
+            self.solver.landscape.separation.let_near(~_on_arms(robot, match), LEGS_MARGIN * self.leg)
 
     @property
     def leg_coordinates(self) -> Ints:
@@ -189,6 +190,14 @@ def _weights(solver: FrameSolver, match: Match, draw: Draw) -> Floats:
     along, across = draw.travel / solver.leg**2, draw.height / solver.leg**2
     weight[first : first + 6] = [along, along, across, draw.tilt, draw.tilt, draw.tilt]
     return weight
+
+
+def _on_arms(robot: Robot, match: Match) -> np.ndarray:
+    """(B,) bodies that a hinge between chest and hands moves."""
+    moves, spots = carrying(robot.model), match.anatomy.spots
+    hands = [moves[spots[hand].body] for hand in ("l_hand", "r_hand") if hand in spots]
+    chest = moves[match.anatomy.frames["chest"][0]]
+    return np.asarray(moves[:, np.logical_or.reduce([*hands, chest]) & ~chest].any(axis=1))
 
 
 def _leg_dofs(solver: FrameSolver, match: Match) -> np.ndarray:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.ndimage import gaussian_filter1d
 
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError, UsageError
@@ -17,17 +18,19 @@ from robot_retarget.retarget.outline import Clip
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
 from robot_retarget.retarget.stand import balanced_stand, stand_places
-from robot_retarget.retarget.support import foothold_places, kept_down, parted, planted_feet, shortened
+from robot_retarget.retarget.support import foothold_places, gaps, kept_down, parted, planted_feet, shortened
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.robot import world_points
-from robot_retarget.robot.dynamics import joint_torques
+from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import Playback, roll_out
 
 SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
+IN_ORDER = [0, 3, 1, 2]
+"""From around a sole to front left, front right, rear left, rear right."""
 LEFT, RIGHT = SQUARE / 2 + [0.0, 0.06], SQUARE / 2 - [0.0, 0.06]
 
 
@@ -118,11 +121,21 @@ def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_
     turning, elbow = held.copy(), robot.joint_names.index("l_el")
     turning[:, robot.qpos_index[elbow]] -= np.linspace(0, 0.6 * robot.max_speed[elbow] * 39 / 30, 40)
     rest, load = np.zeros((40, len(robot.joint_names))), np.zeros((40, len(robot.joint_names)))
-    inside = np.ones(40)
+    inside, friction = np.ones(40), np.zeros(40)
     for torque, slower in ((-0.2, False), (-0.6, True), (0.6, False)):  # the last one brakes
         load[:, elbow] = torque * robot.max_torque[elbow]
-        assert (motion_needs(robot, turning, (load, rest), inside, 30.0, Pacing())[:-1] > 1).all() == slower
-    assert (motion_needs(robot, held, (load, load), inside, 30.0, Pacing()) == 1).all()
+        assert (motion_needs(robot, turning, (load, rest), inside, friction, 30.0, Pacing())[:-1] > 1).all() == slower
+    assert (motion_needs(robot, held, (load, load), inside, friction, 30.0, Pacing()) == 1).all()
+
+
+def test_feet_that_would_slide_are_given_the_time_that_brings_them_under_their_friction(planter: Planter) -> None:
+    """Twice as slow, a motion needs a quarter of the friction."""
+    robot, rest = planter.robot, np.zeros((40, len(planter.robot.joint_names)))
+    held, inside = np.tile(planter.robot.standing(), (40, 1)), np.ones(40)
+    pacing = Pacing(friction=0.2, most=10.0)
+    for needed, factor in ((0.19, 1.0), (0.8, 2.0)):
+        friction = np.full(40, needed)
+        assert motion_needs(robot, held, (rest, rest), inside, friction, 30.0, pacing) == pytest.approx(factor)
 
 
 def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
@@ -157,7 +170,7 @@ def test_planted_poses_have_their_soles_on_their_places_and_their_mass_over_its_
 def soles(lift: float, travel: float = 0.0, frames: int = 60) -> np.ndarray:
     """Two square soles; the left one rises by `lift` in the middle third and comes down `travel` further on."""
     corners = np.zeros((frames, 2, 4, 3))
-    corners[:, 0, :, :2], corners[:, 1, :, :2] = LEFT, RIGHT
+    corners[:, 0, :, :2], corners[:, 1, :, :2] = LEFT[IN_ORDER], RIGHT[IN_ORDER]
     share = np.clip(np.linspace(-1, 2, frames), 0, 1)[:, None]
     corners[:, 0, :, 2] += lift * np.sin(np.pi * share) ** 2
     corners[:, 0, :, 0] += travel * share
@@ -192,13 +205,43 @@ def test_steps_longer_than_a_stride_shorten_the_path_to_it() -> None:
 def test_feet_are_set_apart_sideways_as_far_as_in_the_stand_whichever_way_they_point(turn: float, gap: float) -> None:
     spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     own, corners = soles(0.0, frames=1)[0], soles(0.0, frames=1)
-    for feet in (own, corners[0]):  # corners in order: front left, front right, rear left, rear right
-        for foot in feet:
-            foot[:, :2] = foot[[0, 3, 1, 2], :2]
     corners[0, 0, :, 1] += gap
     corners[..., :2] = corners[..., :2] @ spin.T
     set_apart = parted(corners, own)[0] @ np.block([[spin, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]])
     assert (set_apart[0] - set_apart[1]).mean(axis=0)[1] == pytest.approx(0.12 + max(gap, 0.0), abs=1e-9)
+
+
+@given(arrays(float, (2, 3), elements=st.floats(-0.15, 0.15)))
+@settings(max_examples=60, deadline=None)
+def test_the_gap_between_two_soles_is_their_distance_where_edge_faces_edge_and_negative_where_they_overlap(
+    poses: np.ndarray,
+) -> None:
+    """Against the nearest of many points of the one sole to the other."""
+    rectangle = np.array([[0.06, 0.04], [0.06, -0.04], [-0.06, 0.04], [-0.06, -0.04]])
+    corners, grid = np.zeros((1, 2, 4, 3)), np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * 2), -1).reshape(-1, 2)
+    inside = []
+    for foot, (x, y, turn) in enumerate(poses * [1, 1, 8]):
+        spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        corners[0, foot, :, :2] = rectangle @ spin.T + [x, y]
+        inside.append((grid * [0.06, 0.04]) @ spin.T + [x, y])
+    nearest = np.linalg.norm(inside[0][:, None] - inside[1][None], axis=2).min()
+    gap = gaps(corners)[0]
+    assert gap <= nearest + 1e-9
+    if nearest > 0.01:
+        assert gap > 0 and nearest < 2 * gap  # apart only cornerwise, the edges see less
+    if gap < -0.005:
+        assert nearest < 0.005
+
+
+def test_a_foot_in_the_air_goes_around_the_one_that_stands() -> None:
+    corners = soles(0.05, 0.1)
+    corners[:, 0, :, 1] -= 0.06 * np.sin(np.linspace(0, np.pi, len(corners)))[:, None]
+    planted = np.ones((len(corners), 2), bool)
+    planted[5:-5, 0] = False
+    middle = len(corners) // 2
+    for gap in (0.01, 0.02):
+        assert gaps(corners)[middle] < gap
+        assert gaps(foothold_places(planted, corners, 0.03, gap))[middle] == pytest.approx(gap, abs=1e-6)
 
 
 def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
@@ -213,7 +256,7 @@ def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
 def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
     corners = soles(0.02, 0.1)
     planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
-    places = foothold_places(planted, corners, 0.03, 30.0)
+    places = foothold_places(planted, corners, 0.03, 0.01)
     swing = np.flatnonzero(~planted[:, 0])
     assert np.abs(np.diff(places[:, 0], axis=0)).max() < 0.015
     assert (places[planted[:, 0], 0, :, 2] == 0).all() and places[swing, 0, :, 2].min() >= 0
@@ -268,6 +311,24 @@ def test_the_planned_zero_moment_point_is_the_one_of_the_contact_forces(planter:
     times = np.arange(len(trajectory)) / trajectory.fps
     seen = np.stack([np.interp(times, rollout.times, column) for column in pushed.T], axis=1)
     assert np.ptp(found.qpos[:, 2]) > 0.04 and np.abs(seen - found.zmp).max() < 0.01
+
+
+def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(planter: Planter) -> None:
+    """Arms that swing against each other turn a robot over its feet."""
+    robot, time = planter.robot, np.arange(121) / 30
+    swung = np.tile(balanced_stand(planter, stand_places(planter)), (121, 1))
+    swing = np.sin(np.pi * time / 4) ** 2 * np.sin(np.pi * time)
+    for joint in ("l_sho_pitch", "r_sho_pitch"):
+        swung[:, robot.qpos_index[robot.joint_names.index(joint)]] += swing
+    trajectory = rr.Trajectory(swung, 30.0, robot.joint_names, robot.name)
+    plant, playback = plant_of(robot, "free"), Playback(settle_before=2.0)
+    rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    force, torque = rollout.ground[:, :3], rollout.ground[:, 3:]
+    point = np.stack([-torque[:, 1], torque[:, 0]], axis=1) / force[:, 2:]
+    twist = (torque[:, 2] - point[:, 0] * force[:, 1] + point[:, 1] * force[:, 0]) / force[:, 2]
+    planned, seen = tread(robot, swung, 30.0).twist, np.interp(time, rollout.times, gaussian_filter1d(twist, 4))
+    assert np.abs(planned).max() > 1e-3 and np.corrcoef(planned, seen)[0, 1] > 0.9
+    assert seen.std() == pytest.approx(planned.std(), rel=0.2)
 
 
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
