@@ -18,7 +18,11 @@ from robot_retarget.trajectory import Trajectory
 LEAD = 1.5
 """Least time from the stand into the clip's first pose, and from its last one back [s]."""
 LIFT = 0.8
-"""Of it, to lift or put down a foot that is in the air in that pose [s]."""
+"""Then, to lift or put down a foot that is in the air in that pose [s]; as much longer as the clip is slowed down there ..."""
+SLOWEST_LIFT = 2.5
+"""... but no more often than this ..."""
+SETTLED = 0.4
+"""... and with the weight on the other foot before [s]."""
 LEAD_SPEED = 1.2
 """Peak joint speed on the way [rad/s]."""
 ARC = 0.1
@@ -79,24 +83,25 @@ def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Flo
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
     inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
-    lead, tail = (_lead_shares(planter, stand, clip, t) for stand, t in zip(stands, (0, -1), strict=True))
+    up, down = (round(LIFT * min(stretch[t], SLOWEST_LIFT) * fps) for t in (0, -1))
+    lead = _lead_shares(planter, stands[0], clip, 0, up)
+    tail = _lead_shares(planter, stands[1], clip, -1, down)
     at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
     share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
     planted = clip.planted[np.round(at).astype(int)]
-    up = round(LIFT * fps)
     planted[: len(lead) - up] = True
-    planted[len(at) - len(tail) + up :] = True
+    planted[len(at) - len(tail) + down :] = True
     return Score(at, share, planted, fps)
 
 
-def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int) -> Floats:
-    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then time to lift a foot that is in the air."""
+def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: int) -> Floats:
+    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then `lift` frames for a foot that is in the air."""
     index = planter.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
     count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
     s = np.linspace(0.0, 1.0, count)
     shares = s**3 * (10 - 15 * s + 6 * s**2)
-    lifting = 0 if clip.planted[frame].all() else round((LIFT + 0.4) * clip.fps)
+    lifting = 0 if clip.planted[frame].all() else lift + round(SETTLED * clip.fps)
     return np.concatenate([shares, np.ones(lifting)])
 
 

@@ -16,6 +16,8 @@ from robot_retarget.retarget.footing import flattened, smoothstep
 
 GAP = 0.6
 """Between two soles there is at least this share of what is between them in the robot's own stand."""
+APART = 8
+"""Rounds of moving footholds apart: a step to the side may bring the next one nearer."""
 _TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Takes a direction (2,) to the one on its left."""
 
@@ -180,16 +182,31 @@ def foothold_places(planted: np.ndarray, corners: Floats, lift: float, gap: floa
         planted: (T, F); the first and the last frame stand on all feet.
         corners: (T, F, 4, 3) of the draft [m].
         lift: height of the arc [m].
-        gap: least between a foot in the air and the one that stands, which it goes around [m].
+        gap: least between two feet [m]: footholds move apart, and a foot in the air goes around the one that stands.
     """
     places = corners.copy()
     for foot in range(planted.shape[1]):
         for start, stop in intervals(planted[:, foot]):
             places[start:stop, foot] = flattened(np.median(corners[start:stop, foot], axis=0))
+    places = _set_apart(places, planted, gap)
+    for foot in range(planted.shape[1]):
         for start, stop in intervals(~planted[:, foot]):
             ends = places[start - 1, foot], places[stop, foot]
             places[start:stop, foot] = _swing(*ends, corners[start - 1 : stop + 1, foot], lift)
     return _around(places, planted, gap)
+
+
+def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:
+    """The places, footholds that are held at the same time moved to either side until the gap is between them."""
+    apart, both = places.copy(), planted.all(axis=1)
+    for _ in range(APART):
+        missing = np.where(both, np.maximum(gap - gaps(apart), 0.0), 0.0)
+        left = _left(apart)
+        for foot, side in ((0, 0.5), (1, -0.5)):
+            for start, stop in intervals(planted[:, foot]):
+                worst = start + int(missing[start:stop].argmax())
+                apart[start:stop, foot, :, :2] += side * missing[worst] * left[worst]
+    return apart
 
 
 def _around(places: Floats, planted: np.ndarray, gap: float) -> Floats:

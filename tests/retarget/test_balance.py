@@ -233,6 +233,17 @@ def test_the_gap_between_two_soles_is_their_distance_where_edge_faces_edge_and_n
         assert nearest < 0.005
 
 
+def test_footholds_that_would_overlap_are_set_apart() -> None:
+    corners = soles(0.05, 0.1)
+    corners[:, 1, :, :2] += [0.05, 0.06]
+    planted = np.ones((len(corners), 2), bool)
+    planted[20:40, 0] = False
+    assert gaps(corners)[0] < -0.03
+    places = foothold_places(planted, corners, 0.03, 0.01)
+    assert gaps(places)[planted.all(axis=1)].min() > 0.01 - 1e-6
+    assert np.ptp(places[:, 1], axis=0).max() == 0
+
+
 def test_a_foot_in_the_air_goes_around_the_one_that_stands() -> None:
     corners = soles(0.05, 0.1)
     corners[:, 0, :, 1] -= 0.06 * np.sin(np.linspace(0, np.pi, len(corners)))[:, None]
