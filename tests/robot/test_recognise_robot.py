@@ -167,6 +167,6 @@ def test_a_foot_stands_on_what_is_solid_of_it_not_on_what_is_seen() -> None:
 
 def test_the_surface_of_a_ball_is_its_radius_away_from_its_middle(tmp_path: Path) -> None:
     path = tmp_path / "ball.xml"
-    path.write_text('<mujoco><worldbody><body><freejoint/><geom size=".3"/></body></worldbody></mujoco>')
+    path.write_text('<mujoco><worldbody><body><joint/><geom size=".3"/></body></worldbody></mujoco>')
     links = Links(load_robot(path))
     assert np.linalg.norm(links.geom_points(0), axis=1) == pytest.approx(0.3)
