@@ -20,7 +20,8 @@ from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
-from robot_retarget.retarget.support import kept_down, parted, planted_feet, shortened
+from robot_retarget.retarget.steps import carried, within_reach
+from robot_retarget.retarget.support import kept_down, parted, planted_feet
 from robot_retarget.retarget.zmp import Plan, Steadiness
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
@@ -29,7 +30,7 @@ from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 
 SWAY = 0.5
-"""Where a body goes is its path smoothed over this time: what is quicker is its swaying from foot to foot [s]."""
+"""A body goes along with its footholds smoothly, over this time [s]."""
 SWING = 1e3
 """Weight of a foot in the air, over the squared leg length."""
 STOOP = 0.1
@@ -94,19 +95,19 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
         return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
     corners = planter.corners(draft)
     planted = planted_feet(stances, planter.feet, corners, planter.leg, fps)
-    stride = shortened(planted, corners, planter.leg)
-    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
-    path = gaussian_filter1d(draft[:, root], SWAY * fps, axis=0, mode="nearest")
-    back = (1 - stride) * (path - path[0])
-    posed = np.array(draft)
-    posed[:, root] -= back
-    corners[..., :2] -= back[:, None, None]
-    corners = parted(corners, stand_places(planter))
+    own = stand_places(planter)
+    corners = parted(corners, own)
     kept = kept_down(planted, corners, planter.leg, fps)
-    if not kept.all():
-        stand = balanced_stand(planter, stand_places(planter))
-        posed[:, root.stop] = np.minimum(posed[:, root.stop], stand[root.stop] - STOOP * planter.leg)
-    return Clip(posed, corners, kept, fps, stride)
+    if kept.all():
+        return Clip(draft, corners, kept, fps)
+    placed = within_reach(kept, corners, own, planter.leg)
+    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
+    posed = np.array(draft)
+    posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
+    stand = balanced_stand(planter, own)
+    posed[:, root.stop] = np.minimum(posed[:, root.stop], stand[root.stop] - STOOP * planter.leg)
+    stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)
+    return Clip(posed, placed, kept, fps, stride)
 
 
 def balance_of(robot: Robot, legs: str, balance: str) -> str:

@@ -38,8 +38,6 @@ class StepRule:
     """A foot lifted less ..."""
     travel: float = 0.3
     """... and with all corners put down nearer to where they stood stays planted."""
-    stride: float = 0.7
-    """A step carries a foot no further; longer ones shorten all steps of the clip."""
 
 
 def planted_feet(
@@ -68,15 +66,6 @@ def planted_feet(
     nobody = np.flatnonzero(~planted.any(axis=1))
     planted[nobody, speed[nobody].argmin(axis=1)] = True
     return planted
-
-
-def shortened(planted: np.ndarray, corners: Floats, leg: float, rule: StepRule | None = None) -> float:
-    """By how much the path along the floor is scaled so that no foot is carried further than a stride; at most 1."""
-    longest = max(
-        (_moved(corners[:, f], *swing) for f in range(planted.shape[1]) for swing in intervals(~planted[:, f])),
-        default=0.0,
-    )
-    return min(1.0, (rule or StepRule()).stride * leg / max(longest, 1e-9))
 
 
 def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None) -> np.ndarray:

@@ -18,7 +18,7 @@ from robot_retarget.retarget.outline import Clip
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
 from robot_retarget.retarget.stand import balanced_stand, stand_places
-from robot_retarget.retarget.support import foothold_places, gaps, kept_down, parted, planted_feet, shortened
+from robot_retarget.retarget.support import foothold_places, gaps, kept_down, parted, planted_feet
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.robot import world_points
@@ -191,13 +191,6 @@ def test_only_a_foot_that_is_lifted_well_or_put_elsewhere_leaves_the_floor(
     corners = soles(lift, travel)
     planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
     assert planted[:, 1].all() and (not planted[:, 0].all()) == steps
-
-
-def test_steps_longer_than_a_stride_shorten_the_path_to_it() -> None:
-    for travel, scale in ((0.05, 1.0), (0.308, 0.5)):
-        corners = soles(0.02, travel)
-        planted = planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
-        assert shortened(planted, corners, 0.22) == pytest.approx(scale, abs=0.01)
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(-0.1, 0.2))
