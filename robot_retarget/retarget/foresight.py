@@ -14,10 +14,10 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.clearance import Clearance
 from robot_retarget.robot.model import FREE
 
-REACH = 0.2
-"""Surfaces farther apart than this count as this far [m]."""
 FOLLOWED = 0.1
-"""On the way, surfaces of a pair that nears count as this far where they are farther apart [m]."""
+"""Just before an overlap, surfaces farther apart than this count as this far [m]."""
+LEAP = 0.05
+"""A pair whose capsules near by more than this may pass between two main instants [m]."""
 CLOSING = 5e-4
 """A pair that comes no nearer than this within the horizon stays where it is [m]."""
 INSTANTS = (1, 2, 3, 4, 5, 6, 8, 10, 12)
@@ -31,7 +31,7 @@ class Outlook:
     """What is foreseen of N pairs, each at one frame."""
 
     distance: Floats
-    """(N,) between the geoms now [m], negative inside; at most `REACH`."""
+    """(N,) between the geoms now [m], negative inside; at most `margin` and a little."""
     next: Floats
     """(N,) the same one step ahead, where the pair closes."""
     contact: Floats
@@ -80,51 +80,41 @@ class Foresight:
         step: float,
         margin: float,
         doubt: float,
-        slack: float,
     ):
         """Look `horizon` [s] ahead in steps of `step` [s]; `sure` is measured against margin − ½ doubt t²."""
-        self.joints, self.clearance, self.slack, self.margin = joints, clearance, slack, margin
-        self.worth = max(1.5 * margin, CLOSING)
+        self.joints, self.clearance, self.margin = joints, clearance, margin
+        self.near = margin + CLOSING
         steps = horizon / step
         self.k = np.array([k for k in (*INSTANTS, *range(15, int(steps) + 1, 3)) if k < steps] + [steps])
         instants = np.arange(1, len(self.k) + 1)
         self.main = np.union1d(instants[::MAIN], instants[-1])
         self.other = np.setdiff1d(instants, self.main)
         self.times = np.concatenate([[0.0], self.k]) * step
-        inner = self.times[self.main[:-1] - 1], self.times[self.main[:-1] + 1]
-        self.share = (self.times[self.main[:-1]] - inner[0]) / (inner[1] - inner[0])
         self.asked = margin - 0.5 * doubt * self.times[1:] ** 2
 
-    def look(self, path: Floats, pairs: Ints, drop: Floats) -> Floats:
-        """Distances (1 + K, N) of pairs (N,) on a path (1 + K, nq), now and at every instant [m].
+    def look(self, path: Floats, pairs: Ints, rough: Floats, drop: Floats) -> Floats:
+        """Distances (1 + K, N) of pairs (N,) on a path (1 + K, nq), now and at every instant, at most `near` [m].
 
-        A pair is followed where its distance now, less `drop` (N,) by how much its capsules will approach, is within
-        `slack`, and it does not touch already: at the main instants, and at all where those bring it near enough, and
-        nearer than it is. What is not worth measuring is `REACH`.
+        Those now are measured where the capsules, `rough` (N,) apart, leave open what they are. A pair that does not
+        touch is followed: to the main instants, and to all if it comes nearer than it is at one of those, or if its
+        capsules will approach by a `drop` (N,) so large that it may pass in between. The last distance before the first
+        overlap is measured as far as `FOLLOWED`, for the time to contact.
         """
-        found, along = np.full((len(path), len(pairs)), REACH), self.clearance.along
-        found[0] = now = along(path[:1], pairs, np.minimum(drop + (self.slack + CLOSING), REACH))[0]
-        follow = ((now > 0) & (now - drop <= self.slack)).nonzero()[0]
-        if follow.size:
-            main = along(path[self.main], pairs[follow], np.full(len(follow), self.worth))
-            found[self.main[:, None], follow] = main
-            least = main.min(axis=0)
-            follow = follow[(least < self.worth) & (least < now[follow] - CLOSING)]
-        if follow.size:
-            other = along(path[self.other], pairs[follow], np.full(len(follow), FOLLOWED))
-            found[self.other[:, None], follow] = other
-            self._fill(found, follow)
+        along, near = self.clearance.along, self.near
+        found = np.full((len(path), len(pairs)), near)
+        now, columns = found[0], (rough < near).nonzero()[0]
+        now[columns] = along(path[:1], pairs[columns], near)[0]
+        columns = (now > 0).nonzero()[0]
+        if columns.size:
+            found[self.main[:, None], columns] = along(path[self.main], pairs[columns], near)
+            columns = columns[(found.min(axis=0) < now - CLOSING)[columns] | (drop[columns] > LEAP)]
+        if columns.size:
+            found[self.other[:, None], columns] = along(path[self.other], pairs[columns], near)
+        for column in ((now > 0) & (found <= 0).any(axis=0)).nonzero()[0].tolist():
+            before = int((found[:, column] <= 0).argmax()) - 1
+            if found[before, column] >= near:
+                found[before, column] = along(path[before, None], pairs[column, None], FOLLOWED)[0, 0]
         return found
-
-    def _fill(self, found: Floats, columns: Ints) -> None:
-        """Main instants at which surfaces were too far apart to be measured lie between their neighbours."""
-        rows = self.main[:-1, None]
-        known = found[rows, columns]
-        cut = known >= self.worth
-        if cut.any() and (found[:, columns] <= 0).any():
-            before, after = found[rows - 1, columns], found[rows + 1, columns]
-            between = before + self.share[:, None] * (after - before)
-            found[rows, columns] = np.where(cut, np.maximum(between, self.worth), known)
 
     def outlook(self, distances: Floats) -> Outlook:
         """What distances (1 + K, N) tell."""
@@ -141,7 +131,7 @@ class Foresight:
         contact[now <= 0] = 0.0
         sure = np.where(closing, (self.asked[:, None] - ahead).max(axis=0), -np.inf)
         depth = np.maximum(0.0, -np.minimum(now, least))
-        return Outlook(now, np.where(closing, ahead[0], REACH), contact, depth, sure)
+        return Outlook(now, np.where(closing, ahead[0], np.inf), contact, depth, sure)
 
     def _time_to_zero(self, distances: Floats) -> Floats:
         """When distances (1 + K, N), positive at first, reach zero, straight between instants [s]."""

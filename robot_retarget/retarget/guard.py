@@ -138,7 +138,7 @@ class Guard:
         return np.flatnonzero(distance.min(axis=0) < self.options.near)
 
     def _distances(self, qpos: Floats, pairs: Ints) -> Floats:
-        return self.clearance.along(qpos[None], pairs, np.full(len(pairs), self.options.near))[0]
+        return self.clearance.along(qpos[None], pairs, self.options.near)[0]
 
     def _begin(self, wanted: Floats) -> Floats:
         """The wanted configuration, or the last before a contact on the way to it from the standing pose."""

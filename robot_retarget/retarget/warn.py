@@ -53,7 +53,7 @@ class WarnOptions:
     """How far ahead is looked [s]."""
     dead_band: float = 2e-4
     """Relative steps of 1/30 s up to this length are rest [m]: 6 mm/s, which covers 3 mm in the default horizon."""
-    slack: float = 0.02
+    slack: float = 0.01
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
     """Surfaces foreseen this near count as touching, when they are nearest [m]."""
@@ -227,9 +227,7 @@ class Eye:
         self.joints = Joints(known.robot)
         self.ends = Marks(known.robot, known.capsules.points)
         self.clearance = Clearance(known.robot, known.pairs)
-        self.foresight = Foresight(
-            self.joints, self.clearance, options.horizon, step, options.margin, options.doubt, options.slack
-        )
+        self.foresight = Foresight(self.joints, self.clearance, options.horizon, step, options.margin, options.doubt)
         self.pace = Pace(self.foresight.k, step)
         self.windows = Windows(round(options.confirm / step) + 1, round(options.release / step) + 1)
 
@@ -238,10 +236,11 @@ class Eye:
         looks, pairs = np.nonzero(near.ahead <= self.options.slack)
         gains, trusted = self._gains(qpos, steps, changed)
         paths, bounds = self.joints.paths(qpos, steps, changed, gains), np.searchsorted(looks, np.arange(len(qpos) + 1))
-        drop, distances = (near.distance - near.ahead)[looks, pairs], [np.zeros((paths.shape[1], 0))]
+        distances, rough = [np.zeros((paths.shape[1], 0))], near.distance[looks, pairs]
+        drop = rough - near.ahead[looks, pairs]
         for path, first, last in zip(paths, bounds.tolist(), bounds[1:].tolist(), strict=False):
             if first < last:
-                distances.append(self.foresight.look(path, pairs[first:last], drop[first:last]))
+                distances.append(self.foresight.look(path, pairs[first:last], rough[first:last], drop[first:last]))
         seen = self.foresight.outlook(np.concatenate(distances, axis=1))
 
         def spread(values: np.ndarray) -> np.ndarray:

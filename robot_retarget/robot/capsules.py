@@ -33,6 +33,7 @@ BEST = 4
 _RIM = 32
 """Corners of the polygon around a round face."""
 _DIRECTIONS = 256
+_CORNERS = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
 _SLACK = 1e-7
 """Added to every radius [m], far above rounding."""
 
@@ -82,11 +83,8 @@ def collision_geoms(robot: Robot) -> dict[int, list[int]]:
 
 def fit_capsules(robot: Robot) -> Capsules:
     """Capsules around the collision geoms of every link, and how far they reach beyond them."""
-    data = mujoco.MjData(robot.model)
-    mujoco.mj_kinematics(robot.model, data)
     links, ends, radii, excess = [], [], [], {}
-    for link, geoms in collision_geoms(robot).items():
-        clouds = [_in_link(robot.model, data, geom, link) for geom in geoms]
+    for link, clouds in link_clouds(robot).items():
         found = _cover(clouds)
         links += [link] * len(found)
         ends += [capsule.ends for capsule in found]
@@ -95,12 +93,27 @@ def fit_capsules(robot: Robot) -> Capsules:
     return Capsules(np.array(links, int), np.reshape(ends, (-1, 2, 3)), np.array(radii), excess)
 
 
+def link_clouds(robot: Robot) -> dict[int, list["Cloud"]]:
+    """Of every link that takes part in contacts, a cloud for each of its geoms, in the frame of the link's body."""
+    data = mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(robot.model, data)
+    links = collision_geoms(robot).items()
+    return {link: [_in_link(robot.model, data, geom, link) for geom in geoms] for link, geoms in links}
+
+
 @dataclass(frozen=True)
-class _Cloud:
-    """A ball of this radius around every point: what a geom fills, or a little more."""
+class Cloud:
+    """A ball of this radius around every point: the hull of all contains a geom and is little larger [m]."""
 
     points: Floats
     radius: float = 0.0
+
+    @property
+    def corners(self) -> Floats:
+        """Points whose hull contains the balls. (N, 3)"""
+        if not self.radius:
+            return self.points
+        return (self.points[:, None] + self.radius * _CORNERS).reshape(-1, 3)
 
 
 @dataclass(frozen=True)
@@ -114,38 +127,37 @@ class _Capsule:
         return float(np.pi * self.radius**2 * (length + 4 / 3 * self.radius))
 
 
-def _in_link(model: mujoco.MjModel, data: mujoco.MjData, geom: int, link: int) -> _Cloud:
+def _in_link(model: mujoco.MjModel, data: mujoco.MjData, geom: int, link: int) -> Cloud:
     """A geom's cloud in the frame of the link's body."""
     cloud = _cloud(model, geom)
     world = cloud.points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-    return _Cloud((world - data.xpos[link]) @ data.xmat[link].reshape(3, 3), cloud.radius)
+    return Cloud((world - data.xpos[link]) @ data.xmat[link].reshape(3, 3), cloud.radius)
 
 
-def _cloud(model: mujoco.MjModel, geom: int) -> _Cloud:
+def _cloud(model: mujoco.MjModel, geom: int) -> Cloud:
     """Balls whose hull contains a geom, in the geom's frame; meshes collide as the hull of their vertices."""
     kind, size = model.geom_type[geom], np.array(model.geom_size[geom])
     if kind == _GEOM.mjGEOM_MESH:
         first = model.mesh_vertadr[model.geom_dataid[geom]]
-        return _Cloud(np.array(model.mesh_vert[first : first + model.mesh_vertnum[model.geom_dataid[geom]]], float))
+        return Cloud(np.array(model.mesh_vert[first : first + model.mesh_vertnum[model.geom_dataid[geom]]], float))
     if kind == _GEOM.mjGEOM_SPHERE:
-        return _Cloud(np.zeros((1, 3)), float(size[0]))
+        return Cloud(np.zeros((1, 3)), float(size[0]))
     if kind == _GEOM.mjGEOM_CAPSULE:
-        return _Cloud(np.array([[0, 0, -size[1]], [0, 0, size[1]]]), float(size[0]))
+        return Cloud(np.array([[0, 0, -size[1]], [0, 0, size[1]]]), float(size[0]))
     if kind == _GEOM.mjGEOM_CYLINDER:
         angle = np.arange(_RIM) * 2 * np.pi / _RIM
         across = size[0] / np.cos(np.pi / _RIM)
         rim = np.stack([across * np.cos(angle), across * np.sin(angle), np.full(_RIM, size[1])], 1)
-        return _Cloud(np.concatenate([rim, rim * [1, 1, -1]]))
+        return Cloud(np.concatenate([rim, rim * [1, 1, -1]]))
     if kind == _GEOM.mjGEOM_ELLIPSOID:  # inside a capsule along its longest axis, as wide as the second
         longest, second = np.argsort(size)[::-1][:2]
         tip = np.eye(3)[longest] * (size[longest] - size[second])
-        return _Cloud(np.stack([tip, -tip]), float(size[second]))
+        return Cloud(np.stack([tip, -tip]), float(size[second]))
     middle, half = model.geom_aabb[geom].reshape(2, 3)
-    corners = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
-    return _Cloud(middle + corners * half)
+    return Cloud(middle + _CORNERS * half)
 
 
-def _cover(clouds: list[_Cloud], most: int = MOST) -> list[_Capsule]:
+def _cover(clouds: list[Cloud], most: int = MOST) -> list[_Capsule]:
     """One capsule around all clouds, or several around parts of them."""
     whole = _around(clouds)
     if len(clouds) < 2 or most < 2:
@@ -156,25 +168,25 @@ def _cover(clouds: list[_Cloud], most: int = MOST) -> list[_Capsule]:
     return [capsule for part in parts for capsule in _cover(part, most // 2)]
 
 
-def _halves(clouds: list[_Cloud], axis: Floats) -> tuple[list[_Cloud], ...]:
+def _halves(clouds: list[Cloud], axis: Floats) -> tuple[list[Cloud], ...]:
     """The clouds in two groups along an axis, parted where the two capsules are smallest."""
     order = np.argsort([(cloud.points @ axis).mean() for cloud in clouds])
     ways = [([clouds[k] for k in order[:cut]], [clouds[k] for k in order[cut:]]) for cut in range(1, len(clouds))]
     return min(ways, key=_room)
 
 
-def _room(parts: Sequence[list[_Cloud]]) -> float:
+def _room(parts: Sequence[list[Cloud]]) -> float:
     """What capsules along coordinate axes around the parts would fill [m³]."""
     return sum(min(_along(*_stacked(part), axis, 0).volume for axis in np.eye(3)) for part in parts)
 
 
-def _stacked(clouds: list[_Cloud]) -> tuple[Floats, Floats]:
+def _stacked(clouds: list[Cloud]) -> tuple[Floats, Floats]:
     """Points (N, 3) and radii (N,) of several clouds."""
     radii = [np.full(len(cloud.points), cloud.radius) for cloud in clouds]
     return np.concatenate([cloud.points for cloud in clouds]), np.concatenate(radii)
 
 
-def _around(clouds: list[_Cloud]) -> _Capsule:
+def _around(clouds: list[Cloud]) -> _Capsule:
     """The smallest capsule found around clouds: the best axes of a choice, with their circles tightened."""
     points, radii = _stacked(clouds)
     main = np.linalg.svd(points - points.mean(0), full_matrices=True)[2]
@@ -217,7 +229,7 @@ def _circle_centre(flat: Floats, radii: Floats, rounds: int) -> Floats:
     return best
 
 
-def _excess(capsules: list[_Capsule], clouds: list[_Cloud]) -> float:
+def _excess(capsules: list[_Capsule], clouds: list[Cloud]) -> float:
     """max over n of h_capsules(n) − h_geoms(n), h the support function, in evenly spread directions [m]."""
     k = np.arange(_DIRECTIONS) + 0.5
     z, turn = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k

@@ -1,9 +1,11 @@
 """How far apart the surfaces of links are, and where points of links are, by MuJoCo.
 
 Asked one by one, distances cost more in the asking than in the answer. So a model carries distance sensors that are
-pointed at the geoms in question as they come up, and one call reads them all. Points are sites of another model.
+pointed at the geoms in question as they come up, and one call reads them all. Links of several geoms have a convex hull
+around them besides, which is no farther away than they are. Points are sites of another model.
 """
 
+import itertools
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,13 +14,16 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.robot.capsules import collision_geoms, link_clouds
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 
 SENSORS = 512
 """So many pairs of geoms are measured in one call."""
+PATIENCE = 8
+"""So many calls after their hulls were near, links of several geoms are still asked for geom by geom at once."""
 _AWAKE, _ASLEEP = mujoco.mjtStage.mjSTAGE_POS, mujoco.mjtStage.mjSTAGE_NONE
-_SITE = "measured {}"
+_SITE, _HULL = "measured {}", "hull of {}"
 _KEPT = 4
 """So many compiled models are kept: to copy one takes a tenth of the time."""
 
@@ -37,10 +42,6 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.links)
-
-    def of(self, keep: np.ndarray) -> "Pairs":
-        """Those that a mask (P,) chooses."""
-        return Pairs(self.links[keep], tuple(self.geoms[k] for k in np.flatnonzero(keep)))
 
     def names(self, robot: Robot) -> list[tuple[str, str]]:
         """The links' names."""
@@ -75,47 +76,74 @@ class Clearance:
 
     def __init__(self, robot: Robot, pairs: Pairs):
         """Take a model of its own, with as many sensors as are needed at once."""
-        self.pairs, self._geoms = pairs, [np.array(geoms, dtype=np.int32).reshape(-1, 2) for geoms in pairs.geoms]
-        self._counts = np.array([len(geoms) for geoms in self._geoms], dtype=np.int64)
-        self._model = model = deepcopy(_sensing(robot, min(SENSORS, int(self._counts.sum()))))
-        self._data = data = mujoco.MjData(model)
+        sensing = _sensing(robot)
+        self.pairs, self._model = pairs, deepcopy(sensing.model)
+        self._geoms = [sensing.places[np.reshape(geoms, (-1, 2)).astype(int)] for geoms in pairs.geoms]
+        self._shapes = np.array([geoms[0] for geoms in self._geoms], dtype=np.int64).reshape(-1, 2)
+        self._several = [len(geoms) > 1 for geoms in self._geoms]
+        for k in np.flatnonzero(self._several):
+            self._shapes[k] = [sensing.hulls[link] for link in pairs.links[k].tolist()]
+        self._patience = [0] * len(self._geoms)
+        model, self._data = self._model, mujoco.MjData(self._model)
         # Views are kept: to ask the model for one takes longer than to write it.
-        self._first, self._second, self._reach = model.sensor_objid, model.sensor_refid, model.sensor_cutoff
-        self._stage, self._qpos, self._read, self._awake = model.sensor_needstage, data.qpos, data.sensordata, 0
+        self._first, self._second, self._cutoff = model.sensor_objid, model.sensor_refid, model.sensor_cutoff
+        self._stage, self._awake = model.sensor_needstage, 0
+        self._qpos, self._read = self._data.qpos, self._data.sensordata
 
-    def along(self, path: Floats, pairs: Ints, reach: Floats) -> Floats:
-        """Distances (K, N) of pairs (N,) at configurations (K, nq) [m], negative inside.
+    def along(self, path: Floats, pairs: Ints, reach: float) -> Floats:
+        """Distances (K, N) of pairs (N,) at configurations (K, nq) [m], negative inside; `reach` for all that is farther.
 
-        Args:
-            reach: (N,) all that is farther counts as this far [m].
+        Links of several geoms are asked for as their hulls, and geom by geom where those are near, or were of late.
         """
-        if not len(pairs):
-            return np.zeros((len(path), 0))
-        tables = [self._geoms[pair] for pair in pairs.tolist()]
-        geoms, counts = np.concatenate(tables), self._counts[pairs]
-        limits, found = np.repeat(reach, counts), np.empty((len(path), len(geoms)))
-        model, data = self._model, self._data
+        asked, patience = pairs.tolist(), self._patience
+        shapes, fine = self._shapes[pairs], [n for n, pair in enumerate(asked) if patience[pair]]
+        tables = [self._geoms[asked[n]] for n in fine]
+        if fine:  # in place of hulls, which take long where they overlap
+            shapes[fine] = [table[0] for table in tables]
+        every = self._sensed(path, [shapes, *tables], reach)
+        found = every[:, : len(asked)]
+        if fine:
+            found[:, fine] = _least(every[:, len(asked) :], tables)
+        near: list[bool] = np.any(found < reach, axis=0).tolist()
+        late = [n for n, pair in enumerate(asked) if near[n] and self._several[pair] and not patience[pair]]
+        if late:
+            tables = [self._geoms[asked[n]] for n in late]
+            found[:, late] = _least(self._sensed(path, tables, reach), tables)
+        for pair, is_near in zip(asked, near, strict=True):
+            patience[pair] = PATIENCE * self._several[pair] if is_near else max(patience[pair] - 1, 0)
+        return found
+
+    def all(self, path: Floats, reach: float) -> Floats:
+        """Distances (K, P) of all pairs, `reach` for all that is farther [m]."""
+        return self.along(path, np.arange(len(self.pairs)), reach)
+
+    def _sensed(self, path: Floats, tables: list[Ints], reach: float) -> Floats:
+        """Distances (K, G) of all pairs of geoms in some tables."""
+        geoms = np.concatenate(tables) if len(tables) > 1 else tables[0]
+        model, data, found = self._model, self._data, np.empty((len(path), len(geoms)))
         for first in range(0, len(geoms), SENSORS):
             part = slice(first, first + SENSORS)
-            self._point_sensors(geoms[part], limits[part])
+            self._point_sensors(geoms[part], reach)
             for qpos, row in zip(path, found[:, part], strict=True):
                 self._qpos[:] = qpos
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_sensorPos(model, data)
                 row[:] = self._read[: len(row)]
-        return found if len(geoms) == len(pairs) else np.minimum.reduceat(found, np.cumsum(counts) - counts, axis=1)
+        return found
 
-    def all(self, path: Floats, reach: float) -> Floats:
-        """Distances (K, P) of all pairs, `reach` for all that is farther [m]."""
-        return self.along(path, np.arange(len(self.pairs)), np.full(len(self.pairs), reach))
-
-    def _point_sensors(self, geoms: Ints, reach: Floats) -> None:
+    def _point_sensors(self, geoms: Ints, reach: float) -> None:
         """Point the first sensors at geoms (G, 2); the others sleep."""
         awake, before = len(geoms), self._awake
         self._first[:awake], self._second[:awake] = geoms.T
-        self._reach[:awake] = reach
+        self._cutoff[:awake] = reach
         self._stage[before:awake], self._stage[awake:before] = _AWAKE, _ASLEEP
         self._awake = awake
+
+
+def _least(distances: Floats, tables: list[Ints]) -> Floats:
+    """(K, N) of N tables of pairs of geoms, from distances (K, G) of all of them."""
+    starts = itertools.accumulate((len(table) for table in tables[:-1]), initial=0)
+    return np.minimum.reduceat(distances, list(starts), axis=1)
 
 
 @lru_cache(maxsize=_KEPT)
@@ -127,19 +155,42 @@ def _marked(robot: Robot, count: int) -> mujoco.MjModel:
     return spec.compile()
 
 
+@dataclass(frozen=True, eq=False)
+class _Sensing:
+    """A robot's model with distance sensors, asleep, in place of its own."""
+
+    model: mujoco.MjModel
+    places: Ints
+    """Its geoms that are those of the robot's own model, in that order."""
+    hulls: dict[int, int]
+    """By link that takes part in contacts, its hull; its geom where it has no other."""
+
+
 @lru_cache(maxsize=_KEPT)
-def _sensing(robot: Robot, count: int) -> mujoco.MjModel:
-    """The model with so many distance sensors, asleep, in place of its own."""
+def _sensing(robot: Robot) -> _Sensing:
     spec = mujoco.MjSpec.from_file(str(robot.path))
     for sensor in list(spec.sensors):
         spec.delete(sensor)
-    for k, geom in enumerate(spec.geoms[:2]):  # a sensor is made between names, and pointed elsewhere later
+    geoms = list(spec.geoms)
+    solid = {link: geoms[own[0]] for link, own in collision_geoms(robot).items()}
+    for k, geom in enumerate(geoms[:2]):  # a sensor is made between names, and pointed elsewhere later
         geom.name = geom.name or f"sensed {k}"
+    for link, clouds in link_clouds(robot).items():
+        if len(clouds) > 1:
+            solid[link] = _hull(spec, link, np.concatenate([cloud.corners for cloud in clouds]))
     kind, what = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtSensor.mjSENS_GEOMDIST
-    for _ in range(count):
-        first, second = (geom.name for geom in spec.geoms[:2])
+    for _ in range(SENSORS):
+        first, second = (geom.name for geom in geoms[:2])
         spec.add_sensor(type=what, objtype=kind, objname=first, reftype=kind, refname=second)
     model = spec.compile()
     model.sensor_datatype[:] = mujoco.mjtDataType.mjDATATYPE_POSITIVE  # cut off above only, not overlaps
     model.sensor_needstage[:] = _ASLEEP
-    return model
+    places = np.array([geom.id for geom in geoms], dtype=np.int64)
+    return _Sensing(model, places, {link: geom.id for link, geom in solid.items()})
+
+
+def _hull(spec: mujoco.MjSpec, link: int, points: Floats) -> mujoco.MjsGeom:
+    """Give a link one more geom, the convex hull of points in its frame."""
+    name = _HULL.format(link)
+    spec.add_mesh(name=name, uservert=points.ravel(), scale=[1, 1, 1])
+    return spec.bodies[link].add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0)

@@ -1,8 +1,8 @@
 """Which links of a robot may touch each other: the pairs worth watching.
 
 By the model's own rules: contact types, excluded bodies, explicit pairs, no link with itself or with its parent. Left
-out besides: geoms that overlap where the robot rests (they do so by construction), and links few hinges apart that no
-pose within the joint ranges brings together.
+out besides: geoms that overlap where the robot rests (they do so by construction), and those of links few hinges apart
+that no pose within the joint ranges brings together.
 """
 
 import itertools
@@ -14,8 +14,10 @@ from robot_retarget.robot.capsules import collision_geoms
 from robot_retarget.robot.clearance import Clearance, Pairs
 from robot_retarget.robot.model import Robot
 
+Table = dict[tuple[int, int], list[tuple[int, int]]]
+"""Pairs of geoms by pair of links."""
 FEW_HINGES = 3
-"""Links so many hinges apart are tried in poses drawn from the joint ranges."""
+"""Geoms of links so many hinges apart are tried in poses drawn from the joint ranges."""
 POSES = 800
 NEVER = 0.005
 """A pair that stays farther apart than this in all those poses is left out [m]."""
@@ -26,12 +28,12 @@ def collidable(robot: Robot) -> Pairs:
     table = allowed(robot)
     for rest in (robot.neutral(), np.array(robot.model.qpos0)):
         table = _apart(robot, table, rest)
+    table = _ever_near(robot, table)
     links = sorted(table)
-    pairs = Pairs(np.array(links, dtype=int), tuple(tuple(table[pair]) for pair in links))
-    return pairs.of(_ever_near(robot, pairs))
+    return Pairs(np.array(links, dtype=int), tuple(tuple(table[pair]) for pair in links))
 
 
-def allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
+def allowed(robot: Robot) -> Table:
     """Geom pairs (a < b) by link pair, as the model's contact filter lets them through."""
     model = robot.model
     link = np.asarray(model.body_weldid)
@@ -40,7 +42,7 @@ def allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
     explicit = {tuple(sorted(map(int, pair))) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     solid = [g for geoms in collision_geoms(robot).values() for g in geoms]
     listed = explicit | set(itertools.combinations(sorted(solid), 2))
-    table: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    table: Table = {}
     for a, b in sorted(listed):
         bodies = int(model.geom_bodyid[a]), int(model.geom_bodyid[b])
         first, second = sorted(int(link[body]) for body in bodies)
@@ -54,33 +56,38 @@ def allowed(robot: Robot) -> dict[tuple[int, int], list[tuple[int, int]]]:
     return table
 
 
-def _apart(
-    robot: Robot, table: dict[tuple[int, int], list[tuple[int, int]]], qpos: Floats
-) -> dict[tuple[int, int], list[tuple[int, int]]]:
+def _apart(robot: Robot, table: Table, qpos: Floats) -> Table:
     """The geom pairs that do not overlap at a configuration."""
-    clearance = Clearance(
-        robot, Pairs(np.zeros((0, 2), dtype=np.int64), tuple((pair,) for pairs in table.values() for pair in pairs))
-    )
-    flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
-    apart = clearance.along(qpos[None], np.arange(len(flat)), np.full(len(flat), NEVER))[0] >= 0
-    kept: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for links, pair in itertools.compress(flat, apart):
-        kept.setdefault(links, []).append(pair)
-    return kept
+    return _chosen(table, (_distances(robot, table, qpos[None]) >= 0)[0])
 
 
-def _ever_near(robot: Robot, pairs: Pairs) -> np.ndarray:
-    """(P,) whether links come near each other in any of many poses; those many hinges or a slide apart are taken to."""
+def _ever_near(robot: Robot, table: Table) -> Table:
+    """The geom pairs that come near each other in any of many poses; those many hinges or a slide apart are taken to."""
     hinges = set(robot.joint_ids.tolist())
-    between = [_joints_between(robot, a, b) for a, b in pairs.links.tolist()]
-    near = np.array([len(joints) > FEW_HINGES or not joints <= hinges for joints in between], dtype=bool)
+    between = {links: _joints_between(robot, *links) for links in table}
+    few = {links: table[links] for links, joints in between.items() if len(joints) <= FEW_HINGES and joints <= hinges}
     # Joints stand at the ends of their ranges as often as not: that is where links meet.
     share = np.clip(np.random.default_rng(0).uniform(-0.5, 1.5, (POSES, len(robot.lower))), 0, 1)
     poses = np.tile(robot.neutral(), (POSES, 1))
     poses[:, robot.qpos_index] = robot.lower + share * (robot.upper - robot.lower)
-    few = np.flatnonzero(~near)
-    near[few] = (Clearance(robot, pairs).along(poses, few, np.full(len(few), NEVER)) < NEVER).any(axis=0)
-    return near
+    near = _chosen(few, _distances(robot, few, poses).min(axis=0, initial=NEVER) < NEVER)
+    return {links: pairs for links, pairs in table.items() if links not in few} | near
+
+
+def _distances(robot: Robot, table: Table, path: Floats) -> Floats:
+    """(K, G) of all pairs of geoms one by one, `NEVER` for all that is farther [m]."""
+    alone = [(links, (pair,)) for links, pairs in table.items() for pair in pairs]
+    pairs = Pairs(np.array([links for links, _ in alone], dtype=int), tuple(pair for _, pair in alone))
+    return Clearance(robot, pairs).all(path, NEVER)
+
+
+def _chosen(table: Table, keep: np.ndarray) -> Table:
+    """The pairs of geoms that a mask (G,) chooses."""
+    kept: Table = {}
+    flat = [(links, pair) for links, pairs in table.items() for pair in pairs]
+    for links, pair in itertools.compress(flat, keep):
+        kept.setdefault(links, []).append(pair)
+    return kept
 
 
 def _joints_between(robot: Robot, first: int, second: int) -> set[int]:

@@ -45,7 +45,7 @@ def test_pairs_asked_later_are_not_mixed_with_those_before(
     some, draw = Clearance(op3, pairs), np.random.default_rng(0)
     for count in (40, 3, 0, 120, 1):
         chosen = draw.choice(len(pairs), count, replace=False)
-        reach = draw.uniform(0.01, 0.1, count)
+        reach = draw.uniform(0.01, 0.1)
         assert some.along(path, chosen, reach) == pytest.approx(np.minimum(every[:, chosen], reach), abs=1e-12)
 
 
