@@ -83,7 +83,8 @@ def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Flo
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
     inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
-    up, down = (round(LIFT * min(stretch[t], SLOWEST_LIFT) * fps) for t in (0, -1))
+    lifts = (0.0 if clip.planted[t].all() else LIFT * min(stretch[t], SLOWEST_LIFT) for t in (0, -1))
+    up, down = (round(lift * fps) for lift in lifts)
     lead = _lead_shares(planter, stands[0], clip, 0, up)
     tail = _lead_shares(planter, stands[1], clip, -1, down)
     at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
@@ -101,7 +102,7 @@ def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: 
     count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
     s = np.linspace(0.0, 1.0, count)
     shares = s**3 * (10 - 15 * s + 6 * s**2)
-    lifting = 0 if clip.planted[frame].all() else lift + round(SETTLED * clip.fps)
+    lifting = lift + round(SETTLED * clip.fps) if lift else 0
     return np.concatenate([shares, np.ones(lifting)])
 
 

@@ -14,7 +14,7 @@ import robot_retarget as rr
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.retarget.balance import paced
 from robot_retarget.retarget.footing import HOLD
-from robot_retarget.retarget.outline import Clip
+from robot_retarget.retarget.outline import LIFT, SLOWEST_LIFT, Clip, write_score
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
 from robot_retarget.retarget.stand import balanced_stand, stand_places
@@ -333,6 +333,22 @@ def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(planter: Pl
     planned, seen = tread(robot, swung, 30.0).twist, np.interp(time, rollout.times, gaussian_filter1d(twist, 4))
     assert np.abs(planned).max() > 1e-3 and np.corrcoef(planned, seen)[0, 1] > 0.9
     assert seen.std() == pytest.approx(planned.std(), rel=0.2)
+
+
+@pytest.mark.parametrize("pace", [1.0, 4.0])
+def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_goes(
+    planter: Planter, pace: float
+) -> None:
+    """A clip that begins on both feet and ends with the left one in the air."""
+    places = stand_places(planter)
+    clip = Clip(np.tile(planter.robot.standing(), (60, 1)), np.tile(places, (60, 1, 1, 1)), np.ones((60, 2), bool), 30.0)
+    clip.planted[20:40, 1] = clip.planted[50:, 0] = False
+    clip.corners[50:, 0, :, 2] = 0.03
+    stands = [balanced_stand(planter, places)] * 2
+    score = write_score(planter, clip, stands, np.full(59, pace))
+    assert (~score.planted[:, 1]).sum() == pytest.approx(20 * pace, abs=pace)
+    lifted = LIFT * min(pace, SLOWEST_LIFT) * 30
+    assert (~score.planted[:, 0]).sum() == pytest.approx(9.5 * pace + lifted, abs=pace + 1)
 
 
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
