@@ -341,7 +341,9 @@ def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_
 ) -> None:
     """A clip that begins on both feet and ends with the left one in the air."""
     places = stand_places(planter)
-    clip = Clip(np.tile(planter.robot.standing(), (60, 1)), np.tile(places, (60, 1, 1, 1)), np.ones((60, 2), bool), 30.0)
+    clip = Clip(
+        np.tile(planter.robot.standing(), (60, 1)), np.tile(places, (60, 1, 1, 1)), np.ones((60, 2), bool), 30.0
+    )
     clip.planted[20:40, 1] = clip.planted[50:, 0] = False
     clip.corners[50:, 0, :, 2] = 0.03
     stands = [balanced_stand(planter, places)] * 2
