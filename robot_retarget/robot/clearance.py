@@ -100,15 +100,16 @@ class Clearance:
         tables = [self._geoms[asked[n]] for n in fine]
         if fine:  # in place of hulls, which take long where they overlap
             shapes[fine] = [table[0] for table in tables]
-        every = self._sensed(path, [shapes, *tables], reach)
+        every = self._sensed(path, [shapes, *(table[1:] for table in tables)], reach)
         found = every[:, : len(asked)]
         if fine:
-            found[:, fine] = _least(every[:, len(asked) :], tables)
+            rest = _least(every[:, len(asked) :], [len(table) - 1 for table in tables])
+            found[:, fine] = np.minimum(found[:, fine], rest)
         near: list[bool] = np.any(found < reach, axis=0).tolist()
         late = [n for n, pair in enumerate(asked) if near[n] and self._several[pair] and not patience[pair]]
         if late:
             tables = [self._geoms[asked[n]] for n in late]
-            found[:, late] = _least(self._sensed(path, tables, reach), tables)
+            found[:, late] = _least(self._sensed(path, tables, reach), [len(table) for table in tables])
         for pair, is_near in zip(asked, near, strict=True):
             patience[pair] = PATIENCE * self._several[pair] if is_near else max(patience[pair] - 1, 0)
         return found
@@ -140,10 +141,9 @@ class Clearance:
         self._awake = awake
 
 
-def _least(distances: Floats, tables: list[Ints]) -> Floats:
-    """(K, N) of N tables of pairs of geoms, from distances (K, G) of all of them."""
-    starts = itertools.accumulate((len(table) for table in tables[:-1]), initial=0)
-    return np.minimum.reduceat(distances, list(starts), axis=1)
+def _least(distances: Floats, counts: list[int]) -> Floats:
+    """(K, N) of N lists of geom pairs that have so many each, from distances (K, G) of all of them."""
+    return np.minimum.reduceat(distances, [0, *itertools.accumulate(counts[:-1])], axis=1)
 
 
 @lru_cache(maxsize=_KEPT)
