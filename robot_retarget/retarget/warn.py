@@ -57,9 +57,9 @@ class WarnOptions:
     """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
     margin: float = 0.008
     """Surfaces foreseen this near count as touching, when they are nearest [m]."""
-    doubt: float = 0.4
+    doubt: float = 0.45
     """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
-    confirm: float = 0.1
+    confirm: float = 2 / 30
     """Time for which a contact must be foreseen before it is called imminent [s]."""
     release: float = 0.25
     """Time for which a state is kept after the last frame that called for it [s]."""
