@@ -95,24 +95,33 @@ class Clearance:
 
         Links of several geoms are asked for as their hulls, and geom by geom where those are near, or were of late.
         """
-        asked, patience = pairs.tolist(), self._patience
-        shapes, fine = self._shapes[pairs], [n for n, pair in enumerate(asked) if patience[pair]]
-        tables = [self._geoms[asked[n]] for n in fine]
+        shapes, patience = self._shapes[pairs], self._patience
+        several = [(n, pair) for n, pair in enumerate(pairs.tolist()) if self._several[pair]]
+        fine = {n: self._geoms[pair] for n, pair in several if patience[pair]}
         if fine:  # in place of hulls, which take long where they overlap
-            shapes[fine] = [table[0] for table in tables]
-        every = self._sensed(path, [shapes, *(table[1:] for table in tables)], reach)
-        found = every[:, : len(asked)]
+            shapes[list(fine)] = [table[0] for table in fine.values()]
+        every = self._sensed(path, [shapes, *(table[1:] for table in fine.values())], reach)
+        found = every[:, : len(pairs)]
         if fine:
-            rest = _least(every[:, len(asked) :], [len(table) - 1 for table in tables])
-            found[:, fine] = np.minimum(found[:, fine], rest)
-        near: list[bool] = np.any(found < reach, axis=0).tolist()
-        late = [n for n, pair in enumerate(asked) if near[n] and self._several[pair] and not patience[pair]]
-        if late:
-            tables = [self._geoms[asked[n]] for n in late]
-            found[:, late] = _least(self._sensed(path, tables, reach), [len(table) for table in tables])
-        for pair, is_near in zip(asked, near, strict=True):
-            patience[pair] = PATIENCE * self._several[pair] if is_near else max(patience[pair] - 1, 0)
+            rest = _least(every[:, len(pairs) :], [len(table) - 1 for table in fine.values()])
+            found[:, list(fine)] = np.minimum(found[:, list(fine)], rest)
+        if several:
+            self._look_closer(path, several, found, reach)
         return found
+
+    def _look_closer(self, path: Floats, several: list[tuple[int, int]], found: Floats, reach: float) -> None:
+        """Where hulls are near, have their geoms in place of them in found (K, N), and the next calls ask for those."""
+        near: list[bool] = np.any(found[:, [n for n, _ in several]] < reach, axis=0).tolist()
+        late = {
+            n: self._geoms[pair]
+            for (n, pair), close in zip(several, near, strict=True)
+            if close and not self._patience[pair]
+        }
+        if late:
+            every = self._sensed(path, list(late.values()), reach)
+            found[:, list(late)] = _least(every, [len(table) for table in late.values()])
+        for (_, pair), close in zip(several, near, strict=True):
+            self._patience[pair] = PATIENCE if close else max(self._patience[pair] - 1, 0)
 
     def all(self, path: Floats, reach: float) -> Floats:
         """Distances (K, P) of all pairs, `reach` for all that is farther [m]."""
