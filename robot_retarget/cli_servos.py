@@ -185,8 +185,11 @@ def play(
     servo_map = load_map(servos)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
     plan = make_plan(load_trajectory(trajectory), servo_map, speed, loop, start, stop)
-    if not unsafe:
-        require_pass(trajectory, report)
+    if not unsafe and not require_pass(trajectory, report):
+        console.note(
+            "the report is of goals that make up for lag and load; the trajectory is played as it is, "
+            "which simulate --no-compensate judges"
+        )
     if dry_run:
         facts = rehearse(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])

@@ -106,8 +106,8 @@ def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> Plan:
     return Plan(start + (10 * u**3 - 15 * u**4 + 6 * u**5) * (end - start), rate)
 
 
-def require_pass(path: str | Path, report: str | Path | None) -> None:
-    """See to it that a trajectory file was simulated and passed.
+def require_pass(path: str | Path, report: str | Path | None) -> bool:
+    """See to it that a trajectory file was simulated and passed; whether it did as it is, not as goals that make up for lag.
 
     Raises:
         ServoError: there is no report, it is of another file, or its verdict is not `pass`.
@@ -123,3 +123,5 @@ def require_pass(path: str | Path, report: str | Path | None) -> None:
     if verdict != "pass":
         reasons = "; ".join(map(str, content.get("reasons", ()))) or verdict
         raise ServoError(f"{path} did not pass: {reasons}")
+    figures = content.get("figures")
+    return not (isinstance(figures, dict) and figures.get("compensated"))

@@ -68,6 +68,10 @@ def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path
         played = call(*command, "--json")
         assert played.returncode == 0, played.stderr
         assert json.loads(played.stdout)["ended"] == "finished" and (tmp_path / "play.npz").exists()
+        assert "goals that make up for lag" not in played.stderr
+        report.write_text(json.dumps(content | {"verdict": "pass", "figures": {"compensated": True}}))
+        dry = call(*command, "--dry-run")
+        assert dry.returncode == 0 and "goals that make up for lag" in dry.stderr
 
 
 def test_a_dry_run_moves_nothing_and_a_map_must_cover_the_joints(tmp_path: Path) -> None:
