@@ -14,6 +14,8 @@ from robot_retarget.robot.model import Robot
 
 PLANTED = 0.006
 """Corners this near to the lowest one carry the robot [m]."""
+NEAR = 0.001
+"""A corner so much higher than another has e⁻² of the load they share [m]: a foot bears nothing before it is set down."""
 EVENNESS = 1e-3
 """Weight of a force [N] against what the root lacks [N, N m]."""
 GRIP = 0.8
@@ -126,14 +128,15 @@ def _inverse(
 def floor_push(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
     """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
     places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
-    planted = np.flatnonzero(places[:, 2] < places[:, 2].min() + PLANTED)
+    height = places[:, 2] - places[:, 2].min()
+    planted = np.flatnonzero(height < PLANTED)
     edges = np.array([[GRIP, 0, 1], [-GRIP, 0, 1], [0, GRIP, 1], [0, -GRIP, 1]])
     jacobian, columns = np.zeros((3, model.nv)), []
     for k in planted:
         mujoco.mj_jac(model, data, jacobian, None, places[k], int(soles.bodies[k]))
-        columns.append(jacobian.T @ edges.T)
+        columns.append(np.exp(-height[k] / NEAR) * jacobian.T @ edges.T)
     generators = np.hstack(columns)
-    # Two feet can share a load in many ways: the ridge picks the evenest, which changes smoothly.
+    # Two feet can share a load in many ways: the ridge picks the evenest of those that stand, which changes smoothly.
     ridge = EVENNESS * np.eye(generators.shape[1])
     share, _ = nnls(np.vstack([generators[root], ridge]), np.concatenate([wrench, np.zeros(len(ridge))]))
     return generators @ share

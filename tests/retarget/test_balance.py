@@ -17,7 +17,7 @@ from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.outline import LIFT, SLOWEST_LIFT, Clip, write_score
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
-from robot_retarget.retarget.stand import balanced_stand, stand_places
+from robot_retarget.retarget.stand import FIRM, balanced_stand, stand_places
 from robot_retarget.retarget.support import foothold_places, gaps, kept_down, parted, planted_feet
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
@@ -138,16 +138,33 @@ def test_feet_that_would_slide_are_given_the_time_that_brings_them_under_their_f
         assert motion_needs(robot, held, (rest, rest), inside, friction, 30.0, pacing) == pytest.approx(factor)
 
 
-def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
-    robot, places = planter.robot, stand_places(planter)
-    held = np.tile(balanced_stand(planter, places), (30, 1))
+def torques_of(planter: Planter, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a pose held for a second: (n,) in motion and at rest by inverse dynamics, and what servos give in a simulation."""
+    robot, held = planter.robot, np.tile(pose, (30, 1))
     moving, resting = joint_torques(robot, held, 30.0, planter.soles)
     plant, trajectory = plant_of(robot, "free"), rr.Trajectory(held, 30.0, robot.joint_names, robot.name)
     playback = Playback(settle_before=2.0)
     rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    return moving[-1], resting[-1], rollout.torque[-1]
+
+
+def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
+    moving, resting, simulated = torques_of(planter, balanced_stand(planter, stand_places(planter)))
     np.testing.assert_allclose(moving, resting, atol=1e-9)
-    pitch = [k for k, name in enumerate(robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
-    np.testing.assert_allclose(rollout.torque[-1, pitch], resting[-1, pitch], atol=0.06)
+    pitch = [k for k, name in enumerate(planter.robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
+    np.testing.assert_allclose(simulated[pitch], resting[pitch], atol=0.06)
+
+
+def test_a_foot_that_hovers_over_the_floor_bears_nothing_yet(planter: Planter) -> None:
+    """Else the servos are told to let go of the leg that stands, and the other one comes down before its time."""
+    places = stand_places(planter)
+    stand, middle = balanced_stand(planter, places), places[1].mean(axis=0)[:2]
+    places[0, :, 2] += 0.004
+    pose = planter.plant(stand, stand, places, middle, np.full(2, HOLD), FIRM)
+    _, resting, simulated = torques_of(planter, pose)
+    hips = [planter.robot.joint_names.index(f"{side}_hip_roll") for side in "lr"]
+    assert np.abs(resting[hips[1]]) > 0.5
+    np.testing.assert_allclose(simulated[hips], resting[hips], atol=0.1)
 
 
 @given(st.integers(0, 10_000))
