@@ -14,7 +14,7 @@ from robot_retarget.robot.model import Robot
 
 PLANTED = 0.006
 """Corners this near to the lowest one carry the robot [m]."""
-NEAR = 0.001
+NEAR = 0.002
 """A corner so much higher than another has e⁻² of the load they share [m]: a foot bears nothing before it is set down."""
 EVENNESS = 1e-3
 """Weight of a force [N] against what the root lacks [N, N m]."""
