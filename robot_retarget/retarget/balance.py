@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError, UsageError, known
+from robot_retarget.retarget.beside import parted
 from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.outline import Clip, Outline, outlined
@@ -21,7 +22,7 @@ from robot_retarget.retarget.retime import Pacing, Score, motion_needs, shift_ne
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.stand import balanced_stand, over_stand, stand_places
 from robot_retarget.retarget.steps import carried, within_reach
-from robot_retarget.retarget.support import kept_down, parted, planted_feet
+from robot_retarget.retarget.support import kept_down, planted_feet
 from robot_retarget.retarget.zmp import Plan, Steadiness
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
@@ -88,18 +89,24 @@ def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps
         BalanceError: it leaves the floor.
     """
     if legs == "stand":
-        places = stand_places(planter)
-        stand = balanced_stand(planter, places)
-        posed = over_stand(planter, draft, stand, fps)
-        count = len(draft)
-        return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
+        return _standing(planter, draft, fps)
     corners = planter.corners(draft)
     planted = planted_feet(stances, planter.feet, corners, planter.leg, fps)
     own = stand_places(planter)
     corners = parted(corners, own)
     kept = kept_down(planted, corners, planter.leg, fps)
-    if kept.all():
-        return Clip(draft, corners, kept, fps)
+    return Clip(draft, corners, kept, fps) if kept.all() else _stepping(planter, draft, corners, kept, own, fps)
+
+
+def _standing(planter: Planter, draft: Floats, fps: float) -> Clip:
+    """Both feet in the balanced stand all the time."""
+    places = stand_places(planter)
+    posed, count = over_stand(planter, draft, balanced_stand(planter, places), fps), len(draft)
+    return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
+
+
+def _stepping(planter: Planter, draft: Floats, corners: Floats, kept: np.ndarray, own: Floats, fps: float) -> Clip:
+    """The draft's steps within the robot's reach, its body lower and going along."""
     placed = within_reach(kept, corners, own, planter.leg)
     root = slice(planter.robot.root_address, planter.robot.root_address + 2)
     posed = np.array(draft)

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.beside import GAP, gaps
 from robot_retarget.retarget.footing import flattened
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Score
 from robot_retarget.retarget.stand import balanced_stand, stand_places
-from robot_retarget.retarget.support import GAP, foothold_places, gaps
+from robot_retarget.retarget.swing import foothold_places
 from robot_retarget.retarget.zmp import Plan, Polygon, Steadiness, plan_centre, support
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample

@@ -8,6 +8,7 @@ after goes along, so that steps within reach stay as they are.
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.beside import lengths
 from robot_retarget.retarget.contacts import intervals
 
 REACH = 0.35
@@ -70,7 +71,7 @@ def _stance(planted: np.ndarray, frame: int) -> slice:
 
 def _turns(corners: Floats) -> np.ndarray:
     """(T,) where both feet point, as complex numbers of length 1."""
-    turn = _complex((corners[..., :2, :2].mean(axis=2) - corners[..., 2:, :2].mean(axis=2)).sum(axis=1))
+    turn = _complex(lengths(corners).sum(axis=1))
     return turn / np.maximum(np.abs(turn), 1e-9)
 
 

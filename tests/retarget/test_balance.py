@@ -13,12 +13,14 @@ from scipy.ndimage import gaussian_filter1d
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.retarget.balance import paced
+from robot_retarget.retarget.beside import gaps, parted
 from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.outline import LIFT, SLOWEST_LIFT, Clip, write_score
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.retime import Pacing, motion_needs, unhurried
 from robot_retarget.retarget.stand import FIRM, balanced_stand, stand_places
-from robot_retarget.retarget.support import foothold_places, gaps, kept_down, parted, planted_feet
+from robot_retarget.retarget.support import kept_down, planted_feet
+from robot_retarget.retarget.swing import foothold_places
 from robot_retarget.retarget.transfer import Result
 from robot_retarget.retarget.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.robot import world_points
