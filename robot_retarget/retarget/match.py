@@ -53,20 +53,22 @@ class Match:
         children = np.flatnonzero(self.parents >= 0)
         return np.stack([children, self.parents[children]], axis=1)
 
-    @property
-    def _leg(self) -> list[int]:
-        """Thigh and shin, or all bones where one of the bodies has no legs."""
-        return [self.index(k) for k in ("l_knee", "l_ankle") if k in self.keypoints] or [*range(len(self.keypoints))]
+    def _leg(self, bones: Floats) -> float:
+        """Thigh and shin of a body, the mean of both legs, or all its bones where one of the bodies has no legs [m]."""
+        legs = [f"{side}_{k}" for side in "lr" for k in ("knee", "ankle")]
+        own = [self.index(k) for k in legs if k in self.keypoints]
+        sides = len({self.keypoints[k][0] for k in own})
+        return float(bones[own].sum()) / sides if own else float(bones.sum())
 
     @property
     def human_leg(self) -> float:
-        """Thigh and shin of the human, or all its bones where one of the bodies has no legs [m]."""
-        return float(self.human_bones[self._leg].sum())
+        """The human's leg [m]."""
+        return self._leg(self.human_bones)
 
     @property
     def robot_leg(self) -> float:
-        """The same of the robot: the length that makes errors dimensionless [m]."""
-        return float(self.robot_bones[self._leg].sum())
+        """The robot's leg [m]: the length that makes errors dimensionless."""
+        return self._leg(self.robot_bones)
 
     @property
     def leg_ratio(self) -> float:

@@ -170,20 +170,19 @@ def _hip(links: Links, chain: Chain, flexion: Axis, knee: Floats) -> Centre:
     return Centre(centre, meeting[0].link, f"axes of {' and '.join(joint_names(links, meeting))} meet here", 0.95)
 
 
-def toe_centre(standing: Links, foot: int, ankle: Floats, forward: Floats) -> Centre:
-    """The joint of the toes, or the front edge of the sole; the robot stands."""
+def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forward: Floats) -> Centre:
+    """The joint of the toes, or the front edge of the sole of a foot's `surface` (P, 3); the robot stands."""
     hinged = [a for child in standing.children[foot] for a in standing.axes(child)]
     if hinged:
         return Centre(hinged[0].nearest(ankle), foot, "toe joint", 0.95)
-    sole = sole_cloud(standing, foot)
+    sole = sole_cloud(surface)
     middle = (sole.min(0) + sole.max(0)) / 2
     point = middle + forward * (sole @ forward - middle @ forward).max()
     return Centre(point, foot, "front edge of the sole", 0.9)
 
 
-def sole_cloud(standing: Links, foot: int) -> Floats:
-    """The points of a foot's surface, seen or felt, that stand on the floor. (P, 3)"""
-    surface = standing.surface(foot, seen=True)
+def sole_cloud(surface: Floats) -> Floats:
+    """The points of a foot's surface (P, 3), seen or felt, that stand on the floor."""
     height = float(np.ptp(surface[:, 2]))
     return surface[surface[:, 2] < surface[:, 2].min() + max(0.01, 0.05 * height)]
 

@@ -9,9 +9,11 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.model import Robot
 
 NEAR = 0.03
-"""Hinges whose mirrored places lie this near, over the robot's height, are counterparts."""
+"""Hinges whose mirrored lines lie this near, over the robot's height, are counterparts: an anchor may be anywhere along."""
 ALONG = 0.95
 """And whose mirrored axes have at least this cosine."""
+PLACE = 0.1
+"""Of several on one line it is the nearest: a distance along the line counts this share of one across."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +46,9 @@ def mirror_of(robot: Robot, left: Floats) -> Mirror:
     middle, size = data.xpos[robot.root_body], float(np.ptp(data.xpos[1:], axis=0).max())
     place, axis = data.xanchor[robot.joint_ids] - middle, data.xaxis[robot.joint_ids]
     gap, turn = (place @ plane)[:, None] - place, -(axis @ plane) @ axis.T
-    apart = np.linalg.norm(gap, axis=2) / size
-    # A hinge in the middle may have its anchor anywhere along its axis.
-    beside = np.linalg.norm(np.diagonal(gap).T - (np.diagonal(gap).T * axis).sum(1, keepdims=True) * axis, axis=1)
-    fit = np.where((apart < NEAR) & (np.abs(turn) > ALONG), apart, np.inf)
-    alone = ~np.isfinite(fit).any(axis=1) & (beside / size < NEAR) & (np.abs(np.diagonal(turn)) > ALONG)
-    fit[alone, alone] = 0.0
+    along = np.abs((gap * axis).sum(axis=2)) / size
+    across = np.linalg.norm(gap - (gap * axis).sum(axis=2, keepdims=True) * axis, axis=2) / size
+    fit = np.where((across < NEAR) & (np.abs(turn) > ALONG), across + PLACE * along, np.inf)
     best, rows = fit.argmin(axis=1), np.arange(len(fit))
-    found = np.isfinite(fit[rows, best])
+    found = np.isfinite(fit[rows, best]) & (best[best] == rows)
     return Mirror(np.where(found, best, -1), np.where(found, np.sign(turn[rows, best]), 0.0))

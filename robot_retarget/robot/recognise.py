@@ -14,6 +14,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.robot.evening import both_soles, evened
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import (
     Chain,
@@ -234,13 +235,22 @@ def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) 
     spots = _limbs(links, sides, legs, arms)
     spots |= _trunk(links, legs, arms, spots)
     feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
+    ankles = {side: _world(standing, spots[f"{side}_ankle"]) for side in feet}
+    surfaces = both_soles({s: standing.surface(foot, seen=True) for s, foot in feet.items()}, ankles, sides.left)
     for side, foot in feet.items():
-        toe = toe_centre(standing, foot, _world(standing, spots[f"{side}_ankle"]), sides.forward)
+        toe = toe_centre(standing, foot, surfaces[side], ankles[side], sides.forward)
         spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)
-    soles = {side: _sole(standing, foot) for side, foot in feet.items()}
+    spots = _evened(links, spots, sides.left)
+    soles = {side: _sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
     notes = [*sides.notes, *robot.notes, *_partial(spots)]
     treads = {side: _tread(standing, foot) for side, foot in feet.items()}
     return Anatomy(spots, _frames(links, standing, spots, sides), soles, treads, frozen(sides.forward), tuple(notes))
+
+
+def _evened(links: Links, spots: dict[str, Spot], left: Floats) -> dict[str, Spot]:
+    """The spots where both sides of the robot, meant to be alike, have them."""
+    places = evened({k: _world(links, spot) for k, spot in spots.items()}, left)
+    return {k: replace(spot, offset=links.local(spot.body, places[k])) for k, spot in spots.items()}
 
 
 def _limbs(links: Links, sides: _Sides, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
@@ -331,13 +341,12 @@ def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
     return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
-def _sole(standing: Links, foot: int) -> Points:
+def _sole(standing: Links, foot: int, surface: Floats) -> Points:
     """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
-    cloud = standing.surface(foot, seen=True)
-    cloud = cloud[cloud[:, 2] < cloud[:, 2].min() + max(0.02, 0.3 * float(np.ptp(cloud[:, 2])))]
+    cloud = surface[surface[:, 2] < surface[:, 2].min() + max(0.02, 0.3 * float(np.ptp(surface[:, 2])))]
     azimuth = _all_around()
     ways = [[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for t in SOLE_TILTS for a in azimuth]
-    flat = sole_cloud(standing, foot)
+    flat = sole_cloud(surface)
     rim = [[np.cos(a), np.sin(a), -0.05] for a in azimuth]
     corners = np.vstack(
         [cloud[np.unique((cloud @ np.transpose(ways)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]

@@ -13,12 +13,15 @@ from robot_retarget.robot.mirror import mirror_of
 LEFT = np.array([0.0, 1.0, 0.0])
 
 
+ROBOTS = ("unitree_g1", "unitree_h1", "booster_t1", "robotis_op3", "toddlerbot_2xc")
+
+
 def swapped(name: str) -> str:
     return {"l": "r", "r": "l"}[name[0]] + name[1:] if name[1:2] == "_" else name
 
 
 def robots() -> list:
-    shared = [SHARED / f"robots/{name}/{name}.xml" for name in ("unitree_g1", "unitree_h1", "booster_t1")]
+    shared = [SHARED / f"robots/{name}/{name}.xml" for name in ROBOTS]
     return ["op3", *[pytest.param(str(path), marks=needs_shared, id=path.stem) for path in shared]]
 
 
@@ -35,7 +38,16 @@ def test_mirrored_hinges_put_mirrored_keypoints_on_the_other_side(name: str) -> 
     order = [anatomy.names.index(swapped(k)) for k in anatomy.names]
     reflected = world_points(robot, anatomy.points, here)[:, order] * [1, -1, 1]
     size = np.ptp(reflected, axis=(0, 1)).max()
-    assert np.abs(reflected - world_points(robot, anatomy.points, there)).max() < 0.02 * size
+    assert np.abs(reflected - world_points(robot, anatomy.points, there)).max() < 1e-4 * size
+
+
+@pytest.mark.parametrize("name", robots())
+def test_soles_are_alike_however_their_meshes_were_drawn(name: str) -> None:
+    robot = load_robot(name)
+    soles = recognise(robot).soles
+    places = {side: world_points(robot, soles[side], robot.neutral()[None])[0] for side in "lr"}
+    apart = np.linalg.norm((places["l"] * [1, -1, 1])[:, None] - places["r"], axis=2)
+    assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 5e-5
 
 
 def test_a_hinge_without_a_counterpart_is_told(tmp_path: Path) -> None:

@@ -1,0 +1,56 @@
+"""What should be alike on both sides of a robot, and is not quite as its meshes tell.
+
+Joint axes of most robots mirror each other to the last digit; the surfaces that were drawn for them do not, by tenths of
+a millimetre and more. What is read off surfaces (toes, hands, the head, soles) is therefore the mean of both sides, lest
+a motion and its mirror image be different problems. Sides that really differ stay as they are.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+
+SLIGHT = 0.02
+"""Sides that differ by less than this share of the body, or of the foot, should be alike."""
+
+
+def other_side(keypoint: str) -> str:
+    """`r_hand` for `l_hand` and the other way round; what is in the middle is its own counterpart."""
+    return {"l_": "r_", "r_": "l_"}.get(keypoint[:2], keypoint[:2]) + keypoint[2:]
+
+
+def evened(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
+    """Keypoints by name (3,) [m], each the mean of itself and of the mirror image of its counterpart.
+
+    Args:
+        left: (3,) unit vector from the right to the left.
+    """
+    paired = [k for k in places if other_side(k) != k and other_side(k) in places]
+    if not paired:
+        return dict(places)
+    middle = float(np.median([places[k] @ left for k in paired]))
+    size = float(np.ptp(np.array(list(places.values())), axis=0).max())
+    found = {}
+    for keypoint, place in places.items():
+        seen = places.get(other_side(keypoint), place)
+        image = seen + 2 * (middle - seen @ left) * left
+        found[keypoint] = (place + image) / 2 if np.linalg.norm(image - place) < SLIGHT * size else place
+    return found
+
+
+def both_soles(clouds: Mapping[str, Floats], ankles: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
+    """Surfaces of feet (P, 3) [m], each with the mirror image of the other foot's beside its own.
+
+    Args:
+        clouds: per foot `l`, `r` its surface where the robot stands.
+        ankles: (3,) about which each is seen.
+    """
+    if len(clouds) < 2:
+        return dict(clouds)
+    own = {side: clouds[side] - ankles[side] for side in "lr"}
+    image = {a: own[b] - 2 * (own[b] @ left)[:, None] * left for a, b in ("lr", "rl")}
+    ends = [np.array([cloud.min(axis=0), cloud.max(axis=0)]) for cloud in (own["l"], image["l"])]
+    if np.abs(ends[0] - ends[1]).max() > SLIGHT * np.ptp(ends[0], axis=0).max():
+        return dict(clouds)
+    return {side: ankles[side] + np.vstack([own[side], image[side]]) for side in "lr"}
