@@ -23,6 +23,7 @@ ARRIVED = 0.1
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
     """Each frame from the ones before; a foot that begins to stand stays where it was.
 
+    Where leading on has drawn links into each other, a frame is sought again from the one before, where they were apart.
     When a much cheaper way is found (`Lookout`), it is solved along beside the robot, and the robot goes over to it as
     fast as its joints may: no jump, and no staying where the first frame happened to begin.
     """
@@ -36,9 +37,11 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         start = _onward(robot, poses, box) if t > 1 and aim is None else before
         if aim is not None:
             aim = solver.descend(aim.qpos, wished)
-        pose = solver.descend(start, wished, pull=_towards(robot, aim), box=box)
+        pull = _towards(robot, aim)
+        pose = solver.descend(start, wished, pull=pull, box=box)
         if pose.missing > solver.options.margin / 2:
-            pose = solver.held_back(before, pose)
+            again = solver.descend(before, wished, pull=pull, box=box)
+            pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost))
         poses.append(solver.lifted(pose))
         before = poses[-1].qpos
         if aim is None:

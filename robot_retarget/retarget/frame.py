@@ -10,6 +10,7 @@ from robot_retarget.retarget.footing import CORNERS, grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape, Pull, Quadratic
 from robot_retarget.retarget.solution import Status
+from robot_retarget.retarget.symmetry import symmetry_of
 from robot_retarget.robot.kinematics import difference, integrate
 
 REFUSALS = 6
@@ -97,6 +98,7 @@ class FrameSolver:
         self.hinges, self.leg = self.robot.dof_index, problem.match.robot_leg
         self.ranges = Box(self.robot.lower, self.robot.upper)
         self.landscape = Landscape(problem, options.separation, options.margin, options.reach, options.glance)
+        self.symmetry = symmetry_of(self.robot, problem.match.anatomy)
         self.grip = grip_of(self.robot, problem.match.anatomy)
         slack = 1  # of separation; it stands last
         self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)
@@ -160,7 +162,7 @@ class FrameSolver:
         found = self.program.solve(hessian, np.append(here.gradient, 0.0), here.rows, here.least, lower, upper)
         if found is None:
             return None, 0.0
-        return found[:nv], here.decrease(found[:nv], float(found[nv]) / self.leg)
+        return self.symmetry.kept(q, here.gradient, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
 
     def _closed(self, pose: Pose) -> Pose:
         """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""

@@ -47,7 +47,8 @@ class Lookout:
         self._try(pose, wished)
         if self.frame < self.frames:
             return None
-        starts = [self._with(pose, limb, row) for limb, (_, row) in enumerate(self.best)]
+        tried = [self._with(pose, limb, row) for limb, (_, row) in enumerate(self.best)]
+        starts = [self.solver.symmetry.both_sides(pose.qpos, q) for q in tried]
         self._begin()
         ends = [self.solver.descend(q, wished, iterations=ITERATIONS, tolerance=ROUGHLY) for q in starts]
         found = min(ends, key=lambda end: end.cost, default=pose)

@@ -9,8 +9,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem
+from robot_retarget.retarget.symmetry import symmetry_of
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.robot.mirror import Mirror, mirror_of
+from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.separation import carrying
 
 ROUGHLY = 1e-2
@@ -54,7 +55,7 @@ def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple
 def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Floats]:
     """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
     robot, spots = problem.robot, problem.match.anatomy.spots
-    draw, sides = np.random.default_rng(options.seed), mirror_of(robot, _left(problem))
+    draw, sides = np.random.default_rng(options.seed), symmetry_of(robot, problem.match.anatomy).mirror
     every = draw.uniform(robot.lower, robot.upper, (options.drawn, len(robot.lower)))
     other = np.clip(sides.angles(every), robot.lower, robot.upper)
     straight = (every + other) / 2  # a motion that is its own mirror image should not begin with a side
@@ -65,13 +66,6 @@ def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Flo
 
 def _mirrored(sides: Mirror, limb: tuple[int, ...]) -> bool:
     return bool((sides.partner[list(limb)] >= 0).all())
-
-
-def _left(problem: Problem) -> Floats:
-    """The robot's left at its reference pose: that of its pelvis or chest."""
-    frames = problem.match.anatomy.frames
-    body, axes = next((frames[segment] for segment in ("pelvis", "chest") if segment in frames), (0, np.eye(3)))
-    return body_frames(problem.robot, np.array(problem.robot.model.qpos0)[None])[1][0, body] @ axes[:, 1]
 
 
 def _limb(problem: Problem, end: str) -> tuple[int, ...]:

@@ -24,6 +24,13 @@ class Mirror:
     """(n,) the hinge on the other side, itself in the middle, −1 where there is none."""
     sign: Floats
     """(n,) mirrored angle of the partner = sign · angle."""
+    left: Floats
+    """(3,) the robot's left in the frame of its root body."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether every hinge has a counterpart."""
+        return bool((self.partner >= 0).all())
 
     def angles(self, angles: Floats) -> Floats:
         """Hinge angles (…, n) as the mirrored robot has them [rad]; hinges without a counterpart stay at zero."""
@@ -38,11 +45,11 @@ def mirror_of(robot: Robot, left: Floats) -> Mirror:
     A rotation by θ about the axis a through p becomes, in the mirror M = 1 − 2 ℓℓᵀ, one by θ about −M a through M p.
 
     Args:
-        left: (3,) the robot's left at `qpos0`, in world coordinates.
+        left: (3,) unit vector, the robot's left at `qpos0`, in world coordinates.
     """
     data = mujoco.MjData(robot.model)
     mujoco.mj_kinematics(robot.model, data)
-    plane = np.eye(3) - 2 * np.outer(left, left) / (left @ left)
+    plane = np.eye(3) - 2 * np.outer(left, left)
     middle, size = data.xpos[robot.root_body], float(np.ptp(data.xpos[1:], axis=0).max())
     place, axis = data.xanchor[robot.joint_ids] - middle, data.xaxis[robot.joint_ids]
     gap, turn = (place @ plane)[:, None] - place, -(axis @ plane) @ axis.T
@@ -51,4 +58,5 @@ def mirror_of(robot: Robot, left: Floats) -> Mirror:
     fit = np.where((across < NEAR) & (np.abs(turn) > ALONG), across + PLACE * along, np.inf)
     best, rows = fit.argmin(axis=1), np.arange(len(fit))
     found = np.isfinite(fit[rows, best]) & (best[best] == rows)
-    return Mirror(np.where(found, best, -1), np.where(found, np.sign(turn[rows, best]), 0.0))
+    own = data.xmat[robot.root_body].reshape(3, 3).T @ left
+    return Mirror(np.where(found, best, -1), np.where(found, np.sign(turn[rows, best]), 0.0), own)

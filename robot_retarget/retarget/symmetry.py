@@ -1,0 +1,77 @@
+"""A pose without a side stays without one: where a problem is its own mirror image, so is every step.
+
+A squat or a clap is a saddle as soon as links touch: either knee may go first, and rounding, or which of two equally deep
+corners is found first, decides. Let S reflect tangent vectors in the robot's own sagittal plane. Where the hinges q and
+the gradient g are their own mirror images, S g = g, whatever step v solves the quadratic program has a mirror image S v
+that solves it too, and (v + S v)/2 costs no more than either. Motions of a human are never so even: they are left alone.
+"""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot import Anatomy, Robot
+from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.mirror import Mirror, mirror_of
+
+EVEN = 1e-5
+"""Angles [rad] and gradients that differ from their mirror images by no more are even."""
+
+
+class Symmetry:
+    """The sagittal plane of one robot, as it moves with its root."""
+
+    def __init__(self, robot: Robot, mirror: Mirror):
+        self.robot, self.mirror = robot, mirror
+        self.present = mirror.whole and (robot.floating or not robot.root_joints.size)
+
+    def kept(self, qpos: Floats, gradient: Floats, step: Floats) -> Floats:
+        """A step (nv,) without its uneven part, where a configuration (nq,) and the gradient (nv,) there have none."""
+        if not (self.present and self._even_pose(qpos)):
+            return step
+        if np.abs(self.reflected(qpos, gradient) - gradient).max() > EVEN * (1 + np.abs(gradient).max()):
+            return step
+        return (step + self.reflected(qpos, step)) / 2
+
+    def both_sides(self, qpos: Floats, start: Floats) -> Floats:
+        """A start that was made from an even configuration by moving one limb, with the other moved likewise."""
+        if not (self.present and self._even_pose(qpos)):
+            return start
+        hinges, both = self.robot.qpos_index, start.copy()
+        own = start[hinges]
+        both[hinges] = np.where(own == qpos[hinges], self.mirror.angles(own), own)
+        return both
+
+    def _even_pose(self, qpos: Floats) -> bool:
+        angles = qpos[self.robot.qpos_index]
+        return bool(np.abs(self.mirror.angles(angles) - angles).max() < EVEN)
+
+    def reflected(self, qpos: Floats, tangent: Floats) -> Floats:
+        """S v (nv,): a tangent vector, or a gradient, seen in the sagittal plane of the root at a configuration (nq,).
+
+        The root travels in world axes, by M v with M = 1 − 2 n nᵀ, and turns in its own, by −(1 − 2 ℓ ℓᵀ) ω.
+        """
+        seen, hinges = np.zeros_like(tangent), self.robot.dof_index
+        seen[hinges] = self.mirror.angles(tangent[hinges])
+        if self.robot.floating:
+            first = int(self.robot.model.jnt_dofadr[self.robot.root_joints[0]])
+            travel, turn = tangent[first : first + 3], tangent[first + 3 : first + 6]
+            own = self.mirror.left
+            left = _turned(qpos[self.robot.root_address + 3 : self.robot.root_address + 7], own)
+            seen[first : first + 3] = travel - 2 * (travel @ left) * left
+            seen[first + 3 : first + 6] = 2 * (turn @ own) * own - turn
+        return seen
+
+
+def symmetry_of(robot: Robot, anatomy: Anatomy) -> Symmetry:
+    """The symmetry of a robot; its left at the reference pose is that of its pelvis or chest."""
+    frames = anatomy.frames
+    body, axes = next((frames[segment] for segment in ("pelvis", "chest") if segment in frames), (0, np.eye(3)))
+    left = body_frames(robot, np.array(robot.model.qpos0)[None])[1][0, body] @ axes[:, 1]
+    return Symmetry(robot, mirror_of(robot, left))
+
+
+def _turned(quaternion: Floats, vector: Floats) -> Floats:
+    """A vector (3,) turned by a unit quaternion wxyz."""
+    w, u = quaternion[0], quaternion[1:]
+    across = 2 * np.cross(u, vector)
+    return vector + w * across + np.cross(u, across)
