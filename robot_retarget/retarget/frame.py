@@ -162,7 +162,7 @@ class FrameSolver:
         found = self.program.solve(hessian, np.append(here.gradient, 0.0), here.rows, here.least, lower, upper)
         if found is None:
             return None, 0.0
-        return self.symmetry.kept(q, here.gradient, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
+        return self.symmetry.kept(q, here, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
 
     def _closed(self, pose: Pose) -> Pose:
         """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""

@@ -9,12 +9,13 @@ that solves it too, and (v + S v)/2 costs no more than either. Motions of a huma
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.quadratic import Quadratic
 from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.mirror import Mirror, mirror_of
 
 EVEN = 1e-5
-"""Angles [rad] and gradients that differ from their mirror images by no more are even."""
+"""Angles that differ from their mirror images by no more are even, and gradients that would move them by no more [rad]."""
 
 
 class Symmetry:
@@ -24,11 +25,12 @@ class Symmetry:
         self.robot, self.mirror = robot, mirror
         self.present = mirror.whole and (robot.floating or not robot.root_joints.size)
 
-    def kept(self, qpos: Floats, gradient: Floats, step: Floats) -> Floats:
-        """A step (nv,) without its uneven part, where a configuration (nq,) and the gradient (nv,) there have none."""
+    def kept(self, qpos: Floats, here: Quadratic, step: Floats) -> Floats:
+        """A step (nv,) without its uneven part, where a configuration (nq,) and the gradient there have none."""
         if not (self.present and self._even_pose(qpos)):
             return step
-        if np.abs(self.reflected(qpos, gradient) - gradient).max() > EVEN * (1 + np.abs(gradient).max()):
+        uneven = np.abs(self.reflected(qpos, here.gradient) - here.gradient)
+        if (uneven > EVEN * (1 + here.normal.diagonal())).any():
             return step
         return (step + self.reflected(qpos, step)) / 2
 

@@ -57,14 +57,14 @@ def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str, smoothing: S
 
 
 @needs_shared
-@pytest.mark.parametrize("name", ["booster_t1", "unitree_h1"])
+@pytest.mark.parametrize("name", ["booster_t1", "unitree_h1", "toddlerbot_2xc"])
 def test_hands_that_meet_in_the_middle_meet_evenly_and_stay_on_their_sides(name: str) -> None:
     """The solver's first guess at a clap has them inside each other, where the way out may be up for one, down for the other."""
     motion, robot = read_motion(SAMPLES / "clap.bvh").resample(30), load_robot(SHARED / f"robots/{name}/{name}.xml")
     result = retarget(motion, robot, smoothing=CAUSAL)
     angles = result.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 1e-3
-    assert result.solution.cost.max() < 10  # a frame whose hands were held back costs hundreds
+    assert result.solution.cost.max() < 50  # a frame whose hands were held back costs hundreds
 
 
 @needs_shared
