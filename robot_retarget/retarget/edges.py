@@ -50,7 +50,7 @@ class Weights:
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
-    rest: float = 0.01
+    rest: float = 0.001
     """Joints as the robot stands [1/rad²]."""
     wrist: float = 0.1
     """The same of wrists: where a forearm points is the elbow's business."""
@@ -84,8 +84,6 @@ class Edges:
     """(C, 2) compass edges: from the second keypoint to the first."""
     direction: Floats
     """(T, C, 3) wished unit vectors."""
-    line_length: Floats
-    """(C,) of the line on the robot [m]."""
     line_weight: Floats
     """(C,)."""
     segments: tuple[str, ...]
@@ -140,7 +138,6 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         tau,
         lines,
         direction,
-        _line_lengths(match, lines),
         line_weight,
         segments,
         stacked,
@@ -202,12 +199,6 @@ def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
             rows.append((match.index(left), match.index(right)))
             weight.append(w.girdle)
     return np.array(rows, dtype=np.int64).reshape(-1, 2), np.array(weight)
-
-
-def _line_lengths(match: Match, lines: Ints) -> Floats:
-    """Bone lengths, and for a girdle the path over its two bones: what makes their errors of one size."""
-    tau = path_weights(match.parents, match.robot_bones)
-    return tau[lines[:, 0], lines[:, 1]]
 
 
 def root_path(x: Floats, match: Match) -> Floats:

@@ -1,9 +1,10 @@
 """How the human's pelvis, chest, head and feet are turned: what joint centres alone cannot tell.
 
-A segment's frame has its forward, left and up as columns. Pelvis and chest are built of two directions between
-keypoints. A head's yaw and a foot's roll are seen in no position: where the source has rotations, the joint's own is
-used, turned by the constant that fits over the clip (a head faces as the chest on the whole, a foot is flat where its
-ankle is lowest). The file's rest pose is never consulted: many exporters' rest poses are nonsense.
+A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
+between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
+pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
+over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest). The file's rest pose is
+never consulted: many exporters' rest poses are nonsense.
 """
 
 import numpy as np
@@ -14,6 +15,9 @@ from robot_retarget.motion import Motion
 from robot_retarget.retarget.match import Match
 
 UP = np.array([0.0, 0.0, 1.0])
+CUBE = Rotation.create_group("O")
+LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6}
+"""The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -21,6 +25,18 @@ STANDING_SHARE = 0.1
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
+    frames = _trunk_frames(x)
+    for segment, lean in _leans(match).items():
+        built, own = frames[segment] @ lean, _own_rotation(motion, match, segment)
+        frames[segment] = built if own is None else own @ _levelled(_constant(own, built), LEVEL[segment])
+    for side in "lr":
+        if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
+            frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
+    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+
+
+def _trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
+    """(T, 3, 3) of pelvis, chest and head as their keypoints (T, 3) show them, of either body."""
     frames: dict[str, Floats] = {}
     if {"pelvis", "chest", "l_hip", "r_hip"} <= x.keys():
         frames["pelvis"] = _upright(x["l_hip"] - x["r_hip"], x["chest"] - x["pelvis"])
@@ -28,11 +44,16 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
         middle = (x["l_shoulder"] + x["r_shoulder"]) / 2
         frames["chest"] = _upright(x["l_shoulder"] - x["r_shoulder"], middle - x["pelvis"])
     if "chest" in frames and {"neck", "head"} <= x.keys():
-        frames["head"] = _head(motion, match, _upright(frames["chest"][:, :, 1], x["head"] - x["neck"]))
-    for side in "lr":
-        if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
-            frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
-    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+        frames["head"] = _upright(frames["chest"][:, :, 1], x["head"] - x["neck"])
+    return frames
+
+
+def _leans(match: Match) -> dict[str, Floats]:
+    """(3, 3) that turns a frame built of the robot's keypoints in its reference pose upright: a head may sit before its neck."""
+    forward = match.anatomy.forward
+    upright = np.stack([forward, np.cross(UP, forward), UP], axis=1)
+    built = _trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
+    return {segment: frames[0].T @ upright for segment, frames in built.items()}
 
 
 def facing(frames: dict[str, Floats]) -> Floats:
@@ -63,18 +84,26 @@ def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, 
     return seen @ _constant(seen[flat], level)
 
 
-def _head(motion: Motion, match: Match, built: Floats) -> Floats:
-    """The head's rotation times the constant that brings it nearest to the frames built from positions."""
-    own = _own_rotation(motion, match, "head")
-    return built if own is None else own @ _constant(own, built)
-
-
 def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
-    """(T, 3, 3) of the joint that stands for a keypoint, where the source has rotations."""
+    """(T, 3, 3) of the joint that stands for a keypoint, or carries those that do, where the source has rotations."""
     joints = match.recognition.marks[keypoint].joints
-    if motion.rotations is None or len(joints) != 1:
+    if motion.rotations is None:
         return None
-    return Rotation.from_quat(motion.rotations[:, joints[0]], scalar_first=True).as_matrix()
+    joint = joints[0] if len(joints) == 1 else max(set.intersection(*(_upward(motion, j) for j in joints)), default=0)
+    return Rotation.from_quat(motion.rotations[:, joint], scalar_first=True).as_matrix()
+
+
+def _upward(motion: Motion, joint: int) -> set[int]:
+    """The joints that carry a joint."""
+    carried_by = int(motion.skeleton.parents[joint])
+    return set() if carried_by < 0 else {carried_by} | _upward(motion, carried_by)
+
+
+def _levelled(constant: Floats, most: float) -> Floats:
+    """The nearest of the 24 rotations that take axes to axes, where that is within `most` [rad]; else the constant itself."""
+    turns = CUBE.inv() * Rotation.from_matrix(constant)
+    nearest = int(np.argmin(turns.magnitude()))
+    return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else constant
 
 
 def _constant(own: Floats, wanted: Floats) -> Floats:

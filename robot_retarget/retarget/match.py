@@ -30,6 +30,8 @@ class Match:
     human_bones: Floats
     robot_bones: Floats
     """(K,) length of the bone to the parent, 0 at the root [m]."""
+    rest: Floats
+    """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
     """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
 
@@ -119,7 +121,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     rest = world_points(robot, points, robot.neutral()[None])
     lengths = _bones(human, parents), _bones(rest, parents)
     height = _ankle_height(robot, anatomy)
-    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, height)
+    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height)
 
 
 def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:

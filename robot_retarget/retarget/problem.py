@@ -1,6 +1,6 @@
 """One frame's problem as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
 
-    minimise  Σ π ϱ(e_ij)  +  Σ ϖ e_ij²  +  Σ w ‖(x_a − x_b)/ℓ − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
+    minimise  Σ π ϱ(e_ij)  +  Σ ϖ e_ij²  +  Σ w ‖(x_a − x_b)/d_ab − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
                  + Σ h ‖c(q ⊕ v) − p‖²/ℓ²  +  w ‖q_joint − rest‖²
     subject to  lower ≤ q_joint ⊕ v ≤ upper,   z_sole(q ⊕ v) ≥ 0
     with  e_ij = (d_ij(q ⊕ v) − δ_ij)/τ_ij,   ϱ(e) = 2 s² (√(1 + (e/s)²) − 1)
@@ -59,9 +59,10 @@ def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | N
     points, sole_rows, corner_rows, feet = _all_points(robot, match, edges)
     q, wished = ca.MX.sym("q", robot.model.nq), _Wished(edges, len(corner_rows) // 3)
     terms = _Terms(robot, match, edges, weights or Weights(), wished, corner_rows)
-    x, jacobian = point_function(robot, points)(q)
+    merge = _pelvis_between_hips(match, len(points))
+    x, jacobian = (merge @ value for value in point_function(robot, points)(q))
     cost, residual, rows = terms.around(q, x, jacobian)
-    places = place_function(robot, points)(q)
+    places = merge @ place_function(robot, points)(q)
     nowhere = ca.MX(places.numel(), robot.model.nv)
     return Problem(
         robot,
@@ -158,6 +159,14 @@ def _all_points(robot: Robot, match: Match, edges: Edges) -> tuple[Points, list[
     return Points(np.array(bodies), np.array(offsets)), heights, [*range(3 * second, 3 * len(bodies))], feet
 
 
+def _pelvis_between_hips(match: Match, count: int) -> ca.DM:
+    """(3P, 3P) that leaves stacked points as they are, but for the pelvis: the middle of the hips, as of the human."""
+    mean = np.eye(count)
+    if {"pelvis", "l_hip", "r_hip"} <= set(match.keypoints):
+        mean[match.index("pelvis")] = np.eye(count)[[match.index("l_hip"), match.index("r_hip")]].mean(axis=0)
+    return ca.sparsify(ca.kron(ca.DM(mean), ca.DM.eye(3)))
+
+
 def _difference(count: int, plus: Ints, minus: Ints) -> ca.DM:
     """(E, P) with +1 at `plus` and −1 at `minus`: takes stacked points to their differences."""
     matrix = np.zeros((len(plus), count))
@@ -168,14 +177,19 @@ def _difference(count: int, plus: Ints, minus: Ints) -> ca.DM:
 
 def _posture(x: ca.MX, jacobian: ca.MX, edges: Edges, delta: ca.MX) -> tuple[ca.MX, ca.MX]:
     """(d − δ)/τ and its Jacobian, one row an edge."""
-    take = _difference(x.numel() // 3, edges.pairs[:, 0], edges.pairs[:, 1])
+    d, slope, *_ = _apart(x, jacobian, edges.pairs)
+    scale = ca.DM(1 / edges.path_length)
+    return (d - delta) * scale, ca.diag(scale) @ slope
+
+
+def _apart(x: ca.MX, jacobian: ca.MX, pairs: Ints) -> tuple[ca.MX, ca.MX, ca.MX, list[ca.MX]]:
+    """d and its Jacobian, the directions from the second point to the first (E, 3), and per axis the Jacobian of d times these."""
+    take = _difference(x.numel() // 3, pairs[:, 0], pairs[:, 1])
     apart = take @ ca.reshape(x, 3, -1).T
     d = ca.sqrt(ca.sum2(apart**2) + 1e-12)
     unit = apart / ca.repmat(d, 1, 3)
-    axis_rows = [take @ jacobian[axis::3, :] for axis in range(3)]
-    slope = sum(ca.repmat(unit[:, a], 1, jacobian.shape[1]) * axis_rows[a] for a in range(3))
-    scale = ca.DM(1 / edges.path_length)
-    return (d - delta) * scale, ca.diag(scale) @ slope
+    moved = [take @ jacobian[axis::3, :] for axis in range(3)]
+    return d, sum(ca.diag(unit[:, a]) @ moved[a] for a in range(3)), unit, moved
 
 
 def _touch(stretch: ca.MX, slope: ca.MX, edges: Edges, priority: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -186,11 +200,12 @@ def _touch(stretch: ca.MX, slope: ca.MX, edges: Edges, priority: ca.MX) -> tuple
 
 
 def _compass(x: ca.MX, jacobian: ca.MX, edges: Edges, u: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """√w ((x_a − x_b)/ℓ − u), three rows a line."""
-    take = ca.kron(_difference(x.numel() // 3, edges.lines[:, 0], edges.lines[:, 1]), ca.DM.eye(3))
-    root = ca.DM(np.repeat(np.sqrt(edges.line_weight), 3))
-    scaled = ca.diag(root * ca.DM(np.repeat(1 / edges.line_length, 3))) @ take
-    return scaled @ x - root * u, scaled @ jacobian
+    """√w ((x_a − x_b)/d_ab − u), x, y and z of all lines one after the other."""
+    d, slope, unit, moved = _apart(x, jacobian, edges.lines)
+    root = ca.DM(np.sqrt(edges.line_weight))
+    turned = [ca.diag(root / d) @ (moved[a] - ca.diag(unit[:, a]) @ slope) for a in range(3)]
+    missing = ca.diag(root) @ (unit - ca.reshape(u, 3, -1).T)
+    return ca.vec(missing), ca.vertcat(*turned)
 
 
 def _markers(x: ca.MX, jacobian: ca.MX, edges: Edges, r: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
@@ -222,14 +237,10 @@ def _rest(robot: Robot, match: Match, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.M
 
 
 def _wrists(robot: Robot, match: Match) -> np.ndarray:
-    """(n,) the hinges that move a hand and no other keypoint, but for the first of each arm: that is its elbow."""
+    """(n,) the hinges that move a hand and no other keypoint."""
     moves = carrying(robot.model)[match.points.bodies][:, robot.dof_index]
-    alone, found = moves.sum(axis=0) == 1, np.zeros(len(robot.joint_ids), dtype=bool)
-    for side in "lr":
-        if f"{side}_hand" in match.keypoints:
-            own = np.flatnonzero(alone & moves[match.index(f"{side}_hand")])
-            found[own[1:]] = True
-    return found
+    hands = [match.index(f"{side}_hand") for side in "lr" if f"{side}_hand" in match.keypoints]
+    return (moves.sum(axis=0) == 1) & moves[hands].any(axis=0)
 
 
 def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:

@@ -176,8 +176,8 @@ def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forwa
     if hinged:
         return Centre(hinged[0].nearest(ankle), foot, "toe joint", 0.95)
     sole = sole_cloud(surface)
-    middle = (sole.min(0) + sole.max(0)) / 2
-    point = middle + forward * (sole @ forward - middle @ forward).max()
+    low = ankle * [1, 1, 0] + [0, 0, (sole.min(0) + sole.max(0))[2] / 2]
+    point = low + forward * (sole @ forward - low @ forward).max()
     return Centre(point, foot, "front edge of the sole", 0.9)
 
 
@@ -234,9 +234,8 @@ def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
         taken.insert(0, axis)
     if len(taken) > 2 and _twists(taken[-1], taken[0], elbow):
         taken = taken[:-1]
-    point = meeting_point(taken, taken[0].anchor)
-    link = taken[0].link if len(taken) > 1 else taken[-1].link
-    return Centre(point, link, f"axes of {' and '.join(joint_names(links, taken))} meet here", 0.95)
+    point = taken[-1].nearest(meeting_point(taken, taken[0].anchor))  # so that the upper arm keeps its length
+    return Centre(point, taken[-1].link, f"axes of {' and '.join(joint_names(links, taken))} meet here", 0.95)
 
 
 def _hand(links: Links, chain: Chain, axes: list[Axis], elbow: Floats) -> Centre:

@@ -313,7 +313,11 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
             0.95 if named else 0.7,
         )
         axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
-        base = axes[0].anchor if axes else shoulders + 0.3 * ((cloud.min(0) + cloud.max(0)) / 2 - shoulders)
+        base = (
+            axes[-1].nearest(axes[0].anchor)
+            if axes
+            else shoulders + 0.3 * ((cloud.min(0) + cloud.max(0)) / 2 - shoulders)
+        )
     else:
         link, base = trunk, None
         geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
