@@ -40,6 +40,16 @@ def test_no_feasible_direction_lowers_the_program(seed: int) -> None:
             assert (h @ x + g) @ (other - x) > -1e-7
 
 
+def test_stiff_programs_are_solved_within_their_bounds() -> None:
+    for seed in range(100):
+        draw = np.random.default_rng(seed)
+        rows = draw.normal(size=(30, 30)) * np.repeat([300.0, 1.0], [20, 10])[:, None]
+        h, g = rows.T @ rows + 1e-3 * np.eye(30), -rows.T @ (rows @ draw.normal(size=30) * 2)
+        a, least, half = draw.normal(size=(4, 30)), -np.abs(draw.normal(size=4)) * 0.2, np.full(30, 0.5)
+        x = QuadraticProgram(30, 4).solve(h, g, a, least, -half, half)
+        assert x is not None and (np.abs(x) <= half).all() and (a @ x >= least - 1e-5).all()
+
+
 def test_a_program_without_a_solution_says_so() -> None:
     a, one = np.array([[1.0, 0.0]]), np.ones(2)
     assert QuadraticProgram(2, 1).solve(np.eye(2), one, a, np.array([5.0]), -one, one) is None
