@@ -4,13 +4,13 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import Stepping
 from robot_retarget.retarget.frame import Box, FrameSolver, Pose
 from robot_retarget.retarget.lookout import Lookout
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.retarget.starts import ways
+from robot_retarget.retarget.stepping import Stepping, reckoned_soles
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
@@ -21,20 +21,21 @@ ARRIVED = 0.1
 
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
-    """Each frame from the ones before; a foot that begins to stand stays where it was.
+    """Each frame from the ones before; a foot that begins to stand stays where it was led to.
 
     Where leading on has drawn links into each other, a frame is sought again from the one before, where they were apart.
     When a much cheaper way is found (`Lookout`), it is solved along beside the robot, and the robot goes over to it as
     fast as its joints may: no jump, and no staying where the first frame happened to begin.
     """
-    robot, stepping, lookout, poses = solver.robot, Stepping(held), Lookout(solver, fps), []
+    robot, lookout, poses = solver.robot, Lookout(solver, fps), []
+    stepping = Stepping(held, reckoned_soles(solver.problem, edges), fps)
     before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
     aim: Pose | None = None
     for t in range(len(edges)):
-        wished = (*frame_parameters(edges, t), *solver.grip.hold(*stepping.at(t, solver.corners(before))))
+        wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
         neighbours = [before[robot.qpos_index]] if t else []
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
-        start = _onward(robot, poses, box) if t > 1 and aim is None else before
+        start = _onward(robot, poses, box) if t > 2 and aim is None else before
         if aim is not None:
             aim = solver.descend(aim.qpos, wished)
         pull = _towards(robot, aim)
@@ -62,8 +63,14 @@ def _towards(robot: Robot, aim: Pose | None) -> Pull | None:
 
 
 def _onward(robot: Robot, poses: list[Pose], box: Box) -> Floats:
-    """Where the last two poses lead to by the next frame, as far as the box allows."""
-    before, last = poses[-2].qpos, poses[-1].qpos
-    start = integrate(robot, last, difference(robot, before, last))
+    """Where the last three poses lead to by the next frame, as far as the box allows.
+
+    By the smaller of the last two steps where they agree in their sense, else not at all: what a pose is off its optimum
+    goes to and fro, and would grow from frame to frame.
+    """
+    first, before, last = (pose.qpos for pose in poses[-3:])
+    earlier, later = difference(robot, first, before), difference(robot, before, last)
+    agreed = np.where(earlier * later > 0, np.sign(later) * np.minimum(np.abs(earlier), np.abs(later)), 0.0)
+    start = integrate(robot, last, agreed)
     start[robot.qpos_index] = np.clip(start[robot.qpos_index], box.lower, box.upper)
     return start

@@ -96,6 +96,8 @@ class Edges:
     """(T, 3, 3) how the whole body is turned; starts are made from it."""
     stances: dict[str, np.ndarray]
     """Per foot (T, 2) whether toe and heel stand: foothold edges of length 0 from frame to frame."""
+    tracks: dict[str, Floats]
+    """Per foot (T, 2) its ankle along the floor, as the root is carried over and nearer the other by the hips' width [m]."""
 
     def __len__(self) -> int:
         return len(self.root)
@@ -104,7 +106,8 @@ class Edges:
         """The edges of some frames."""
         timed = ("distance", "priority", "touch", "direction", "frames", "root", "facing")
         cut = {name: getattr(self, name)[span] for name in timed}
-        return replace(self, **cut, stances={foot: stands[span] for foot, stands in self.stances.items()})
+        feet = {name: {foot: of[span] for foot, of in getattr(self, name).items()} for name in ("stances", "tracks")}
+        return replace(self, **cut, **feet)
 
     @cached_property
     def labels(self) -> list[str]:
@@ -144,6 +147,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         root_path(x, match),
         body,
         stances(x, match, motion.fps),
+        _tracks(x, match, body),
     )
 
 
@@ -199,6 +203,20 @@ def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
             rows.append((match.index(left), match.index(right)))
             weight.append(w.girdle)
     return np.array(rows, dtype=np.int64).reshape(-1, 2), np.array(weight)
+
+
+def _tracks(x: Floats, match: Match, body: Floats) -> dict[str, Floats]:
+    """Where the scaled ankles would be, were both hips in the middle: a robot puts them as far apart as its own are."""
+    ankles = {foot: f"{foot}_ankle" for foot in "lr" if f"{foot}_ankle" in match.keypoints}
+    if not {"pelvis", "l_hip", "r_hip"} <= set(match.keypoints):
+        return {}
+    pelvis, left, right = (match.index(k) for k in ("pelvis", "l_hip", "r_hip"))
+    apart = float(np.median(np.linalg.norm(x[:, left] - x[:, right], axis=1)))
+    aside = np.stack([-body[:, 1, 0], body[:, 0, 0]], axis=1)
+    aside = aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9) * apart / 2
+    inward = {"l": -aside, "r": aside}
+    start = x[0, pelvis, :2]
+    return {foot: (x[:, match.index(k), :2] - start + inward[foot]) * match.leg_ratio for foot, k in ankles.items()}
 
 
 def root_path(x: Floats, match: Match) -> Floats:

@@ -25,21 +25,28 @@ class Grip:
     across: float = HOLD
     swing: float = 10.0
     """Of a foot in the air on its way between footholds."""
+    landing: float = 100.0
+    """Along the floor, of a foot in the air that is about to stand."""
 
-    def hold(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
-        """h and p of a frame (3 · 4 F each), as `Problem.model` takes them: corners (F, 4) held at places (F, 4, 3)."""
-        weight = np.where(held[..., None], [self.along, self.along, self.across], 0.0)
-        return weight.ravel(), places.ravel()
+    def land(self, held: np.ndarray, places: Floats, near: Floats) -> tuple[Floats, Floats]:
+        """h and p of a frame (3 · 4 F each), as `Problem.model` takes them: corners (F, 4) held at places (F, 4, 3).
+
+        Feet that stand on no corner are drawn to their places along the floor, the more the nearer (F,) to standing, 0 … 1.
+        """
+        return self._weights(held, near[:, None, None] * [self.landing, self.landing, 0.0]).ravel(), places.ravel()
 
     def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
-        """As `hold`; feet that stand on no corner are led along the places softly."""
-        weight = np.where(held[..., None], [self.along, self.along, self.across], 0.0)
-        weight[~held.any(axis=-1)] = self.swing
-        return weight.ravel(), places.ravel()
+        """As `land`; feet that stand on no corner are led along the places softly."""
+        return self._weights(held, np.array(self.swing)).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""
         return np.where(held[..., None], [0.0, 0.0, self.across], 0.0).ravel(), np.zeros(3 * held.size)
+
+    def _weights(self, held: np.ndarray, free: Floats) -> Floats:
+        """(F, 4, 3) of held corners, and of those of feet in the air."""
+        weight = np.where(held[..., None], [self.along, self.along, self.across], 0.0)
+        return np.where(np.asarray(held.any(axis=-1))[:, None, None], weight, free)
 
 
 def grip_of(robot: Robot, anatomy: Anatomy) -> Grip:
@@ -97,27 +104,6 @@ def flattened(corners: Floats) -> Floats:
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     flat = middle[..., :2] + signs[:, :1] * length * ahead + signs[:, 1:] * width * left
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
-
-
-class Stepping:
-    """Footholds as they come: a foot that begins to stand stays where it just was. Causal."""
-
-    def __init__(self, held: np.ndarray):
-        self.held = held
-        self.places = np.zeros((*held.shape[1:], 3))
-        self.before = np.zeros(held.shape[1:], dtype=bool)
-
-    def at(self, frame: int, corners: Floats) -> tuple[np.ndarray, Floats]:
-        """What is held at a frame, given the corners (F, 4, 3) of the frame before.
-
-        A foot is laid down when it begins to stand, and again, about the edge that stands already, when it comes to
-        stand on the whole sole.
-        """
-        now = self.held[frame]
-        lands = now.any(axis=1) & (~self.before.any(axis=1) | (now.all(axis=1) & ~self.before.all(axis=1)))
-        self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
-        self.before = now
-        return now, self.places
 
 
 def footholds(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:

@@ -1,0 +1,111 @@
+"""Footholds as they come, for a solver that goes frame by frame.
+
+A planted human foot stands still. Carried over to the robot it is the same place whenever a stance is first seen, and
+whatever the robot did before: so the feet of a stream do not depend on where it began.
+"""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.retarget.contacts import intervals
+from robot_retarget.retarget.edges import Edges
+from robot_retarget.retarget.footing import CORNERS, laid, sole_corners
+from robot_retarget.retarget.problem import Problem
+from robot_retarget.robot import Points, world_points
+
+LANDING = 0.1
+"""A foot is led to its foothold for so long before it stands, as a touch is; so long after it has settled there [s]."""
+
+
+class Stepping:
+    """Where feet stand: those that stand from the beginning where they are reckoned to, a foot that begins to stand where
+    it just was. Before that it was led to where it is reckoned to.
+    """
+
+    def __init__(self, held: np.ndarray, reckoned: Floats, fps: float):
+        """What is held (T, F, 4), and where corners are reckoned to be (T, F, 4, 3) [m]; not finite where nobody knows."""
+        self.held, self.known = held, np.asarray(np.isfinite(reckoned).all(axis=(2, 3)))
+        self.near, settled = landings(np.asarray(held.any(axis=2)), round(LANDING * fps))
+        self.settled = np.take_along_axis(reckoned, settled[:, :, None, None], axis=0)
+        self.places = np.zeros(reckoned.shape[1:])
+        self.before = np.zeros(held.shape[1:], dtype=bool)
+
+    def at(self, frame: int, corners: Floats) -> tuple[np.ndarray, Floats, Floats]:
+        """What is held at a frame, where, and how near to standing feet are, as `Grip.land` takes them.
+
+        A foot is laid down when it begins to stand, and again, about the edge that stands already, when it comes to
+        stand on the whole sole.
+
+        Args:
+            corners: (F, 4, 3) of the frame before [m].
+        """
+        now, known, stands = self.held[frame], self.known[frame], np.asarray(self.held[frame].any(axis=1))
+        if frame == 0:
+            corners = np.where(known[:, None, None], self.settled[0], corners)
+        lands = stands & (~self.before.any(axis=1) | (now.all(axis=1) & ~self.before.all(axis=1)))
+        self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
+        led = known & ~stands
+        self.places[led] = self.settled[frame, led]
+        self.before = now
+        return now, self.places, np.where(known, self.near[frame], 0.0)
+
+
+def landings(stands: np.ndarray, lead: int) -> tuple[Floats, Ints]:
+    """(T, F) how near feet are to standing, rising by squares from 0 `lead` frames before to 1; and the frame by which
+    those that begin to stand have settled, as many after.
+    """
+    near, settled = stands.astype(float), np.repeat(np.arange(len(stands))[:, None], stands.shape[1], axis=1)
+    for foot in range(stands.shape[1]):
+        for start, stop in intervals(stands[:, foot]):
+            first = max(start - lead, 0)
+            near[first:start, foot] = (1 - np.arange(start - first, 0, -1) / (lead + 1)) ** 2
+            settled[first : start + 1, foot] = min(start + lead, stop - 1)
+    return near, settled
+
+
+def reckoned_soles(problem: Problem, edges: Edges) -> Floats:
+    """(T, F, 4, 3) the corners of every sole flat on the floor [m]: its ankle where the scaled human's is, further out by
+    as much as the robot's hips are wider; nan for feet whose ankle or hips either body lacks.
+    """
+    left = _left(_heading(edges.facing))
+    outward = {"l": left, "r": -left}
+    found = np.full((len(edges), len(problem.feet), CORNERS, 3), np.nan)
+    for k, foot in enumerate(problem.feet):
+        if foot in edges.tracks:
+            hip, sole = _hip_and_sole(problem, foot)
+            ankle, ahead = edges.tracks[foot] + hip * outward[foot], _heading(_turn(edges, foot))
+            found[:, k, :, :2] = ankle[:, None] + sole[:, :1] * ahead[:, None] + sole[:, 1:] * _left(ahead)[:, None]
+            found[:, k, :, 2] = 0.0
+    return found
+
+
+def _turn(edges: Edges, foot: str) -> Floats:
+    """(T, 3, 3) how a foot is turned, as far as it is known."""
+    segment = f"{foot}_foot"
+    return edges.frames[:, edges.segments.index(segment)] if segment in edges.segments else edges.facing
+
+
+def _hip_and_sole(problem: Problem, foot: str) -> tuple[float, Floats]:
+    """Half the hips' width [m], and (4, 2) the corners of a sole ahead and to the left of its ankle [m]; standing."""
+    robot, anatomy = problem.robot, problem.match.anatomy
+    spots, corners = anatomy.spots, sole_corners(anatomy, foot)
+    named = [spots[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
+    points = Points(
+        np.append([spot.body for spot in named], corners.bodies),
+        np.vstack([*(spot.offset for spot in named), corners.offsets]),
+    )
+    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0, :, :2]
+    along = np.array(sole) - ankle
+    ahead = along[:2].sum(axis=0) - along[2:].sum(axis=0)
+    ahead = ahead / np.linalg.norm(ahead)
+    return float(np.linalg.norm(left - right)) / 2, along @ np.stack([ahead, _left(ahead)], axis=1)
+
+
+def _heading(frames: Floats) -> Floats:
+    """(…, 2) the forward of frames (…, 3, 3) along the floor."""
+    ahead = frames[..., :2, 0]
+    return ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+
+
+def _left(ahead: Floats) -> Floats:
+    return np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)

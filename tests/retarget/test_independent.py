@@ -1,0 +1,66 @@
+"""Frame by frame it does not matter where one begins: frames solved alone and inside their clip are soon the same."""
+
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.motion import read_motion
+from robot_retarget.retarget.clip import Smoothing
+from robot_retarget.retarget.contacts import intervals
+from robot_retarget.retarget.edges import build_edges
+from robot_retarget.retarget.match import match
+from robot_retarget.retarget.problem import build_problem
+from robot_retarget.retarget.solve import solve
+from robot_retarget.retarget.stepping import landings
+from robot_retarget.retarget.transfer import retarget
+from robot_retarget.robot import Robot, load_robot
+from robot_retarget.shipped import SAMPLES
+
+FPS, FRAMES, START = 30.0, 100, 40
+SOON = 15
+"""Half a second, in frames."""
+SAME = 0.02
+"""[rad]"""
+CAUSAL = Smoothing(passes=0)
+G1 = str(SHARED / "robots/unitree_g1/unitree_g1.xml")
+
+
+def _apart(robot: Robot, inside: np.ndarray, alone: np.ndarray) -> float:
+    """The largest difference of a joint after half a second [rad]."""
+    return float(np.abs(inside - alone)[SOON:, robot.qpos_index].max())
+
+
+@pytest.mark.parametrize(
+    ("name", "clip"),
+    [("op3", "walk"), ("op3", "squat"), ("op3", "clap")]
+    + [pytest.param(G1, clip, marks=needs_shared) for clip in ("walk", "squat", "wave", "hips_and_bow")],
+)
+def test_frames_alone_and_inside_their_clip_are_soon_the_same(name: str, clip: str) -> None:
+    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot(name)
+    span = slice(START, min(START + FRAMES, len(motion)))
+    inside = retarget(motion, robot, smoothing=CAUSAL).trajectory.qpos[span]
+    alone = retarget(motion.frames(span.start, span.stop), robot, smoothing=CAUSAL).trajectory.qpos
+    assert _apart(robot, inside, alone) < SAME
+
+
+@pytest.mark.parametrize("clip", ["walk", "squat", "clap"])
+def test_the_same_edges_lead_to_the_same_poses_wherever_they_begin(clip: str) -> None:
+    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot("op3")
+    matched = match(motion, robot)
+    edges = build_edges(motion, matched)
+    problem = build_problem(robot, matched, edges)
+    whole = solve(problem, edges, FPS, smoothing=CAUSAL).trajectory.qpos
+    for start in (20, 40, 80):
+        span = slice(start, min(start + FRAMES, len(edges)))
+        alone = solve(problem, edges.window(span), FPS, smoothing=CAUSAL).trajectory.qpos
+        assert _apart(robot, whole[span], alone) < SAME
+
+
+def test_feet_near_their_footholds_before_they_stand_and_settle_after() -> None:
+    stands = np.zeros((30, 2), dtype=bool)
+    stands[8:20, 0] = stands[:5, 1] = stands[28:, 1] = True
+    near, settled = landings(stands, 3)
+    assert (near[stands] == 1).all() and near[:5, 0].max() == 0 == near[5:25, 1].max()
+    assert (np.diff(near[5:9, 0]) > 0).all() and (settled[5:9, 0] == 11).all()
+    assert settled[0, 1] == 3 and settled[28, 1] == 29  # never beyond the stance itself
+    assert [tuple(run) for run in intervals(settled[:, 0] != np.arange(30))] == [(5, 9)]
