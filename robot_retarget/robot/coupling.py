@@ -17,6 +17,8 @@ _OTHERS = sum(int(bit) for bit in (_BIT.mjDSBL_CONTACT, _BIT.mjDSBL_LIMIT, _BIT.
 
 STRIDE = 0.2
 """Longest step of a joint towards a closed chain [rad or m]."""
+SLACK = 1e-6
+"""What moves the constraints by a smaller share than the most does, only along the chain, is not moved to close it."""
 PLAY = 0.1
 """A tendon of joints whose length may change by less is a gear, held in the middle of its play [rad]."""
 
@@ -56,7 +58,7 @@ class Coupling:
             if np.abs(violation).max(initial=0.0) < 1e-9:
                 break
             eased = slope * self.mobility
-            step = -self.mobility * (np.linalg.pinv(eased, rcond=1e-10) @ violation)
+            step = -self.mobility * (np.linalg.pinv(eased, rcond=SLACK) @ violation)
             step *= min(1.0, STRIDE / max(float(np.abs(step).max()), STRIDE))
             mujoco.mj_integratePos(self.model, q, step, 1.0)
         return q

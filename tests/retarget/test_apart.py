@@ -94,6 +94,18 @@ def test_coupled_joints_and_closed_chains_hold() -> None:
 
 
 @needs_shared
+def test_a_chain_that_is_nearly_closed_hardly_moves_when_it_is_closed() -> None:
+    """A neck on two equal rods may go on along its way at no cost: rounding must not send it there."""
+    robot, draw = load_robot(TODDLER), np.random.default_rng(0)
+    coupling, neck = Coupling(robot), [k for k, name in enumerate(robot.joint_names) if name.startswith("neck_pitch")]
+    for angle in np.linspace(-0.3, 0.6, 60):
+        pose = robot.standing()
+        pose[robot.qpos_index[neck]] = angle * np.array([1, 1, -1, -1]) + 1e-4 * draw.normal(size=4)
+        moved = np.abs(coupling.closed(pose) - pose).max()
+        assert moved < 3e-3 and np.abs(coupling(coupling.closed(pose))[0]).max() < 1e-6
+
+
+@needs_shared
 def test_coupling_slopes_agree_with_central_differences() -> None:
     robot, step = load_robot(TODDLER), 1e-6
     coupling = Coupling(robot)
