@@ -40,7 +40,7 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
             aim = solver.descend(aim.qpos, wished)
         pull = _towards(robot, aim)
         pose = solver.descend(start, wished, pull=pull, box=box)
-        if pose.missing > solver.options.margin / 2:
+        if pose.missing > 0 and solver.overlapping(pose.qpos):
             again = solver.descend(before, wished, pull=pull, box=box)
             pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost))
         poses.append(solver.lifted(pose))
