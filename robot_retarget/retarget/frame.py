@@ -12,6 +12,7 @@ from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape,
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.symmetry import symmetry_of
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.root import raised
 
 REFUSALS = 6
 """Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
@@ -192,8 +193,5 @@ class FrameSolver:
 
     def lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let a sole sink under the floor."""
-        if not (self.robot.floating and self.problem.soles):
-            return replace(pose, around=None)
-        depth, raised = -float(self.problem.heights(pose.qpos)[0].min()), np.array(pose.qpos)
-        raised[self.robot.root_address + 2] += max(depth, 0.0)
-        return replace(pose, qpos=raised, around=None)
+        depth = -float(self.problem.heights(pose.qpos)[0].min()) if self.problem.soles else 0.0
+        return replace(pose, qpos=raised(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, around=None)

@@ -18,6 +18,7 @@ from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.model import HINGE
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,8 @@ def _between(robot: Robot, frames: np.ndarray, poses: list[Floats]) -> list[Floa
     known, wanted = np.array(poses), np.arange(frames[-1] + 1)
     if len(frames) == 1:
         return [known[0]]
+    turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
+    known[:, turning] = np.unwrap(known[:, turning], axis=0)
     full = np.stack([np.interp(wanted, frames, column) for column in known.T], axis=1)
     if robot.floating:
         a = robot.root_address + 3

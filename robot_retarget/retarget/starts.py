@@ -3,15 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.symmetry import symmetry_of
-from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.mirror import Mirror
+from robot_retarget.robot.root import put
 from robot_retarget.robot.separation import carrying
 
 ROUGHLY = 1e-2
@@ -77,17 +76,9 @@ def _limb(problem: Problem, end: str) -> tuple[int, ...]:
 
 
 def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
-    """A pose with its free root turned and moved so that the pelvis has the wished frame (3, 3) and place (3,) [m]."""
+    """A pose with its root turned and moved so that the pelvis has the wished frame (3, 3) and place (3,) [m]."""
     robot, anatomy = problem.robot, problem.match.anatomy
-    if not robot.floating:
-        return qpos
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
-    address = robot.root_address
-    moved = np.array(qpos)
-    positions, rotations = (frames[0] for frames in body_frames(robot, moved[None]))
-    turn = facing @ (rotations[body] @ axes).T
     spot = anatomy.spots.get("pelvis")
-    middle = positions[robot.root_body] if spot is None else positions[spot.body] + rotations[spot.body] @ spot.offset
-    quaternion = Rotation.from_matrix(turn @ rotations[robot.root_body]).as_quat(scalar_first=True)
-    moved[address : address + 7] = [*(pelvis - turn @ (middle - positions[robot.root_body])), *quaternion]
-    return moved
+    offset = spot.offset if spot is not None and spot.body == body else np.zeros(3)
+    return put(robot, qpos, body, offset, pelvis, facing @ axes.T)

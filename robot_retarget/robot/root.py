@@ -1,0 +1,56 @@
+"""A robot put somewhere as a whole: by a free joint, or by any sequence of slides and hinges that carries it."""
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.dynamics import root_dofs
+from robot_retarget.robot.kinematics import integrate
+from robot_retarget.robot.model import SLIDE, Robot
+
+STEPS = 30
+"""Newton steps at most; a free joint takes two, three hinges about five."""
+ARRIVED = 1e-9
+"""A shorter step is the last one [m, rad]."""
+
+
+def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+    """A configuration moved by its root alone, so that a body is turned so and a point fixed to it is there.
+
+    Newton's method on  [x(q) − place, log(R turnᵀ)] = 0; least squares where the root has fewer than six ways to move.
+
+    Args:
+        offset: (3,) of the point in the body's frame [m].
+        place: (3,) wished for the point [m].
+        turn: (3, 3) wished for the body.
+    """
+    moved, dofs, data = np.array(qpos), root_dofs(robot), mujoco.MjData(robot.model)
+    velocity, rows = np.zeros(robot.model.nv), np.zeros((6, robot.model.nv))
+    for _ in range(STEPS if dofs.size else 0):
+        data.qpos[:] = moved
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        rotation = data.xmat[body].reshape(3, 3)
+        point = data.xpos[body] + rotation @ offset
+        mujoco.mj_jac(robot.model, data, rows[:3], rows[3:], point, body)
+        missing = np.append(place - point, Rotation.from_matrix(turn @ rotation.T).as_rotvec())
+        velocity[dofs] = np.linalg.lstsq(rows[:, dofs], missing)[0]
+        moved = integrate(robot, moved, velocity)
+        if np.abs(velocity).max() < ARRIVED:
+            break
+    return moved
+
+
+def raised(robot: Robot, qpos: Floats, height: float) -> Floats:
+    """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward."""
+    kinds = robot.model.jnt_type
+    slides = [d for d in root_dofs(robot) if kinds[robot.model.dof_jntid[d]] == SLIDE]
+    dofs = root_dofs(robot)[:3] if robot.floating else np.array(slides, dtype=np.int64)
+    data, velocity, rows = mujoco.MjData(robot.model), np.zeros(robot.model.nv), np.zeros((3, robot.model.nv))
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    mujoco.mj_jac(robot.model, data, rows, None, data.xpos[robot.root_body], robot.root_body)
+    velocity[dofs] = np.linalg.lstsq(rows[:, dofs], np.array([0.0, 0.0, height]))[0]
+    return integrate(robot, qpos, velocity)
