@@ -56,6 +56,12 @@ def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str, smoothing: S
     assert asymmetry(motion, load_robot("op3"), smoothing) < 1e-3
 
 
+def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -> None:
+    motion, robot = read_motion(SAMPLES / "squat.bvh").resample(15), load_robot("op3")
+    lowest = [retarget(motion, robot, smoothing=s).trajectory.qpos[:, 2].min() for s in (CAUSAL, WHOLE)]
+    assert lowest[0] == pytest.approx(lowest[1], abs=0.005)
+
+
 @needs_shared
 @pytest.mark.parametrize("name", ["booster_t1", "unitree_h1", "toddlerbot_2xc"])
 def test_hands_that_meet_in_the_middle_meet_evenly_and_stay_on_their_sides(name: str) -> None:
