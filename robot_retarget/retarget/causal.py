@@ -42,7 +42,7 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         pose = solver.descend(start, wished, pull=pull, box=box)
         if pose.missing > 0 and solver.overlapping(pose.qpos):
             again = solver.descend(before, wished, pull=pull, box=box)
-            pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost))
+            pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost), wished)
         poses.append(solver.lifted(pose))
         before = poses[-1].qpos
         if aim is None:

@@ -112,7 +112,7 @@ def _mend_overlaps(
     for t in _still_overlapping(solver, poses, fixed):
         poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
     for t in _still_overlapping(solver, poses, max(fixed, 1)):
-        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t])
+        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t], wished[t])
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:

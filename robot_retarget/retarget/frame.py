@@ -182,14 +182,15 @@ class FrameSolver:
         apart = self.landscape.separation
         return apart is not None and apart.depth(qpos) > OVERLAP
 
-    def held_back(self, before: Floats, pose: Pose) -> Pose:
+    def held_back(self, before: Floats, pose: Pose, wished: tuple[Floats, ...]) -> Pose:
         """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
         if not self.overlapping(pose.qpos):
             return pose
         way = difference(self.robot, before, pose.qpos)
         tried = (integrate(self.robot, before, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
         qpos = next((q for q in tried if not self.overlapping(q)), before)
-        return replace(pose, qpos=qpos, status=Status.BLOCKED, around=None)
+        here = self.landscape.around(qpos, wished)
+        return replace(pose, qpos=qpos, status=Status.BLOCKED, cost=here.cost, missing=here.missing, around=None)
 
     def lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let a sole sink under the floor."""

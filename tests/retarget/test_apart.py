@@ -7,7 +7,11 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.clip import Smoothing
-from robot_retarget.retarget.frame import Options
+from robot_retarget.retarget.edges import build_edges
+from robot_retarget.retarget.frame import FrameSolver, Options, Pose
+from robot_retarget.retarget.match import match
+from robot_retarget.retarget.problem import build_problem, frame_parameters
+from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
@@ -60,6 +64,19 @@ def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:
             moved.append((data.xipos.copy(), data.ximat.copy()))
         differs = (np.abs(moved[0][1] - moved[1][1]).max(1) > 1e-9) | (np.abs(moved[0][0] - moved[1][0]).max(1) > 1e-9)
         assert (differs == table[:, dof]).all()
+
+
+def test_a_pose_held_back_is_apart_and_tells_its_own_cost() -> None:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").resample(30).frames(0, 3), load_robot("op3")
+    matched = match(motion, robot)
+    edges = build_edges(motion, matched)
+    solver = FrameSolver(build_problem(robot, matched, edges), Options())
+    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(np.zeros((2, 4), dtype=bool)))
+    crossed = crossed_arms()[1]
+    assert solver.overlapping(crossed)
+    held = solver.held_back(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1), wished)
+    assert held.status is Status.BLOCKED and not solver.overlapping(held.qpos)
+    assert held.cost == pytest.approx(solver.landscape.around(held.qpos, wished).cost)
 
 
 def deepest(options: Options) -> float:
