@@ -53,7 +53,7 @@ class Weights:
     rest: float = 0.001
     """Joints as the robot stands [1/rad²]."""
     wrist: float = 0.1
-    """The same of wrists: where a forearm points is the elbow's business."""
+    """The same of wrists, where nothing shows how a hand is turned."""
 
 
 # Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame

@@ -32,7 +32,7 @@ class Options:
     tolerance: float = 5e-4
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
-    """Largest step of one hinge in one iteration [rad]."""
+    """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
     damping: float = 1e-3
     """Levenberg's λ at the outset."""
     starts: int = 3
@@ -151,7 +151,7 @@ class FrameSolver:
     def _step(self, q: Floats, here: Quadratic, damping: float, trust: float, box: Box) -> tuple[Floats | None, float]:
         """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
         nv = len(here.gradient)
-        lower, upper = np.full(nv + 1, -1.0), np.full(nv + 1, 1.0)
+        lower, upper = np.full(nv + 1, -2 * trust), np.full(nv + 1, 2 * trust)
         angle = q[self.robot.qpos_index]
         lower[self.hinges] = np.clip(box.lower - angle, -trust, trust)
         upper[self.hinges] = np.clip(box.upper - angle, -trust, trust)

@@ -1,4 +1,4 @@
-"""How the human's pelvis, chest, head and feet are turned: what joint centres alone cannot tell.
+"""How the human's pelvis, chest, head, feet and hands are turned: what joint centres alone cannot tell.
 
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
@@ -11,12 +11,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
+from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.match import Match
+from robot_retarget.robot.axes import levelled
+from robot_retarget.robot.hands import BENT, hand_frames
 
 UP = np.array([0.0, 0.0, 1.0])
-CUBE = Rotation.create_group("O")
-LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6}
+LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.35}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
@@ -28,10 +30,12 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     frames = _trunk_frames(x)
     for segment, lean in _leans(match).items():
         built, own = frames[segment] @ lean, _own_rotation(motion, match, segment)
-        frames[segment] = built if own is None else own @ _levelled(_constant(own, built), LEVEL[segment])
+        frames[segment] = built if own is None else own @ levelled(_constant(own, built), LEVEL[segment])
     for side in "lr":
         if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
             frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
+        if (hand := _hand(motion, match, side, x)) is not None:
+            frames[f"{side}_hand"] = hand
     return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
 
 
@@ -84,6 +88,18 @@ def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, 
     return seen @ _constant(seen[flat], level)
 
 
+def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
+    """A hand's own rotation; on the whole it continues the forearm, as far as bent elbows show how that is turned."""
+    arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
+    own = _own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
+    if own is None:
+        return None
+    straight, bend = hand_frames(*arm)
+    if bend.max() < BENT:
+        return None
+    return own @ levelled(_constant(own * bend[:, None, None] ** 2, straight), LEVEL["hand"])
+
+
 def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
     """(T, 3, 3) of the joint that stands for a keypoint, or carries those that do, where the source has rotations."""
     joints = match.recognition.marks[keypoint].joints
@@ -97,13 +113,6 @@ def _upward(motion: Motion, joint: int) -> set[int]:
     """The joints that carry a joint."""
     carried_by = int(motion.skeleton.parents[joint])
     return set() if carried_by < 0 else {carried_by} | _upward(motion, carried_by)
-
-
-def _levelled(constant: Floats, most: float) -> Floats:
-    """The nearest of the 24 rotations that take axes to axes, where that is within `most` [rad]; else the constant itself."""
-    turns = CUBE.inv() * Rotation.from_matrix(constant)
-    nearest = int(np.argmin(turns.magnitude()))
-    return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else constant
 
 
 def _constant(own: Floats, wanted: Floats) -> Floats:

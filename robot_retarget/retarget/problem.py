@@ -103,7 +103,7 @@ class _Terms:
             _compass(x, jacobian, edges, wished.u),
             _markers(x, jacobian, edges, wished.r, w),
             _path(x, jacobian, self.match, wished.y, w),
-            _rest(self.robot, self.match, q, w),
+            _rest(self.robot, self.match, edges, q, w),
             _holds(x[self.corners], jacobian[self.corners, :], wished, self.match.robot_leg),
         ]
         blocks = [(root * stretch, ca.diag(root) @ slope), *squared]
@@ -227,20 +227,20 @@ def _path(x: ca.MX, jacobian: ca.MX, match: Match, y: ca.MX, w: Weights) -> tupl
     return (x[3 * k : 3 * k + 3] - y) * scale, jacobian[3 * k : 3 * k + 3, :] * scale
 
 
-def _rest(robot: Robot, match: Match, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
+def _rest(robot: Robot, match: Match, edges: Edges, q: ca.MX, w: Weights) -> tuple[ca.MX, ca.MX]:
     """√w (q_joint − standing): decides where no edge does, as about the axis of a straight arm."""
-    root = np.sqrt(np.where(_wrists(robot, match), w.wrist, w.rest))
+    root = np.sqrt(np.where(_unled(robot, match, edges), w.wrist, w.rest))
     rows = np.zeros((len(robot.joint_ids), robot.model.nv))
     rows[np.arange(len(rows)), robot.dof_index] = root
     hinges = robot.qpos_index
     return ca.DM(root) * (q[hinges.tolist()] - robot.standing()[hinges]), ca.sparsify(ca.DM(rows))
 
 
-def _wrists(robot: Robot, match: Match) -> np.ndarray:
-    """(n,) the hinges that move a hand and no other keypoint."""
+def _unled(robot: Robot, match: Match, edges: Edges) -> np.ndarray:
+    """(n,) the wrists without markers: the hinges that move a hand and no other keypoint."""
     moves = carrying(robot.model)[match.points.bodies][:, robot.dof_index]
-    hands = [match.index(f"{side}_hand") for side in "lr" if f"{side}_hand" in match.keypoints]
-    return (moves.sum(axis=0) == 1) & moves[hands].any(axis=0)
+    hands = {f"{side}_hand" for side in "lr"} & set(match.keypoints) - set(edges.segments)
+    return (moves.sum(axis=0) == 1) & moves[[match.index(hand) for hand in hands]].any(axis=0)
 
 
 def _holds(x: ca.MX, jacobian: ca.MX, wished: _Wished, length: float) -> tuple[ca.MX, ca.MX]:

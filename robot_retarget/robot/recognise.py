@@ -13,8 +13,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.keypoints import ARM, KEYPOINTS
 from robot_retarget.robot.evening import both_soles, evened
+from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import (
     Chain,
@@ -61,7 +62,7 @@ class Anatomy:
     spots: Mapping[str, Spot]
     """Keypoints by name; those the robot lacks are absent."""
     frames: Mapping[str, tuple[int, Floats]]
-    """Segments (pelvis, chest, head, feet, hands): body, and (3, 3) its local forward, left and up as columns."""
+    """Segments (pelvis, chest, head, feet, hands that turn any way): body, and (3, 3) its local forward, left and up as columns."""
     soles: Mapping[str, Points]
     """Per foot (`l`, `r`) the points, seen or felt, that can be its lowest."""
     treads: Mapping[str, Points]
@@ -383,7 +384,7 @@ def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides
     """
     world = np.stack([sides.forward, sides.left, [0.0, 0.0, 1.0]], axis=1)
     segments = {"pelvis": "pelvis", "chest": "chest", "head": "head"}
-    segments |= {f"{s}_foot": f"{s}_ankle" for s in "lr"} | {f"{s}_hand": f"{s}_hand" for s in "lr"}
+    segments |= {f"{s}_foot": f"{s}_ankle" for s in "lr"}
     frames = {}
     for segment, keypoint in segments.items():
         if keypoint in spots:
@@ -391,4 +392,19 @@ def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides
             frames[segment] = body, frozen(pose.data.xmat[body].reshape(3, 3).T @ world)
     if "head" in frames and frames["head"][0] == frames["chest"][0]:
         del frames["head"]
+    return frames | _hands(links.robot, spots)
+
+
+def _hands(robot: Robot, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]]:
+    """The hands that can be turned any way, as they continue their forearms."""
+    arms = {s: [spots[f"{s}_{k}"] for k in ARM] for s in "lr" if f"{s}_elbow" in spots}
+    pose = robot.neutral()
+    for elbow in {arm[1].body for arm in arms.values()}:
+        hinges = np.isin(robot.joint_ids, [axis.joint for axis in Links(robot).axes(elbow)])
+        pose[robot.qpos_index[hinges]] = ((robot.lower + robot.upper) / 2)[hinges]
+    bent, frames = Links(robot, pose), {}
+    for side, arm in arms.items():
+        axes = hand_axes(bent, (arm[1].body, arm[2].body), np.array([_world(bent, spot) for spot in arm]))
+        if axes is not None:
+            frames[f"{side}_hand"] = arm[2].body, frozen(axes)
     return frames

@@ -1,0 +1,15 @@
+"""Axes of joints and links: by custom they lie along those of a body that stands upright."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+
+CUBE = Rotation.create_group("O")
+
+
+def levelled(turn: Floats, most: float) -> Floats:
+    """The nearest of the 24 rotations (3, 3) that take axes to axes, where that is within `most` [rad]; else `turn` itself."""
+    turns = CUBE.inv() * Rotation.from_matrix(turn)
+    nearest = int(np.argmin(turns.magnitude()))
+    return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else turn

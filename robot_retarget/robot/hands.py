@@ -1,0 +1,54 @@
+"""How a hand is turned where its wrist is straight: forward along the forearm, left along the axis of the elbow.
+
+This holds for any pose in which a body was modelled. The palm of a person faces along the elbow's axis when the forearm
+is turned neither in nor out (palms down and elbows back in a T-pose, palms to the thighs in a stand), and so does that
+of a robot whose wrist hinges are at zero.
+"""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.axes import levelled
+from robot_retarget.robot.links import Links
+
+ANY_WAY = 3
+"""Hinges beyond the elbow that turn a hand any way; with fewer the arm would have to bend for it."""
+LEVEL = 0.2
+"""A hand's frame this near to the axes of its link is taken to lie along them [rad]."""
+BENT = 0.2
+"""An elbow whose bones enclose an angle with a smaller sine shows no axis."""
+
+
+def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, Floats]:
+    """Forward, left and up of a hand that continues its forearm, as columns, (…, 3, 3), of any body.
+
+    Args:
+        shoulder, elbow, hand: (…, 3) [m].
+
+    Returns:
+        The frames, and the sine of the angle by which the elbow is bent (…); where it is 0 the turn is arbitrary.
+    """
+    along, upper = _unit(hand - elbow), _unit(elbow - shoulder)
+    axis = np.cross(upper, along)
+    left = _unit(axis)
+    return np.stack([along, left, np.cross(along, left)], axis=-1), np.linalg.norm(axis, axis=-1)
+
+
+def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | None:
+    """(3, 3) the hand's frame in its body, where the robot's wrist turns it any way.
+
+    Args:
+        bent: the robot, elbows in the middle of their range, all else in the reference pose.
+        bodies: of the elbow and of the hand.
+        arm: (3, 3) shoulder, elbow and hand there [m].
+    """
+    elbow, hand = (int(bent.weld[body]) for body in bodies)
+    beyond = [link for link in bent.path(hand) if link not in bent.path(elbow)]
+    frame, bend = hand_frames(*arm)
+    if len(bent.axes_along(beyond)) < ANY_WAY or bend < BENT:
+        return None
+    return levelled(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
