@@ -32,8 +32,7 @@ def _apart(robot: Robot, inside: np.ndarray, alone: np.ndarray) -> float:
 
 @pytest.mark.parametrize(
     ("name", "clip"),
-    [("op3", "walk"), ("op3", "squat"), ("op3", "clap")]
-    + [pytest.param(G1, clip, marks=needs_shared) for clip in ("walk", "squat", "wave", "hips_and_bow")],
+    [("op3", "walk"), ("op3", "squat"), ("op3", "clap"), pytest.param(G1, "walk", marks=needs_shared)],
 )
 def test_frames_alone_and_inside_their_clip_are_soon_the_same(name: str, clip: str) -> None:
     motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot(name)
@@ -43,9 +42,14 @@ def test_frames_alone_and_inside_their_clip_are_soon_the_same(name: str, clip: s
     assert _apart(robot, inside, alone) < SAME
 
 
-@pytest.mark.parametrize("clip", ["walk", "squat", "clap"])
-def test_the_same_edges_lead_to_the_same_poses_wherever_they_begin(clip: str) -> None:
-    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot("op3")
+@pytest.mark.parametrize(
+    ("name", "clip"),
+    [("op3", clip) for clip in ("walk", "squat", "clap")]
+    + [pytest.param(G1, clip, marks=needs_shared) for clip in ("walk", "squat", "wave", "hips_and_bow")],
+)
+def test_the_same_edges_lead_to_the_same_poses_wherever_they_begin(name: str, clip: str) -> None:
+    """How hands and heads are turned on the whole is read off all frames there are: edges of a part may differ."""
+    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot(name)
     matched = match(motion, robot)
     edges = build_edges(motion, matched)
     problem = build_problem(robot, matched, edges)
