@@ -41,11 +41,11 @@ class Weights:
     touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
     compass: float = 3.0
-    """Bone directions."""
+    """Bone directions, those of the legs most."""
     give: float = 0.02
     """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
-    girdle: float = 1.0
-    """Directions of the hip line and the shoulder line."""
+    girdle: float = 3.3
+    """Direction of the hip line, which way the body faces; that of the shoulder line a tenth of it."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
@@ -56,11 +56,11 @@ class Weights:
     """The same of wrists, where nothing shows how a hand is turned."""
 
 
-# Bones that only mirror how a body is built (clavicles, pelvis bones, necks) follow weakly; so do feet, whose frame
-# is a segment of its own.
-_WEAK_BONES = {"neck": 0.3, "head": 0.3, "l_toe": 0.3, "r_toe": 0.3}
-_NO_BONES = {"l_shoulder", "r_shoulder", "l_hip", "r_hip"}
-_GIRDLES = (("l_hip", "r_hip"), ("l_shoulder", "r_shoulder"))
+# Arms and trunks of robots have fewer hinges than a human's to follow with, so that their directions yield to distances.
+# Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
+# built and are left to the girdles.
+_BONES = {"chest": 0.7, "elbow": 0.6, "hand": 0.6, "neck": 0.2, "head": 0.2, "toe": 0.2, "shoulder": 0.0, "hip": 0.0}
+_GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.1))
 
 
 @dataclass(frozen=True)
@@ -193,16 +193,16 @@ def _touch_reach(a: str, b: str) -> float:
 
 
 def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
-    rows, weight = [], []
+    """Bones and girdles, and what their directions count."""
+    lines: list[tuple[int, int, float]] = []
     for k, keypoint in enumerate(match.keypoints):
-        if match.parents[k] >= 0 and keypoint not in _NO_BONES and match.robot_bones[k] > 1e-6:
-            rows.append((k, int(match.parents[k])))
-            weight.append(w.compass * _WEAK_BONES.get(keypoint, 1.0))
-    for left, right in _GIRDLES:
+        share = _BONES.get(keypoint.split("_")[-1], 1.0)
+        if match.parents[k] >= 0 and share and match.robot_bones[k] > 1e-6:
+            lines.append((k, int(match.parents[k]), w.compass * share))
+    for left, right, share in _GIRDLES:
         if left in match.keypoints and right in match.keypoints:
-            rows.append((match.index(left), match.index(right)))
-            weight.append(w.girdle)
-    return np.array(rows, dtype=np.int64).reshape(-1, 2), np.array(weight)
+            lines.append((match.index(left), match.index(right), w.girdle * share))
+    return np.array([line[:2] for line in lines], np.int64).reshape(-1, 2), np.array([line[2] for line in lines])
 
 
 def _tracks(x: Floats, match: Match, body: Floats) -> dict[str, Floats]:
