@@ -18,7 +18,6 @@ from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.windows import Windows
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.model import FREE, SLIDE
 
 PASS_TOLERANCE = 1e-5
 """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
@@ -34,7 +33,7 @@ class Smoothing:
     weight: float = 40.0
     """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
     root: float = 10.0
-    """How much more the root is drawn, per rad² and per squared leg length [-]."""
+    """How much more the root is drawn, per rad² and per m² [-]."""
     stiffness: float = 20.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
     windows: Windows = field(default_factory=Windows)
@@ -149,12 +148,7 @@ def _still_overlapping(solver: FrameSolver, poses: list[Pose], fixed: int) -> li
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:
-    """ρ per tangent direction: the root carries everything, so it is drawn more; its travel counts in leg lengths."""
-    robot = solver.robot
-    weight = np.full(robot.model.nv, smoothing.root * smoothing.weight)
-    for joint in robot.root_joints:
-        first = int(robot.model.jnt_dofadr[joint])
-        slide = robot.model.jnt_type[joint] in (FREE, SLIDE)
-        weight[first : first + 3 if robot.floating else first + 1] *= 1 / solver.leg**2 if slide else 1.0
+    """ρ per tangent direction: the root carries everything, so it is drawn more."""
+    weight = np.full(solver.robot.model.nv, smoothing.root * smoothing.weight)
     weight[solver.hinges] = smoothing.weight
     return weight
