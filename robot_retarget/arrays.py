@@ -1,4 +1,4 @@
-"""Arrays that are checked once and never change."""
+"""Arrays that are checked once and never change, and vectors of length one."""
 
 from typing import Any
 
@@ -14,3 +14,8 @@ def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
     array = np.array(values, dtype=dtype, order="C")
     array.setflags(write=False)
     return array
+
+
+def unit(vectors: Floats) -> Floats:
+    """x/‖x‖ along the last axis (…, n); what is shorter than 1e-9 stays short."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)

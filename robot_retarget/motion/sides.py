@@ -6,7 +6,7 @@ away from where the elbows bend to.
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.motion.limbs import Body, Limb, Pair
 
 SURE = 0.3
@@ -16,8 +16,8 @@ SURE = 0.3
 def leftness(body: Body, legs: Pair, arms: Pair) -> float:
     """Whether the first of two legs is the left one: 1 surely, −1 surely not, 0 unknown."""
     hips, shoulders = body.at(legs, 0), body.at(arms, 0)
-    up = _unit(shoulders.mean(axis=1) - hips.mean(axis=1))
-    line = _unit(hips[:, 0] - hips[:, 1])
+    up = unit(shoulders.mean(axis=1) - hips.mean(axis=1))
+    line = unit(hips[:, 0] - hips[:, 1])
     feet = [
         body.positions[:, toe] - body.positions[:, limb.joints[2]] for limb in legs.sides if (toe := body.toe(limb))
     ]
@@ -51,7 +51,3 @@ def _bend(body: Body, limb: Limb) -> Floats:
 def _vote(line: Floats, up: Floats, forward: list[Floats], scale: float) -> float:
     """Mean of line · (up × forward), forward in units of the limb."""
     return sum(float(np.einsum("fi,fi->f", line, np.cross(up, vector)).mean()) for vector in forward) / scale
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from robot_retarget.arrays import unit
 from robot_retarget.motion.limbs import Body, Pair
 
 HEAD_ABOVE_SHOULDERS = 0.2
@@ -27,8 +28,7 @@ def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, tuple[int, str]]
 def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
     """(J,) height of every joint over the shoulders along the trunk, in leg lengths."""
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
-    up = shoulders - hips
-    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
+    up = unit(shoulders - hips)
     return np.einsum("fji,fi->fj", body.positions - shoulders[:, None], up).mean(axis=0) / legs.length
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.errors import MatchError
 from robot_retarget.motion.calibration import calibration_frames
 from robot_retarget.motion.capture import Capture
@@ -72,9 +72,7 @@ def up_axis(recognition: Recognition, positions: Floats) -> str:
     at = recognition.keypoints.index
     ankles = x[:, [at("l_ankle"), at("r_ankle")]].mean(axis=1)
     top = x[:, at("head")] if "head" in recognition.marks else x[:, [at("l_shoulder"), at("r_shoulder")]].mean(axis=1)
-    along = top - ankles
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    mean = along.mean(axis=0)
+    mean = unit(top - ankles).mean(axis=0)
     leg = leg_length(recognition, positions)
     unsteady = np.concatenate([x.min(axis=1).std(axis=0), x.max(axis=1).std(axis=0)]) / leg
     score = np.concatenate([mean, -mean]) - np.minimum(unsteady, 0.5)

@@ -5,7 +5,7 @@ Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot f
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 
 GAP = 0.6
 """Between two soles there is at least this share of what is between them in the robot's own stand."""
@@ -31,7 +31,7 @@ def gaps(corners: Floats) -> Floats:
     """(T,) between two soles (T, 2, 4, 3), negative where they overlap: the widest along the edges of either [m]."""
     flat = corners[..., :2]
     ahead = lengths(corners)
-    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-9)
+    ahead = unit(ahead)
     axes = np.concatenate([ahead, ahead @ _TURN], axis=1)
     along = np.einsum("tfci,tai->tafc", flat, axes)
     least, most = along.min(axis=3), along.max(axis=3)
@@ -51,7 +51,7 @@ def left(corners: Floats) -> Floats:
 def ahead(corners: Floats) -> Floats:
     """(T, 2) unit vectors along which both feet (T, F, 4, 3) point."""
     along = lengths(corners).sum(axis=1)
-    return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    return unit(along)
 
 
 def lengths(corners: Floats) -> Floats:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, unit
 from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
@@ -126,7 +126,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
     pairs, distance, priority, tau, touching, touch = _posture(x, match, w, motion.fps)
     lines, line_weight = _lines(match, w)
     toward = x[:, lines[:, 0]] - x[:, lines[:, 1]]
-    direction = toward / np.maximum(np.linalg.norm(toward, axis=2, keepdims=True), 1e-9)
+    direction = unit(toward)
     frames = human_frames(motion, match)
     body = np.broadcast_to(facing(frames), (len(x), 3, 3))
     segments = tuple(frames)
@@ -213,7 +213,7 @@ def _tracks(x: Floats, match: Match, body: Floats) -> dict[str, Floats]:
     pelvis, left, right = (match.index(k) for k in ("pelvis", "l_hip", "r_hip"))
     apart = float(np.median(np.linalg.norm(x[:, left] - x[:, right], axis=1)))
     aside = np.stack([-body[:, 1, 0], body[:, 0, 0]], axis=1)
-    aside = aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9) * apart / 2
+    aside = unit(aside) * apart / 2
     inward = {"l": -aside, "r": aside}
     start = x[0, pelvis, :2]
     return {foot: (x[:, match.index(k), :2] - start + inward[foot]) * match.leg_ratio for foot, k in ankles.items()}

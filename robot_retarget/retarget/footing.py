@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.robot import Anatomy, Points, Robot
 from robot_retarget.robot.separation import carrying
@@ -86,7 +86,7 @@ def _edge_down(edge: Floats) -> Floats:
     """The two corners (…, 2, 3) of an edge on the floor, as far apart as they are."""
     width = np.linalg.norm(edge[..., 0, :] - edge[..., 1, :], axis=-1)[..., None] / 2
     across = (edge[..., 0, :] - edge[..., 1, :]) * [1.0, 1.0, 0.0]
-    across = width * across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
+    across = width * unit(across)
     middle = edge.mean(axis=-2) * [1.0, 1.0, 0.0]
     return np.stack([middle + across, middle - across], axis=-2)
 
@@ -95,7 +95,7 @@ def flattened(corners: Floats) -> Floats:
     """Corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
     middle = corners.mean(axis=-2, keepdims=True)
     ahead = (corners[..., _TOE, :2].mean(-2) - corners[..., _HEEL, :2].mean(-2))[..., None, :]
-    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+    ahead = unit(ahead)
     left = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)
     length, width = (
         np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1).mean(axis=-1)[..., None, None] / 2

@@ -10,7 +10,7 @@ never consulted: many exporters' rest poses are nonsense.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.match import Match
@@ -70,18 +70,18 @@ def facing(frames: dict[str, Floats]) -> Floats:
 
 def _upright(left: Floats, up: Floats) -> Floats:
     """Frames whose left is `left` and whose up is `up` less its part along it."""
-    y = _unit(left)
-    z = _unit(up - (up * y).sum(1, keepdims=True) * y)
+    y = unit(left)
+    z = unit(up - (up * y).sum(1, keepdims=True) * y)
     return np.stack([np.cross(y, z), y, z], axis=2)
 
 
 def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats) -> Floats:
     """A foot's frame; it is flat, and its toes lie straight ahead, where the ankle is lowest."""
     along, shin = toe - ankle, knee - ankle
-    y = _unit(np.cross(shin, along))
-    raw = np.stack([_unit(along), y, np.cross(_unit(along), y)], axis=2)
+    y = unit(np.cross(shin, along))
+    raw = np.stack([unit(along), y, np.cross(unit(along), y)], axis=2)
     flat = ankle[:, 2] <= np.quantile(ankle[:, 2], STANDING_SHARE)
-    ahead = _unit(along[flat] * [1, 1, 0])
+    ahead = unit(along[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
     own = _own_rotation(motion, match, f"{side}_ankle")
     seen = raw if own is None else own
@@ -119,7 +119,3 @@ def _constant(own: Floats, wanted: Floats) -> Floats:
     """The rotation C that minimises Σ ‖own C − wanted‖² over the frames (orthogonal Procrustes). (3, 3)"""
     u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", own, wanted))
     return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.retarget.footing import HOLD, flattened
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.zmp import support
@@ -76,7 +76,7 @@ def over_stand(planter: Planter, draft: Floats, stand: Floats, fps: float, poise
 def _kept_upright(turns: Rotation, forward: Floats, fps: float, poise: Poise) -> Rotation:
     """Heading and tilt of (T,) rotations, each no further than it may be."""
     up = turns.as_matrix()[:, :, 2]
-    away = up[:, :2] / np.maximum(np.linalg.norm(up[:, :2], axis=1), 1e-9)[:, None]
+    away = unit(up[:, :2])
     leaning = away * np.arccos(np.clip(up[:, 2], -1.0, 1.0))[:, None]
     level = (_leaning(leaning).inv() * turns).as_matrix()
     heading = np.unwrap(np.arctan2(level[:, 1, 0], level[:, 0, 0]))

@@ -6,7 +6,7 @@ whatever the robot did before: so the feet of a stream do not depend on where it
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import CORNERS, laid, sole_corners
@@ -103,8 +103,7 @@ def _hip_and_sole(problem: Problem, foot: str) -> tuple[float, Floats]:
 
 def _heading(frames: Floats) -> Floats:
     """(…, 2) the forward of frames (…, 3, 3) along the floor."""
-    ahead = frames[..., :2, 0]
-    return ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+    return unit(frames[..., :2, 0])
 
 
 def _left(ahead: Floats) -> Floats:

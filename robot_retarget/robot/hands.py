@@ -7,7 +7,7 @@ of a robot whose wrist hinges are at zero.
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.robot.axes import levelled
 from robot_retarget.robot.links import Links
 
@@ -28,9 +28,9 @@ def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, 
     Returns:
         The frames, and the sine of the angle by which the elbow is bent (…); where it is 0 the turn is arbitrary.
     """
-    along, upper = _unit(hand - elbow), _unit(elbow - shoulder)
+    along, upper = unit(hand - elbow), unit(elbow - shoulder)
     axis = np.cross(upper, along)
-    left = _unit(axis)
+    left = unit(axis)
     return np.stack([along, left, np.cross(along, left)], axis=-1), np.linalg.norm(axis, axis=-1)
 
 
@@ -48,7 +48,3 @@ def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | Non
     if len(bent.axes_along(beyond)) < ANY_WAY or bend < BENT:
         return None
     return levelled(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
