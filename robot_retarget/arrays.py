@@ -1,4 +1,4 @@
-"""Arrays that are checked once and never change, and vectors of length one."""
+"""Arrays that are checked once and never change, and directions."""
 
 from typing import Any
 
@@ -19,3 +19,8 @@ def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
 def unit(vectors: Floats) -> Floats:
     """x/‖x‖ along the last axis (…, n); what is shorter than 1e-9 stays short."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+
+
+def leftward(ahead: Floats) -> Floats:
+    """What lies to the left of directions along the floor (…, 2)."""
+    return np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)

@@ -5,12 +5,11 @@ Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot f
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.retarget.footing import lengths
 
 GAP = 0.6
 """Between two soles there is at least this share of what is between them in the robot's own stand."""
-_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Takes a direction (2,) to the one on its left."""
 
 
 def parted(corners: Floats, own: Floats) -> Floats:
@@ -30,11 +29,10 @@ def parted(corners: Floats, own: Floats) -> Floats:
 def gaps(corners: Floats) -> Floats:
     """(T,) between two soles (T, 2, 4, 3), negative where they overlap: the widest along the edges of either [m]."""
     flat = corners[..., :2]
-    ahead = lengths(corners)
-    ahead = unit(ahead)
-    axes = np.concatenate([ahead, ahead @ _TURN], axis=1)
-    along = np.einsum("tfci,tai->tafc", flat, axes)
-    least, most = along.min(axis=3), along.max(axis=3)
+    along = unit(lengths(corners))
+    axes = np.concatenate([along, leftward(along)], axis=1)
+    extent = np.einsum("tfci,tai->tafc", flat, axes)
+    least, most = extent.min(axis=3), extent.max(axis=3)
     return np.maximum(least[..., 0] - most[..., 1], least[..., 1] - most[..., 0]).max(axis=1)
 
 
@@ -45,15 +43,9 @@ def across(corners: Floats) -> Floats:
 
 def left(corners: Floats) -> Floats:
     """(T, 2) unit vectors to the left of where both feet (T, F, 4, 3) point."""
-    return ahead(corners) @ _TURN
+    return leftward(ahead(corners))
 
 
 def ahead(corners: Floats) -> Floats:
     """(T, 2) unit vectors along which both feet (T, F, 4, 3) point."""
-    along = lengths(corners).sum(axis=1)
-    return unit(along)
-
-
-def lengths(corners: Floats) -> Floats:
-    """(T, F, 2) from the middle of the heel of every foot to the middle of its toes [m]."""
-    return corners[..., :2, :2].mean(axis=2) - corners[..., 2:, :2].mean(axis=2)
+    return unit(lengths(corners).sum(axis=1))

@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats, Ints, unit
+from robot_retarget.arrays import Floats, Ints, leftward, unit
 from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.contacts import stances
-from robot_retarget.retarget.frames import facing, human_frames
+from robot_retarget.retarget.frames import facing, heading, human_frames
 from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match
 
@@ -125,8 +125,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
     x = grounded(match.human_positions(motion), match, motion.fps)
     pairs, distance, priority, tau, touching, touch = _posture(x, match, w, motion.fps)
     lines, line_weight = _lines(match, w)
-    toward = x[:, lines[:, 0]] - x[:, lines[:, 1]]
-    direction = unit(toward)
+    direction = unit(x[:, lines[:, 0]] - x[:, lines[:, 1]])
     frames = human_frames(motion, match)
     body = np.broadcast_to(facing(frames), (len(x), 3, 3))
     segments = tuple(frames)
@@ -212,8 +211,7 @@ def _tracks(x: Floats, match: Match, body: Floats) -> dict[str, Floats]:
         return {}
     pelvis, left, right = (match.index(k) for k in ("pelvis", "l_hip", "r_hip"))
     apart = float(np.median(np.linalg.norm(x[:, left] - x[:, right], axis=1)))
-    aside = np.stack([-body[:, 1, 0], body[:, 0, 0]], axis=1)
-    aside = unit(aside) * apart / 2
+    aside = leftward(heading(body)) * apart / 2
     inward = {"l": -aside, "r": aside}
     start = x[0, pelvis, :2]
     return {foot: (x[:, match.index(k), :2] - start + inward[foot]) * match.leg_ratio for foot, k in ankles.items()}

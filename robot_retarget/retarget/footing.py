@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.robot import Anatomy, Points, Robot
 from robot_retarget.robot.separation import carrying
@@ -76,6 +76,11 @@ def held_corners(stances: dict[str, np.ndarray], feet: tuple[str, ...], frames: 
     return held
 
 
+def lengths(corners: Floats) -> Floats:
+    """(…, 2) from the middle of the heel to the middle of the toes of soles (…, 4, 3), along the floor [m]."""
+    return corners[..., _TOE, :2].mean(axis=-2) - corners[..., _HEEL, :2].mean(axis=-2)
+
+
 def laid(corners: Floats, whole: np.ndarray) -> Floats:
     """Corners (…, 4, 3) on the floor: the sole flat where it stands `whole` (…), else each edge where it is."""
     front, rear = _edge_down(corners[..., _TOE, :]), _edge_down(corners[..., _HEEL, :])
@@ -86,17 +91,15 @@ def _edge_down(edge: Floats) -> Floats:
     """The two corners (…, 2, 3) of an edge on the floor, as far apart as they are."""
     width = np.linalg.norm(edge[..., 0, :] - edge[..., 1, :], axis=-1)[..., None] / 2
     across = (edge[..., 0, :] - edge[..., 1, :]) * [1.0, 1.0, 0.0]
-    across = width * unit(across)
-    middle = edge.mean(axis=-2) * [1.0, 1.0, 0.0]
-    return np.stack([middle + across, middle - across], axis=-2)
+    middle, half = edge.mean(axis=-2) * [1.0, 1.0, 0.0], width * unit(across)
+    return np.stack([middle + half, middle - half], axis=-2)
 
 
 def flattened(corners: Floats) -> Floats:
     """Corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
     middle = corners.mean(axis=-2, keepdims=True)
-    ahead = (corners[..., _TOE, :2].mean(-2) - corners[..., _HEEL, :2].mean(-2))[..., None, :]
-    ahead = unit(ahead)
-    left = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)
+    ahead = unit(lengths(corners))[..., None, :]
+    left = leftward(ahead)
     length, width = (
         np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1).mean(axis=-1)[..., None, None] / 2
         for one, other in ((_TOE, _HEEL), (_LEFT, _RIGHT))

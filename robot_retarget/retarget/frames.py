@@ -68,6 +68,11 @@ def facing(frames: dict[str, Floats]) -> Floats:
     return np.eye(3)[None]
 
 
+def heading(frames: Floats) -> Floats:
+    """(…, 2) the forward of frames (…, 3, 3) along the floor."""
+    return unit(frames[..., :2, 0])
+
+
 def _upright(left: Floats, up: Floats) -> Floats:
     """Frames whose left is `left` and whose up is `up` less its part along it."""
     y = unit(left)

@@ -6,10 +6,11 @@ whatever the robot did before: so the feet of a stream do not depend on where it
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, unit
+from robot_retarget.arrays import Floats, Ints, leftward, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import CORNERS, laid, sole_corners
+from robot_retarget.retarget.footing import CORNERS, laid, lengths, sole_corners
+from robot_retarget.retarget.frames import heading
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.robot import Points, world_points
 
@@ -67,14 +68,14 @@ def reckoned_soles(problem: Problem, edges: Edges) -> Floats:
     """(T, F, 4, 3) the corners of every sole flat on the floor [m]: its ankle where the scaled human's is, further out by
     as much as the robot's hips are wider; nan for feet whose ankle or hips either body lacks.
     """
-    left = _left(_heading(edges.facing))
+    left = leftward(heading(edges.facing))
     outward = {"l": left, "r": -left}
     found = np.full((len(edges), len(problem.feet), CORNERS, 3), np.nan)
     for k, foot in enumerate(problem.feet):
         if foot in edges.tracks:
             hip, sole = _hip_and_sole(problem, foot)
-            ankle, ahead = edges.tracks[foot] + hip * outward[foot], _heading(_turn(edges, foot))
-            found[:, k, :, :2] = ankle[:, None] + sole[:, :1] * ahead[:, None] + sole[:, 1:] * _left(ahead)[:, None]
+            ankle, ahead = edges.tracks[foot] + hip * outward[foot], heading(_turn(edges, foot))
+            found[:, k, :, :2] = ankle[:, None] + sole[:, :1] * ahead[:, None] + sole[:, 1:] * leftward(ahead)[:, None]
             found[:, k, :, 2] = 0.0
     return found
 
@@ -96,15 +97,5 @@ def _hip_and_sole(problem: Problem, foot: str) -> tuple[float, Floats]:
     )
     left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0, :, :2]
     along = np.array(sole) - ankle
-    ahead = along[:2].sum(axis=0) - along[2:].sum(axis=0)
-    ahead = ahead / np.linalg.norm(ahead)
-    return float(np.linalg.norm(left - right)) / 2, along @ np.stack([ahead, _left(ahead)], axis=1)
-
-
-def _heading(frames: Floats) -> Floats:
-    """(…, 2) the forward of frames (…, 3, 3) along the floor."""
-    return unit(frames[..., :2, 0])
-
-
-def _left(ahead: Floats) -> Floats:
-    return np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)
+    ahead = unit(lengths(along))
+    return float(np.linalg.norm(left - right)) / 2, along @ np.stack([ahead, leftward(ahead)], axis=1)

@@ -1,12 +1,12 @@
 """The robot side: an MJCF becomes a `Robot`, and a humanoid is found in it."""
 
+from robot_retarget.robot.anatomy import Anatomy as Anatomy
+from robot_retarget.robot.anatomy import Spot as Spot
 from robot_retarget.robot.catalog import load_robot as load_robot
 from robot_retarget.robot.catalog import read_toml as read_toml
 from robot_retarget.robot.catalog import shipped_robots as shipped_robots
 from robot_retarget.robot.kinematics import Points as Points
 from robot_retarget.robot.kinematics import world_points as world_points
 from robot_retarget.robot.model import Robot as Robot
-from robot_retarget.robot.recognise import Anatomy as Anatomy
-from robot_retarget.robot.recognise import Spot as Spot
 from robot_retarget.robot.recognise import override as override
 from robot_retarget.robot.recognise import recognise as recognise

@@ -6,7 +6,6 @@ stands on the floor) and from names, in this order; each keypoint says how sure 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,78 +13,25 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import ARM, KEYPOINTS
+from robot_retarget.robot.anatomy import Anatomy, Spot
 from robot_retarget.robot.evening import both_soles, evened
 from robot_retarget.robot.hands import hand_axes
-from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import (
     Chain,
     Pair,
     arm_centres,
     leg_centres,
     mirrored_pairs,
-    sole_cloud,
     toe_centre,
     words,
 )
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.soles import sole, tread
 
 LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 HEAD_WORDS = {"head", "skull", "face"}
-SOLE_DIRECTIONS = 8
-SOLE_TILTS = (0.5, 1.1, 1.5)
-"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
-TREAD = 0.0005
-"""What is solid of a foot and this near to its lowest carries it where it stands flat [m]."""
-
-
-@dataclass(frozen=True)
-class Spot:
-    """A keypoint of a robot: a point fixed to a body."""
-
-    body: int
-    offset: Floats
-    """(3,) in the body's frame [m]."""
-    confidence: float
-    """0 … 1."""
-    evidence: str
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "offset", frozen(self.offset))
-
-
-@dataclass(frozen=True)
-class Anatomy:
-    """What was recognised in a robot."""
-
-    spots: Mapping[str, Spot]
-    """Keypoints by name; those the robot lacks are absent."""
-    frames: Mapping[str, tuple[int, Floats]]
-    """Segments (pelvis, chest, head, feet, hands that turn any way): body, and (3, 3) its local forward, left and up as columns."""
-    soles: Mapping[str, Points]
-    """Per foot (`l`, `r`) the points, seen or felt, that can be its lowest."""
-    treads: Mapping[str, Points]
-    """Per foot the points of its solid surface on which it stands flat: what carries the robot."""
-    forward: Floats
-    """(3,) where the robot looks in its reference pose."""
-    notes: tuple[str, ...]
-
-    @cached_property
-    def points(self) -> Points:
-        """All keypoints in the order of `names`."""
-        spots = [self.spots[name] for name in self.names]
-        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The keypoints the robot has, in the vocabulary's order."""
-        return tuple(k for k in KEYPOINTS if k in self.spots)
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """The keypoints the robot lacks."""
-        return tuple(k for k in KEYPOINTS if k not in self.spots)
 
 
 def recognise(robot: Robot) -> Anatomy:
@@ -242,9 +188,9 @@ def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) 
         toe = toe_centre(standing, foot, surfaces[side], ankles[side], sides.forward)
         spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)
     spots = _evened(links, spots, sides.left)
-    soles = {side: _sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
+    soles = {side: sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
     notes = [*sides.notes, *robot.notes, *_partial(spots)]
-    treads = {side: _tread(standing, foot) for side, foot in feet.items()}
+    treads = {side: tread(standing, foot) for side, foot in feet.items()}
     return Anatomy(spots, _frames(links, standing, spots, sides), soles, treads, frozen(sides.forward), tuple(notes))
 
 
@@ -346,37 +292,6 @@ def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
     return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
-def _sole(standing: Links, foot: int, surface: Floats) -> Points:
-    """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
-    cloud = surface[surface[:, 2] < surface[:, 2].min() + max(0.02, 0.3 * float(np.ptp(surface[:, 2])))]
-    azimuth = _all_around()
-    ways = [[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for t in SOLE_TILTS for a in azimuth]
-    flat = sole_cloud(surface)
-    rim = [[np.cos(a), np.sin(a), -0.05] for a in azimuth]
-    corners = np.vstack(
-        [cloud[np.unique((cloud @ np.transpose(ways)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]
-    )
-    return _on_foot(standing, foot, corners)
-
-
-def _tread(standing: Links, foot: int) -> Points:
-    """The points of the solid surface that touch the floor when the foot stands flat: the extremes all around."""
-    cloud = standing.surface(foot)
-    flat = cloud[cloud[:, 2] < cloud[:, 2].min() + TREAD]
-    azimuth = _all_around()
-    return _on_foot(standing, foot, flat[(flat[:, :2] @ np.stack([np.cos(azimuth), np.sin(azimuth)])).argmax(0)])
-
-
-def _all_around() -> Floats:
-    return (np.arange(SOLE_DIRECTIONS) + 0.5) * 2 * np.pi / SOLE_DIRECTIONS
-
-
-def _on_foot(standing: Links, foot: int, places: Floats) -> Points:
-    """Each of the places (P, 3) once, fixed to the foot."""
-    once = np.unique(places.round(5), axis=0)
-    return Points(np.full(len(once), foot), np.array([standing.local(foot, place) for place in once]))
-
-
 def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides) -> dict[str, tuple[int, Floats]]:
     """Each segment's body with its forward, left and up; a head that cannot turn against the chest has none.
 
@@ -392,15 +307,16 @@ def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides
             frames[segment] = body, frozen(pose.data.xmat[body].reshape(3, 3).T @ world)
     if "head" in frames and frames["head"][0] == frames["chest"][0]:
         del frames["head"]
-    return frames | _hands(links.robot, spots)
+    return frames | _hands(links, spots)
 
 
-def _hands(robot: Robot, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]]:
+def _hands(links: Links, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]]:
     """The hands that can be turned any way, as they continue their forearms."""
     arms = {s: [spots[f"{s}_{k}"] for k in ARM] for s in "lr" if f"{s}_elbow" in spots}
+    robot = links.robot
     pose = robot.neutral()
     for elbow in {arm[1].body for arm in arms.values()}:
-        hinges = np.isin(robot.joint_ids, [axis.joint for axis in Links(robot).axes(elbow)])
+        hinges = np.isin(robot.joint_ids, [axis.joint for axis in links.axes(elbow)])
         pose[robot.qpos_index[hinges]] = ((robot.lower + robot.upper) / 2)[hinges]
     bent, frames = Links(robot, pose), {}
     for side, arm in arms.items():

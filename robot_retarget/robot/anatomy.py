@@ -1,0 +1,59 @@
+"""What is recognised in a robot: its keypoints, how its segments are turned, and what it stands on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.robot.kinematics import Points
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A keypoint of a robot: a point fixed to a body."""
+
+    body: int
+    offset: Floats
+    """(3,) in the body's frame [m]."""
+    confidence: float
+    """0 … 1."""
+    evidence: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "offset", frozen(self.offset))
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """What was recognised in a robot."""
+
+    spots: Mapping[str, Spot]
+    """Keypoints by name; those the robot lacks are absent."""
+    frames: Mapping[str, tuple[int, Floats]]
+    """Segments (pelvis, chest, head, feet, hands that turn any way): body, and (3, 3) its local forward, left and up as columns."""
+    soles: Mapping[str, Points]
+    """Per foot (`l`, `r`) the points, seen or felt, that can be its lowest."""
+    treads: Mapping[str, Points]
+    """Per foot the points of its solid surface on which it stands flat: what carries the robot."""
+    forward: Floats
+    """(3,) where the robot looks in its reference pose."""
+    notes: tuple[str, ...]
+
+    @cached_property
+    def points(self) -> Points:
+        """All keypoints in the order of `names`."""
+        spots = [self.spots[name] for name in self.names]
+        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The keypoints the robot has, in the vocabulary's order."""
+        return tuple(k for k in KEYPOINTS if k in self.spots)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The keypoints the robot lacks."""
+        return tuple(k for k in KEYPOINTS if k not in self.spots)
