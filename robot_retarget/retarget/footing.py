@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.robot import Anatomy, Points, Robot
-from robot_retarget.robot.separation import carrying
+from robot_retarget.robot.kinematics import carrying
 
 HOLD = 1e4
 """Weight of a held coordinate, over the squared leg length: it gives way by a tenth of a millimetre."""

@@ -20,7 +20,7 @@ from robot_retarget.errors import UsageError
 from robot_retarget.retarget.approach import REST
 from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces
 from robot_retarget.robot import Robot
-from robot_retarget.robot.separation import carrying
+from robot_retarget.robot.kinematics import carrying
 
 LEAST = 2.0**-6
 """A part of a step this small is none."""

@@ -18,9 +18,8 @@ from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.kinematics import mass_function, point_function
+from robot_retarget.robot.kinematics import carrying, mass_function, point_function
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.separation import carrying
 
 OVER = 3e3
 """Weight of the centre of mass along the floor, over the squared leg length: feet come first, all else after."""

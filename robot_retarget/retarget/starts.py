@@ -9,9 +9,9 @@ from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.symmetry import symmetry_of
+from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
-from robot_retarget.robot.separation import carrying
 
 ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""

@@ -5,6 +5,7 @@ second): free joints translate in the world frame and turn in their own, single 
 differentiates by v, so that quaternions need no special care anywhere else.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -54,38 +55,114 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
 
 def point_function(robot: Robot, points: Points) -> ca.Function:
     """q (nq) ↦ positions (3P, stacked x y z per point) [m] and their Jacobian by v (3P, nv)."""
-    q, v = ca.SX.sym("q", robot.model.nq), ca.SX.sym("v", robot.model.nv)
-    stacked = _stacked(robot, points, q, v)
-    at_rest = ca.substitute([stacked, ca.jacobian(stacked, v)], [v], [ca.SX.zeros(robot.model.nv)])
-    return ca.Function("points", [q], at_rest, ["q"], ["x", "J"])
+    bodies = Bodies(robot)
+    x = bodies.places(points)
+    return bodies.function("points", [ca.vec(x), bodies.travel(x, carrying(robot.model)[points.bodies])])
+
+
+def place_function(robot: Robot, points: Points) -> ca.Function:
+    """q (nq) ↦ the positions alone (3P): a fifth of the work."""
+    bodies = Bodies(robot)
+    return bodies.function("places", [ca.vec(bodies.places(points))])
 
 
 def mass_function(robot: Robot) -> ca.Function:
     """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
-    model = robot.model
-    q, v = ca.SX.sym("q", model.nq), ca.SX.sym("v", model.nv)
-    frames = _symbolic_frames(model, q, v)
+    model, bodies = robot.model, Bodies(robot)
     heavy = np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
     shares = model.body_mass[heavy] / model.body_mass[heavy].sum()
-    centre = ca.SX.zeros(3)
-    for (position, rotation), share, offset in zip(
-        [frames[int(b)] for b in heavy], shares, model.body_ipos[heavy], strict=True
-    ):
-        centre += float(share) * (position + rotation @ ca.DM(offset))
-    at_rest = ca.substitute([centre, ca.jacobian(centre, v)], [v], [ca.SX.zeros(model.nv)])
-    return ca.Function("mass", [q], at_rest, ["q"], ["x", "J"])
+    centres = bodies.places(Points(heavy, model.body_ipos[heavy]))
+    carried = carrying(model)[heavy] * shares[:, None]
+    share = carried.sum(axis=0)
+    columns = [
+        share[dof] * bodies.velocity(dof, centres @ ca.DM(carried[:, dof] / share[dof])) if share[dof] else ca.SX(3, 1)
+        for dof in range(model.nv)
+    ]
+    return bodies.function("mass", [centres @ ca.DM(shares), ca.horzcat(*columns)])
 
 
-def place_function(robot: Robot, points: Points) -> ca.Function:
-    """q (nq) ↦ the positions alone (3P): a quarter of the work."""
-    q = ca.SX.sym("q", robot.model.nq)
-    return ca.Function("places", [q], [_stacked(robot, points, q, ca.SX.zeros(robot.model.nv))], ["q"], ["x"])
+class Bodies:
+    """The bodies of a robot as CasADi expressions of q, and how every dof moves what it carries.
 
+    With unit rate of its dof, a hinge about the axis a through the anchor c moves a point x by a × (x − c) and turns a
+    direction e by a × e; a slide moves points by a.
+    """
 
-def _stacked(robot: Robot, points: Points, q: Any, v: Any) -> Any:
-    """Positions of points at q ⊕ v, x y z one point after the other."""
-    frames = _symbolic_frames(robot.model, q, v)
-    return ca.vertcat(*[p + r @ ca.DM(o) for (p, r), o in _located(frames, points)])
+    def __init__(self, robot: Robot):
+        self.model, self.q = robot.model, ca.SX.sym("q", robot.model.nq)
+        self.axes: list[Any] = [None] * self.model.nv
+        self.anchors: list[Any] = [None] * self.model.nv
+        """None for a slide."""
+        self.frames: list[tuple[Any, Any]] = [(ca.SX.zeros(3), ca.SX.eye(3))]
+        """Position and rotation of each."""
+        for body in range(1, self.model.nbody):
+            self.frames.append(self._body(body))
+
+    def places(self, points: Points) -> Any:
+        """(3, P) where points are [m]."""
+        origins = [self.frames[body][0] for body in points.bodies.tolist()]
+        return ca.horzcat(ca.SX(3, 0), *origins) + self.directions(points.bodies, points.offsets)
+
+    def directions(self, bodies: Ints, vectors: Floats) -> Any:
+        """(3, D) vectors (D, 3) fixed to bodies (D,)."""
+        turned = [self.frames[body][1] @ ca.DM(e) for body, e in zip(bodies.tolist(), vectors, strict=True)]
+        return ca.horzcat(ca.SX(3, 0), *turned)
+
+    def velocity(self, dof: int, x: Any) -> Any:
+        """(3, P) of points (3, P) that a dof carries, per its rate."""
+        if self.anchors[dof] is None:
+            return ca.repmat(self.axes[dof], 1, x.shape[1])
+        return self.turn(dof, x - ca.repmat(self.anchors[dof], 1, x.shape[1]))
+
+    def turn(self, dof: int, e: Any) -> Any:
+        """(3, D) of directions (3, D) that a dof carries, per its rate."""
+        return ca.skew(self.axes[dof]) @ e if self.anchors[dof] is not None else ca.SX(*e.shape)
+
+    def travel(self, x: Any, carried: np.ndarray) -> Any:
+        """(3P, nv) the Jacobian of points (3, P) carried by dofs (P, nv), x y z one point after the other."""
+        return self._columns(self.velocity, x, carried)
+
+    def turning(self, e: Any, carried: np.ndarray) -> Any:
+        """(3D, nv) that of directions (3, D)."""
+        return self._columns(self.turn, e, carried)
+
+    def function(self, name: str, outputs: list[Any]) -> ca.Function:
+        """q ↦ expressions."""
+        return ca.Function(name, [self.q], outputs)
+
+    def _columns(self, moved: Callable[[int, Any], Any], vectors: Any, carried: np.ndarray) -> Any:
+        jacobian = ca.SX(vectors.numel(), self.model.nv)
+        for dof in range(self.model.nv):
+            own = np.flatnonzero(carried[:, dof])
+            if own.size:
+                rows = (3 * own[:, None] + np.arange(3)).ravel().tolist()
+                jacobian[rows, dof] = ca.vec(moved(dof, vectors[:, own.tolist()]))
+        return ca.sparsify(jacobian)
+
+    def _body(self, body: int) -> tuple[Any, Any]:
+        model = self.model
+        position, rotation = self.frames[int(model.body_parentid[body])]
+        position = position + rotation @ ca.DM(model.body_pos[body])
+        rotation = rotation @ ca.DM(_matrix(tuple(model.body_quat[body])))
+        for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            position, rotation = self._moved(joint, position, rotation)
+        return position, rotation
+
+    def _moved(self, joint: int, position: Any, rotation: Any) -> tuple[Any, Any]:
+        """A body frame carried on by one of its joints, whose axes are noted."""
+        model, a, d = self.model, int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
+        if model.jnt_type[joint] == FREE:
+            position, rotation = self.q[a : a + 3], _quaternion(self.q[a + 3 : a + 7])
+            self.axes[d : d + 6] = [*ca.horzsplit(ca.SX.eye(3)), *ca.horzsplit(rotation)]
+            self.anchors[d + 3 : d + 6] = [position] * 3
+            return position, rotation
+        step, anchor = self.q[a] - float(model.qpos0[a]), position + rotation @ ca.DM(model.jnt_pos[joint])
+        self.axes[d] = rotation @ ca.DM(model.jnt_axis[joint])
+        if model.jnt_type[joint] != HINGE:
+            return position + self.axes[d] * step, rotation
+        self.anchors[d] = anchor
+        turned = rotation @ _about(ca.DM(model.jnt_axis[joint]), step)
+        return anchor - turned @ ca.DM(model.jnt_pos[joint]), turned
 
 
 def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
@@ -100,36 +177,6 @@ def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
     velocity = np.empty(robot.model.nv)
     mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
     return velocity
-
-
-def _located(frames: dict[int, tuple[Any, Any]], points: Points) -> list[tuple[tuple[Any, Any], Floats]]:
-    return [(frames[int(b)], o) for b, o in zip(points.bodies, points.offsets, strict=True)]
-
-
-def _symbolic_frames(model: mujoco.MjModel, q: Any, v: Any) -> dict[int, tuple[Any, Any]]:
-    """Position and rotation of each body at q ⊕ v, exact to first order in v (all that a Jacobian needs)."""
-    frames: dict[int, tuple[Any, Any]] = {0: (ca.SX.zeros(3), ca.SX.eye(3))}
-    for body in range(1, model.nbody):
-        position, rotation = frames[int(model.body_parentid[body])]
-        position = position + rotation @ ca.DM(model.body_pos[body])
-        rotation = rotation @ ca.DM(_matrix(tuple(model.body_quat[body])))
-        for joint in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
-            position, rotation = _moved(model, joint, q, v, position, rotation)
-        frames[body] = position, rotation
-    return frames
-
-
-def _moved(model: mujoco.MjModel, joint: int, q: Any, v: Any, position: Any, rotation: Any) -> tuple[Any, Any]:
-    """A body frame carried on by one of its joints."""
-    a, d = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-    if model.jnt_type[joint] == FREE:
-        return q[a : a + 3] + v[d : d + 3], _quaternion(q[a + 3 : a + 7]) @ (ca.SX.eye(3) + ca.skew(v[d + 3 : d + 6]))
-    step = q[a] + v[d] - float(model.qpos0[a])
-    axis, anchor = ca.DM(model.jnt_axis[joint]), ca.DM(model.jnt_pos[joint])
-    if model.jnt_type[joint] == HINGE:
-        turned = rotation @ _about(axis, step)
-        return position + rotation @ anchor - turned @ anchor, turned
-    return position + rotation @ axis * step, rotation
 
 
 def _about(axis: Any, angle: Any) -> Any:
@@ -151,3 +198,13 @@ def _matrix(wxyz: tuple[float, ...]) -> Floats:
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.array(wxyz))
     return matrix.reshape(3, 3)
+
+
+def carrying(model: mujoco.MjModel) -> np.ndarray:
+    """(B, nv) whether a dof moves a body."""
+    table = np.zeros((model.nbody, model.nv), dtype=bool)
+    for body in range(1, model.nbody):
+        table[body] = table[model.body_parentid[body]]
+        first = model.body_dofadr[body]
+        table[body, first : first + model.body_dofnum[body]] = True
+    return table

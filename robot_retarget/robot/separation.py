@@ -12,6 +12,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Boxes, Near
 from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
@@ -97,13 +98,3 @@ class Separation:
         for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -OVERLAP
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
-
-
-def carrying(model: mujoco.MjModel) -> np.ndarray:
-    """(B, nv) whether a dof moves a body."""
-    table = np.zeros((model.nbody, model.nv), dtype=bool)
-    for body in range(1, model.nbody):
-        table[body] = table[model.body_parentid[body]]
-        first = model.body_dofadr[body]
-        table[body, first : first + model.body_dofnum[body]] = True
-    return table

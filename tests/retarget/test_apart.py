@@ -15,8 +15,8 @@ from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.kinematics import integrate
-from robot_retarget.robot.separation import Separation, carrying
+from robot_retarget.robot.kinematics import carrying, integrate
+from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
