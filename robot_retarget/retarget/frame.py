@@ -156,7 +156,7 @@ class FrameSolver:
         lower[self.hinges] = np.clip(box.lower - angle, -trust, trust)
         upper[self.hinges] = np.clip(box.upper - angle, -trust, trust)
         lower[nv], upper[nv] = 0.0, np.inf
-        hessian = np.zeros((nv + 1, nv + 1))
+        hessian = np.zeros((nv + 1, nv + 1), order="F")
         hessian[:nv, :nv] = here.normal
         hessian[np.arange(nv), np.arange(nv)] += damping
         hessian[nv, nv] = SEPARATION_COST / self.leg**2

@@ -91,7 +91,7 @@ class Landscape:
             total += scale * float(violation @ violation)
             gradient, normal = gradient + scale * (tie.T @ violation), normal + scale * (tie.T @ tie)
         nv, floors = len(gradient), len(floor)
-        rows, least = np.zeros((self.rows, nv + 1)), np.full(self.rows, -np.inf)
+        rows, least = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
         rows[:floors, :nv], least[:floors] = slope, -floor
         missing = self._apart(q, rows[floors:], least[floors:]) if self.separation is not None else 0.0
         total += SEPARATION_COST * missing**2

@@ -44,7 +44,8 @@ class Stepping:
         if frame == 0:
             corners = np.where(known[:, None, None], self.settled[0], corners)
         lands = stands & (~self.before.any(axis=1) | (now.all(axis=1) & ~self.before.all(axis=1)))
-        self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
+        if lands.any():
+            self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
         led = known & ~stands
         self.places[led] = self.settled[frame, led]
         self.before = now

@@ -1,6 +1,7 @@
 """A robot: the MuJoCo model, its joints in order, and what each may do."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -64,15 +65,15 @@ class Robot:
                 "lower above upper"
             )
 
-    @property
+    @cached_property
     def qpos_index(self) -> Ints:
         """(n,) where each hinge stands in qpos."""
-        return np.asarray(self.model.jnt_qposadr[self.joint_ids], dtype=np.int64)
+        return frozen(self.model.jnt_qposadr[self.joint_ids], np.int64)
 
-    @property
+    @cached_property
     def dof_index(self) -> Ints:
         """(n,) where each hinge stands in qvel."""
-        return np.asarray(self.model.jnt_dofadr[self.joint_ids], dtype=np.int64)
+        return frozen(self.model.jnt_dofadr[self.joint_ids], np.int64)
 
     @property
     def floating(self) -> bool:
