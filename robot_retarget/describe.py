@@ -100,6 +100,7 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "largest_step_rad": round(solution.largest_step(), 3),
         "solved_per_second": round(frames / seconds, 1) if seconds else None,
         "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
+        "machine_code": solution.native,
         "worst_edges": [
             {"edge": name, "mean_error": round(mean, 4), "worst_frame": frame}
             for name, mean, frame in solution.worst_edges()

@@ -78,12 +78,12 @@ class Case:
         return f"{self.problem.robot.name}, {Path(self.motion.source).stem} ({len(self.edges)} frames)"
 
 
-def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> Case:
-    """Match, describe by edges and compile; not part of any figure."""
+def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None, native: bool = False) -> Case:
+    """Match, describe by edges and compile, for `native` to machine code; not part of any figure."""
     motion = motion.resample(fps or min(motion.fps, MOST_FPS))
     matched = rr.match(motion, robot)
     edges = build_edges(motion, matched)
-    return Case(motion, matched, edges, build_problem(robot, matched, edges))
+    return Case(motion, matched, edges, build_problem(robot, matched, edges, native=native))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,9 +306,14 @@ def main() -> None:
     ask.add_argument("--clips", nargs="+", type=Path, default=[WALK] if there else sorted(SAMPLES.glob("*.bvh")))
     ask.add_argument("--fps", type=float, default=None, help="frames per second of the trajectories")
     ask.add_argument("--repeats", type=int, default=5, help="runs of which the median counts")
+    ask.add_argument("--native", action="store_true", help="machine code, as long clips get it")
     given = ask.parse_args()
     peer = has_mink()
-    cases = [prepare(rr.read_motion(c), rr.load_robot(r), given.fps) for r in given.robots for c in given.clips]
+    cases = [
+        prepare(rr.read_motion(clip), rr.load_robot(robot), given.fps, given.native)
+        for robot in given.robots
+        for clip in given.clips
+    ]
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" + ("" if peer else "; mink is not installed"))
     for head, rows in ((SPEED_HEAD, lambda case: speeds(case, given.repeats, peer)), (SHARE_HEAD, shares)):
         print(f"\n{head}\n" + "|---" * (head.count("|") - 1) + "|")

@@ -26,6 +26,7 @@ from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import CORNERS
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.measures import build_measures
+from robot_retarget.retarget.native import machine_code
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import carrying
 
@@ -49,13 +50,22 @@ class Problem:
     feet: tuple[str, ...]
     soles: int
     """F, how many sole points stay above the floor."""
+    native: bool = False
+    """Whether `model` measures by machine code."""
 
 
-def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | None = None) -> Problem:
-    """Assemble the functions for a robot; the wished values stay parameters."""
+def build_problem(
+    robot: Robot, match: Match, edges: Edges, weights: Weights | None = None, native: bool = False
+) -> Problem:
+    """Assemble the functions for a robot; the wished values stay parameters.
+
+    Args:
+        native: take machine code where it can be had (`native.py`): seconds once, kept for later.
+    """
     measures, q = build_measures(robot, match, edges), ca.MX.sym("q", robot.model.nq)
+    compiled = machine_code(measures.slopes) if native else None
     terms = _Terms(robot, match, edges, weights or Weights(), _Wished(edges, CORNERS * len(measures.feet)))
-    values, slopes, heights, height_slopes = measures.slopes(q)
+    values, slopes, heights, height_slopes = (compiled or measures.slopes)(q)
     cost, residual, weight = terms.around(values)
     weighted, given, alone = ca.diag(weight) @ slopes, [q, *terms.wished.all], measures.values(q)
     model = [cost, weighted.T @ residual, weighted.T @ slopes, heights, height_slopes]
@@ -69,6 +79,7 @@ def build_problem(robot: Robot, match: Match, edges: Edges, weights: Weights | N
         Compiled(measures.corners),
         measures.feet,
         heights.numel(),
+        compiled is not None,
     )
 
 

@@ -37,6 +37,8 @@ class Solution:
     """(T,) Gauss–Newton steps."""
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds spent, by stage."""
+    native: bool = False
+    """Whether machine code served, not CasADi's virtual machine; the results are the same."""
 
     @cached_property
     def stress(self) -> Floats:

@@ -56,4 +56,5 @@ def _solution(
         tuple(edges.labels),
         np.array([p.iterations for p in poses]),
         timings,
+        problem.native,
     )
