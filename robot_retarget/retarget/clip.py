@@ -1,5 +1,6 @@
 """The whole clip at once: a sketch first, then the smooth path all frames agree on, window by window."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -105,13 +106,16 @@ def _mend_overlaps(
     """A full descent for frames whose links the passes left inside each other; a second one without the pull, from the
     frame before, for those that the smooth path draws through each other; at last a pose on the way from the frame before.
     """
-    for t in _still_overlapping(solver, poses, fixed):
+    left = _overlapping(solver, poses, range(fixed, len(poses)))
+    for t in left:
         box = _reachable(solver, poses, t, fps)
         poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], box=box)
-    for t in _still_overlapping(solver, poses, fixed):
+    left = _overlapping(solver, poses, left)
+    for t in left:
         poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
-    for t in _still_overlapping(solver, poses, max(fixed, 1)):
-        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t], wished[t])
+    for t in _overlapping(solver, poses, left):
+        if t > 0:
+            poses[t] = solver.held_back(poses[t - 1].qpos, poses[t], wished[t])
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
@@ -142,9 +146,9 @@ def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Bo
     return solver.ranges.around(neighbours, solver.robot.max_speed / fps)
 
 
-def _still_overlapping(solver: FrameSolver, poses: list[Pose], fixed: int) -> list[int]:
-    """Frames whose links are inside each other."""
-    return [t for t in range(fixed, len(poses)) if solver.overlapping(poses[t].qpos)]
+def _overlapping(solver: FrameSolver, poses: list[Pose], frames: Iterable[int]) -> list[int]:
+    """Those of some frames whose links are inside each other."""
+    return [t for t in frames if solver.overlapping(poses[t].qpos)]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:

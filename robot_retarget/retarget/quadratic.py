@@ -123,10 +123,12 @@ class Landscape:
         if pull is None:
             return here
         change = difference(self.robot, pull.anchor, q) - pull.offset
-        normal = here.normal.copy()
-        normal[np.diag_indices_from(normal)] += pull.weight
-        cost = here.cost + float(pull.weight @ change**2)
-        return replace(here, cost=cost, gradient=here.gradient + pull.weight * change, normal=normal)
+        return replace(
+            here,
+            cost=here.cost + float(pull.weight @ change**2),
+            gradient=here.gradient + pull.weight * change,
+            normal=here.normal + np.diag(pull.weight),
+        )
 
     def foreseen(self, here: Quadratic, q: Floats, ahead: Ahead | None) -> Quadratic:
         """The model with interaction edges on top: on the rows of separation, whose `least` is what lacks to the margin."""
