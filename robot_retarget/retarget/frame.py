@@ -153,8 +153,8 @@ class FrameSolver:
         nv = len(here.gradient)
         lower, upper = np.full(nv + 1, -2 * trust), np.full(nv + 1, 2 * trust)
         angle = q[self.robot.qpos_index]
-        lower[self.hinges] = np.clip(box.lower - angle, -trust, trust)
-        upper[self.hinges] = np.clip(box.upper - angle, -trust, trust)
+        lower[self.hinges] = (box.lower - angle).clip(-trust, trust)
+        upper[self.hinges] = (box.upper - angle).clip(-trust, trust)
         lower[nv], upper[nv] = 0.0, np.inf
         hessian = np.zeros((nv + 1, nv + 1), order="F")
         hessian[:nv, :nv] = here.normal

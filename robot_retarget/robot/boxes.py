@@ -36,8 +36,8 @@ class Near:
         parts = zip(vars(self).values(), vars(other).values(), strict=True)
         return Near(*(np.concatenate(both) for both in parts))
 
-    def __getitem__(self, keep: np.ndarray) -> "Near":
-        return Near(*(part[keep] for part in vars(self).values()))
+    def __getitem__(self, rows: Ints) -> "Near":
+        return Near(*(part.take(rows, axis=0) for part in vars(self).values()))
 
 
 class Boxes:

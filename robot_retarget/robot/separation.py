@@ -50,7 +50,7 @@ class Separation:
         first, second = self.model.geom_bodyid[found.geoms].T
         arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
-        moment = arm[:, _YZX] * along[:, _ZXY] - arm[:, _ZXY] * along[:, _YZX]
+        moment = arm.take(_YZX, 1) * along.take(_ZXY, 1) - arm.take(_ZXY, 1) * along.take(_YZX, 1)
         slope = np.concatenate([moment, along], axis=1) @ self.data.cdof.T
         slope *= self.carried[second] - self.carried[first]
         return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
@@ -75,11 +75,11 @@ class Separation:
         mujoco.mj_collision(self.model, self.data)
         found = self.data.contact
         near = Near(found.dist, found.geom, found.pos, found.frame[:, :3])
-        near = near[self.counts[near.geoms[:, 0], near.geoms[:, 1]]]
+        near = near[np.flatnonzero(self.counts[near.geoms[:, 0], near.geoms[:, 1]])]
         if not len(self.boxes.pairs):
             return near
         two_boxes = self.is_box[near.geoms].all(axis=1)
-        return near[~two_boxes] + self.boxes.near(self.data)
+        return near[np.flatnonzero(~two_boxes)] + self.boxes.near(self.data)
 
     def let_near(self, links: np.ndarray, distance: float) -> None:
         """Let links of one set (B,) come as near to each other as links that rest at a distance [m]."""
