@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.accord import in_accord
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import footholds
+from robot_retarget.retarget.footing import footholds, led
 from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
@@ -74,7 +75,8 @@ def clip_passes(
     The first `fixed` frames stay as the draft has them.
     """
     robot, weight = solver.robot, _pull_weights(solver, smoothing)
-    places = footholds(held, np.array([solver.corners(q) for q in draft]), fixed)
+    corners = np.array([solver.corners(q) for q in draft])
+    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners)
     wished = [
         (*frame_parameters(edges, t), *solver.grip.lead(h, p))
         for t, (h, p) in enumerate(zip(held, places, strict=True))

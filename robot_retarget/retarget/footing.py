@@ -109,26 +109,52 @@ def flattened(corners: Floats) -> Floats:
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
 
 
-def footholds(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
-    """(T, F, 4, 3) where the corners should be [m].
+@dataclass(frozen=True, eq=False)
+class Foothold:
+    """Where the corners (4, 3) of a foot are to be [m], from frame `start` to before `stop`."""
 
-    A stance is at the middle of where the draft put the foot. In between, a foot follows the draft, each corner shifted
-    from the one foothold's offset to the next one's, so that it neither leaps away nor lands with a leap or a slap.
+    foot: int
+    start: int
+    stop: int
+    corners: Floats
+    known: bool = False
+    """Whether it began among the frames that stay as they are."""
+
+
+def footholds(held: np.ndarray, corners: Floats, fixed: int = 0) -> list[Foothold]:
+    """A foothold for every stance, at the middle of where the draft put the foot.
 
     Args:
         held: (T, F, 4) what is held.
         corners: (T, F, 4, 3) of the draft.
         fixed: so many frames at the beginning stay as they are, and a stance that began in them where it was.
     """
+    found = []
+    for foot in range(held.shape[1]):
+        for start, stop in intervals(np.asarray(held[:, foot].any(axis=1))):
+            known = min(fixed, stop) if start < fixed else stop
+            settled = _settled(np.asarray(held[start:stop, foot].all(axis=1)), corners[start:known, foot])
+            found.append(Foothold(foot, start, stop, settled, start < fixed))
+    return found
+
+
+def _settled(whole: np.ndarray, corners: Floats) -> Floats:
+    """Where the corners (known, 4, 3) of a foot are in the middle, if it can be while it stands `whole` (frames,)."""
+    seen = whole[: len(corners)]
+    return laid(np.median(corners[seen] if seen.any() else corners, axis=0), np.asarray(whole.any()))
+
+
+def led(footholds: list[Foothold], held: np.ndarray, corners: Floats) -> Floats:
+    """(T, F, 4, 3) where the corners should be [m]: at their footholds, and in between along the draft.
+
+    There each corner is shifted from the one foothold's offset to the next one's, so that a foot neither leaps away nor
+    lands with a leap or a slap.
+    """
     places = corners.copy()
+    for hold in footholds:
+        places[hold.start : hold.stop, hold.foot] = hold.corners
     for foot in range(held.shape[1]):
         stands = np.asarray(held[:, foot].any(axis=1))
-        for start, stop in intervals(stands):
-            whole = np.asarray(held[start:stop, foot].all(axis=1))
-            known = min(fixed, stop) if start < fixed else stop
-            settled = corners[start:known, foot]
-            seen = settled[whole[: known - start]] if whole[: known - start].any() else settled
-            places[start:stop, foot] = laid(np.median(seen, axis=0), np.asarray(whole.any()))
         places[~stands, foot] += _shift_between(stands, (places - corners)[:, foot])
     return places
 

@@ -6,7 +6,7 @@ import pytest
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.retarget.contacts import intervals, stances
 from robot_retarget.retarget.edges import build_edges
-from robot_retarget.retarget.footing import flattened, footholds, held_corners, laid, sole_corners
+from robot_retarget.retarget.footing import flattened, footholds, held_corners, laid, led, sole_corners
 from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match, match
 from robot_retarget.robot import load_robot, world_points
@@ -78,7 +78,7 @@ def test_footholds_stay_put_and_the_way_between_them_has_no_leap(walk: tuple[Mot
     drifting = np.cumsum(np.full((len(edges), 2, 4, 3), 0.004), axis=0)
     drifting[..., :2, :] += [0.05, 0, 0]
     drifting[..., [0, 2], 1] += 0.02
-    places = footholds(held, drifting)
+    places = led(footholds(held, drifting), held, drifting)
     for foot in range(2):
         stands = np.asarray(held[:, foot].any(axis=1))
         for start, stop in intervals(stands):

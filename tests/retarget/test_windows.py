@@ -57,7 +57,8 @@ def test_a_stance_that_began_in_the_window_before_stays_where_it_was() -> None:
     held = np.ones((6, 1, 4), dtype=bool)
     corners = np.tile(np.array([[0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, 0.05, 0], [-0.1, -0.05, 0]]), (6, 1, 1, 1))
     corners[2:, ..., 0] += 0.3  # the draft wanders off
-    assert np.allclose(footholds(held, corners, fixed=2), corners[0])
+    (stance,) = footholds(held, corners, fixed=2)
+    assert stance.known and np.allclose(stance.corners, corners[0, 0])
 
 
 @pytest.fixture(scope="module")
