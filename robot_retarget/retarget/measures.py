@@ -39,31 +39,29 @@ class Measures:
 def build_measures(robot: Robot, match: Match, edges: Edges) -> Measures:
     """Assemble the functions; nothing in them depends on a weight or a wish."""
     bodies, feet = Bodies(robot), tuple(match.anatomy.soles) if robot.root_joints.size else ()
-    soles = _joined([match.anatomy.soles[foot] for foot in feet])
-    corners = _joined([sole_corners(match.anatomy, foot) for foot in feet])
-    body = _Body(bodies, match)
+    keypoints = _Keypoints(bodies, match)
+    corners = _places(bodies, [sole_corners(match.anatomy, foot) for foot in feet])
+    soles, travel = _places(bodies, [match.anatomy.soles[foot] for foot in feet])
     parts = [
-        body.lengths(edges.pairs),
-        body.directions(edges.lines),
+        keypoints.lengths(edges.pairs),
+        keypoints.directions(edges.lines),
         _markers(bodies, match, edges),
-        body.place(match.index("pelvis") if "pelvis" in match.keypoints else 0),
+        keypoints.place(match.index("pelvis") if "pelvis" in match.keypoints else 0),
         _angles(robot, bodies),
-        _places(bodies, corners),
+        corners,
     ]
     values, slopes = (ca.vertcat(*column) for column in zip(*parts, strict=True))
-    place, travel = _places(bodies, soles)
-    heights = place[2::3]
     return Measures(
         bodies.function("values", [values]),
-        bodies.function("slopes", [values, slopes, heights, travel[2::3, :]]),
-        bodies.function("heights", [heights]),
-        bodies.function("corners", [parts[-1][0]]),
+        bodies.function("slopes", [values, slopes, soles[2::3], travel[2::3, :]]),
+        bodies.function("heights", [soles[2::3]]),
+        bodies.function("corners", [corners[0]]),
         feet,
     )
 
 
-class _Body:
-    """The keypoints of a robot; its pelvis is the middle of its hips, as of the human."""
+class _Keypoints:
+    """Of a robot; its pelvis is the middle of its hips, as of the human."""
 
     def __init__(self, bodies: Bodies, match: Match):
         self.bodies, points = bodies, match.points
@@ -95,7 +93,7 @@ class _Body:
         """
         one, other = pairs.T
         apart = self.x[:, one.tolist()] - self.x[:, other.tolist()]
-        length = ca.sqrt(ca.sum1(apart**2).T + 1e-12)
+        length = ca.sqrt(ca.sum1(apart**2).T + 1e-12)  # smooth where two keypoints meet
         unit = apart @ ca.diag(1 / length)
         both = self.carried[one] & self.carried[other]
         between = ca.sparsify(ca.DM(np.repeat(~both, 3, axis=0).astype(float)))
@@ -118,16 +116,11 @@ def _angles(robot: Robot, bodies: Bodies) -> tuple[Any, Any]:
     return bodies.q[robot.qpos_index.tolist()], ca.SX(ca.sparsify(ca.DM(chosen)))
 
 
-def _places(bodies: Bodies, points: Points) -> tuple[Any, Any]:
-    """Where points are, x y z one after the other [m]."""
-    x = bodies.places(points)
-    return ca.vec(x), bodies.travel(x, carrying(bodies.model)[points.bodies])
-
-
-def _joined(parts: list[Points]) -> Points:
-    """All points of several lists."""
-    none = Points(np.zeros(0, int), np.zeros((0, 3)))
-    return Points(*(np.concatenate([getattr(p, name) for p in (none, *parts)]) for name in ("bodies", "offsets")))
+def _places(bodies: Bodies, groups: list[Points]) -> tuple[Any, Any]:
+    """Where all points of some groups are, x y z one after the other [m]."""
+    own = np.concatenate([np.zeros(0, int), *(points.bodies for points in groups)])
+    x = bodies.places(Points(own, np.concatenate([np.zeros((0, 3)), *(points.offsets for points in groups)])))
+    return ca.vec(x), bodies.travel(x, carrying(bodies.model)[own])
 
 
 def _pelvis_between_hips(match: Match) -> Floats:
