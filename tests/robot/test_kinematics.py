@@ -1,5 +1,7 @@
 """The one forward kinematics against MuJoCo's own, and its Jacobian against MuJoCo and finite differences."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -47,6 +49,26 @@ def test_every_robot_moves_as_mujoco_moves_it(path) -> None:
     x, jacobian = point_function(robot, points)(qpos)
     assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
     assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
+
+
+MIXED = """<mujoco><worldbody><body pos="0.1 0 1" quat="0.9 0.1 0.3 0.2">
+  <joint type="hinge" axis="1 2 0" pos="0.1 0.2 0" ref="0.3"/><joint type="slide" axis="0 1 1"/>
+  <joint type="hinge" axis="0 0 1" pos="0 0 0.3"/><geom size="0.1"/>
+  <body pos="0.3 0.1 0" euler="10 20 30"><joint type="slide" axis="1 0 0" ref="0.1"/>
+    <joint type="hinge" axis="0 1 0" pos="0.2 0 0.1"/><geom size="0.1"/></body>
+</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_hinges_and_slides_in_any_order_on_one_body_move_as_in_mujoco(tmp_path: Path, seed: int) -> None:
+    (tmp_path / "mixed.xml").write_text(MIXED)
+    robot = load_robot(tmp_path / "mixed.xml")
+    points, qpos = random_case(robot, seed)
+    x, jacobian = point_function(robot, points)(qpos)
+    assert np.allclose(x.full().reshape(-1, 3), world_points(robot, points, qpos[None])[0], atol=1e-12)
+    assert np.allclose(jacobian.full(), mujoco_jacobian(robot, points, qpos), atol=1e-12)
+    for ours, theirs in zip(mass_function(robot)(qpos), mujoco_mass(robot, qpos), strict=True):
+        assert np.allclose(ours.full().squeeze(), theirs, atol=1e-12)
 
 
 def mujoco_mass(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
