@@ -60,12 +60,6 @@ def point_function(robot: Robot, points: Points) -> ca.Function:
     return bodies.function("points", [ca.vec(x), bodies.travel(x, carrying(robot.model)[points.bodies])])
 
 
-def place_function(robot: Robot, points: Points) -> ca.Function:
-    """q (nq) ↦ the positions alone (3P): a fifth of the work."""
-    bodies = Bodies(robot)
-    return bodies.function("places", [ca.vec(bodies.places(points))])
-
-
 def mass_function(robot: Robot) -> ca.Function:
     """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
     model, bodies = robot.model, Bodies(robot)
