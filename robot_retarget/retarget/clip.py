@@ -17,6 +17,7 @@ from robot_retarget.retarget.quadratic import Ahead, Pull
 from robot_retarget.retarget.sketch import sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Status
+from robot_retarget.retarget.speeds import within_speeds
 from robot_retarget.retarget.windows import Windows
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
@@ -71,10 +72,11 @@ def clip_passes(
     The method of multipliers on  Σ f_t(q_t) + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
     ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. What the frames keep (ranges and floor exactly,
     footholds and separation as far as their weights carry) is kept in what is returned: the frames, not the path.
-    Joint speeds are kept between the frames as they are; a draft that leaps further is not always brought under them.
+    Joint speeds are kept between the frames: the draft is slowed down to them, and no step leads further from a neighbour.
     The first `fixed` frames stay as the draft has them.
     """
     robot, weight = solver.robot, _pull_weights(solver, smoothing)
+    draft = _paced(solver, draft, fps, fixed)
     corners = np.array([solver.corners(q) for q in draft])
     places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners)
     wished = [
@@ -100,6 +102,13 @@ def clip_passes(
     pulls = [Pull(s, -y, weight) for s, y in zip(path, dual, strict=True)]
     _mend_overlaps(solver, poses, wished, pulls, fixed, fps)
     return [solver.lifted(pose) for pose in poses]
+
+
+def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> list[Floats]:
+    """The draft slowed down to the joints' speeds: whatever a pass does within the boxes then keeps them."""
+    hinges, paced = solver.robot.qpos_index, np.array(draft)
+    paced[:, hinges] = within_speeds(paced[:, hinges], solver.robot.max_speed / fps, fixed)
+    return list(paced)
 
 
 def _mend_overlaps(

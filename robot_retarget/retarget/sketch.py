@@ -59,7 +59,7 @@ def sketch(
     chosen, first = sketching or Sketching(), known or []
     step, start = max(1, round(fps / chosen.rate)), max(len(first) - 1, 0)
     frames = np.unique(np.append(np.arange(start, len(edges), step), len(edges) - 1))
-    pool = _Pool(solver, edges, held, frames, chosen)
+    pool = _Pool(solver, edges, held, frames, fps, chosen)
     stride, reach = max(1, round(chosen.every * fps / step)), round(chosen.follow * fps / step)
     if first:
         pool.set_out(first[-1], reach)
@@ -72,8 +72,17 @@ def sketch(
 class _Pool:
     """The poses found so far, per frame of the sketch."""
 
-    def __init__(self, solver: FrameSolver, edges: Edges, held: np.ndarray, frames: np.ndarray, sketching: Sketching):
-        self.solver, self.edges, self.held, self.frames, self.sketching = solver, edges, held, frames, sketching
+    def __init__(
+        self,
+        solver: FrameSolver,
+        edges: Edges,
+        held: np.ndarray,
+        frames: np.ndarray,
+        fps: float,
+        sketching: Sketching,
+    ):
+        self.solver, self.edges, self.held, self.sketching = solver, edges, held, sketching
+        self.frames, self.times = frames, frames / fps
         self.poses: list[list[Pose]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
 
@@ -82,7 +91,7 @@ class _Pool:
         pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
-        self._follow(pose, range(1, min(reach + 1, len(self.frames))))
+        self._follow(pose, 0, range(1, min(reach + 1, len(self.frames))))
 
     def seek(self, moment: int, reach: int) -> None:
         """Find ways at a moment and follow each to both sides."""
@@ -90,14 +99,14 @@ class _Pool:
         found = ways(self.solver, self._wished(moment), self.edges, frame)
         for pose in found[: self.sketching.ways]:
             if self._add(moment, pose):
-                self._follow(pose, range(moment + 1, min(moment + reach + 1, len(self.frames))))
-                self._follow(pose, range(moment - 1, max(moment - reach - 1, self.first - 1), -1))
+                self._follow(pose, moment, range(moment + 1, min(moment + reach + 1, len(self.frames))))
+                self._follow(pose, moment, range(moment - 1, max(moment - reach - 1, self.first - 1), -1))
 
     def fill_gaps(self) -> None:
         """Follow the pose before wherever nothing was found."""
         for k in range(1, len(self.frames)):
             if not self.poses[k]:
-                self._follow(self.poses[k - 1][0], range(k, k + 1))
+                self._follow(self.poses[k - 1][0], k - 1, range(k, k + 1))
 
     def cheapest(self) -> list[Pose]:
         """Viterbi's path: least sum of the frames' costs and of the changes between them."""
@@ -117,12 +126,16 @@ class _Pool:
         robot = self.solver.robot
         return np.array([[float((difference(robot, a.qpos, b.qpos) ** 2).sum()) for b in here] for a in before])
 
-    def _follow(self, pose: Pose, moments: range) -> None:
+    def _follow(self, pose: Pose, here: int, moments: range) -> None:
+        """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
         most, least_gain = self.sketching.iterations, self.sketching.tolerance
         for moment in moments:
-            pose = self.solver.descend(pose.qpos, self._wished(moment), iterations=most, tolerance=least_gain)
+            reach = self.solver.robot.max_speed * abs(self.times[moment] - self.times[here])
+            box = self.solver.ranges.around([pose.qpos[self.hinges]], reach)
+            pose = self.solver.descend(pose.qpos, self._wished(moment), iterations=most, tolerance=least_gain, box=box)
             if not self._add(moment, pose):
                 return
+            here = moment
 
     def _add(self, moment: int, pose: Pose) -> bool:
         """Keep a pose unless it is there already."""
