@@ -2,7 +2,8 @@
 
 An arm of three joints can follow a human arm in more ways than one, and a solver that goes frame by frame stays in the
 way it began. Here several ways are sought at moments spread over the clip, each is followed forward and backward at a
-low frame rate until it meets another, and the cheapest path through all of them is chosen by dynamic programming.
+low frame rate until it meets another, and the cheapest path through all of them is chosen by dynamic programming. Where
+that leaps, ways across at the joints' speed are put beside the others, and the path is chosen anew: a leap then costs dear.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.solution import Status
+from robot_retarget.retarget.speeds import within_speeds
 from robot_retarget.retarget.starts import ways
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
@@ -40,7 +42,9 @@ class Sketching:
     same: float = 0.15
     """Poses whose hinges all lie nearer than this are one [rad]."""
     change: float = 0.5
-    """Cost of a change of pose between frames of the sketch [1/rad²]."""
+    """Cost of a change of pose between frames of the sketch [1/rad²] ..."""
+    hurry: float = 30.0
+    """... and on top of what hinges turn beyond their speeds: more than a way across costs on its way, if there is one."""
 
 
 def sketch(
@@ -66,7 +70,8 @@ def sketch(
     for moment in range(stride if first else 0, len(frames), stride):
         pool.seek(moment, reach)
     pool.fill_gaps()
-    return [*first[:start], *_between(solver.robot, frames - start, [p.qpos for p in pool.cheapest()])]
+    pool.cross(pool.cheapest(hurry=0.0))
+    return [*first[:start], *_between(solver.robot, frames - start, [p.qpos for p in pool.cheapest(chosen.hurry)])]
 
 
 class _Pool:
@@ -108,34 +113,53 @@ class _Pool:
             if not self.poses[k]:
                 self._follow(self.poses[k - 1][0], k - 1, range(k, k + 1))
 
-    def cheapest(self) -> list[Pose]:
+    def cross(self, path: list[Pose]) -> None:
+        """Where a path leaps, find one beside it that the joints can follow."""
+        angles = np.array([pose.qpos[self.hinges] for pose in path])
+        reach = self.solver.robot.max_speed * np.diff(self.times).max(initial=0.0)
+        paced = within_speeds(angles, reach, self.first)
+        for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.sketching.same):
+            start = path[k].qpos.copy()
+            start[self.hinges] = paced[k]
+            pose = self._descend(start, int(k), [paced[j] for j in (k - 1, k + 1) if 0 <= j < len(path)], reach)
+            paced[k] = pose.qpos[self.hinges]
+            self.poses[k].append(pose)
+
+    def cheapest(self, hurry: float) -> list[Pose]:
         """Viterbi's path: least sum of the frames' costs and of the changes between them."""
         total = np.array([p.cost for p in self.poses[0]])
         back: list[np.ndarray] = []
-        for before, here in zip(self.poses[:-1], self.poses[1:], strict=True):
-            steps = total[:, None] + self.sketching.change * self._changes(before, here)
+        for k in range(1, len(self.poses)):
+            steps = total[:, None] + self._changes(k, hurry)
             back.append(steps.argmin(axis=0))
-            total = steps.min(axis=0) + [p.cost for p in here]
+            total = steps.min(axis=0) + [p.cost for p in self.poses[k]]
         path = [int(total.argmin())]
         for choice in reversed(back):
             path.append(int(choice[path[-1]]))
         return [poses[k] for poses, k in zip(self.poses, reversed(path), strict=True)]
 
-    def _changes(self, before: list[Pose], here: list[Pose]) -> Floats:
-        """(A, B) squared change from every pose to every next one."""
-        robot = self.solver.robot
-        return np.array([[float((difference(robot, a.qpos, b.qpos) ** 2).sum()) for b in here] for a in before])
+    def _changes(self, k: int, hurry: float) -> Floats:
+        """(A, B) what it costs to go from every pose of the moment before to every one of a moment."""
+        robot, before, here = self.solver.robot, self.poses[k - 1], self.poses[k]
+        turned = np.array([[difference(robot, a.qpos, b.qpos) for b in here] for a in before])
+        reach = robot.max_speed * (self.times[k] - self.times[k - 1])
+        hurried = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
+        return self.sketching.change * (turned**2).sum(axis=2) + hurry * (hurried**2).sum(axis=2)
 
     def _follow(self, pose: Pose, here: int, moments: range) -> None:
         """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
-        most, least_gain = self.sketching.iterations, self.sketching.tolerance
         for moment in moments:
             reach = self.solver.robot.max_speed * abs(self.times[moment] - self.times[here])
-            box = self.solver.ranges.around([pose.qpos[self.hinges]], reach)
-            pose = self.solver.descend(pose.qpos, self._wished(moment), iterations=most, tolerance=least_gain, box=box)
+            pose = self._descend(pose.qpos, moment, [pose.qpos[self.hinges]], reach)
             if not self._add(moment, pose):
                 return
             here = moment
+
+    def _descend(self, qpos: Floats, moment: int, near: list[Floats], reach: Floats) -> Pose:
+        """Where a rough descent ends whose hinges stay within reach of near angles."""
+        most, least_gain = self.sketching.iterations, self.sketching.tolerance
+        box = self.solver.ranges.around(near, reach)
+        return self.solver.descend(qpos, self._wished(moment), iterations=most, tolerance=least_gain, box=box)
 
     def _add(self, moment: int, pose: Pose) -> bool:
         """Keep a pose unless it is there already."""
