@@ -21,6 +21,8 @@ from robot_retarget.retarget.starts import ROUGHLY
 
 KEPT = 0.01
 """Footholds are kept when no held corner is further from its place along the floor, over the leg length."""
+STEPS = 4
+"""So many steps may lead there from the draft, half as many as there are passes: what is further off they do not reach."""
 TOGETHER = 30.0
 """How much more a frame counts for how two feet stand to each other than for where each does."""
 KNOWN = 1e6
@@ -89,9 +91,8 @@ def _tried(
     seen = solver.corners(draft[t])
     places = seen.copy()
     places[feet] = footholds[one].corners, footholds[other].corners
-    pose = solver.descend(
-        draft[t], (*frame_parameters(edges, t), *solver.grip.lead(held[t], places)), tolerance=ROUGHLY
-    )
+    wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places))
+    pose = solver.descend(draft[t], wished, iterations=STEPS, tolerance=ROUGHLY)
     missed = np.linalg.norm((solver.corners(pose.qpos) - places)[held[t]][:, :2], axis=1).max()
     kept = bool(missed < KEPT * solver.leg)
     return Pair(one, other, len(both), kept, (places if kept else seen)[feet], held[t, feet])
