@@ -36,21 +36,21 @@ TOUCH_LEAD = 0.1
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 100.0
+    posture: float = 120.0
     """Pairwise distances over their path length."""
     touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
-    compass: float = 3.0
+    compass: float = 4.5
     """Bone directions, those of the legs most."""
-    give: float = 0.02
+    give: float = 0.028
     """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
-    girdle: float = 3.3
+    girdle: float = 4.5
     """Direction of the hip line, which way the body faces; that of the shoulder line a tenth of it."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
-    rest: float = 0.001
+    rest: float = 0.0004
     """Joints as the robot stands [1/rad²]."""
     wrist: float = 0.1
     """The same of wrists, where nothing shows how a hand is turned."""
@@ -59,7 +59,7 @@ class Weights:
 # Arms and trunks of robots have fewer hinges than a human's to follow with, so that their directions yield to distances.
 # Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
 # built and are left to the girdles.
-_BONES = {"chest": 0.7, "elbow": 0.6, "hand": 0.6, "neck": 0.2, "head": 0.2, "toe": 0.2, "shoulder": 0.0, "hip": 0.0}
+_BONES = {"chest": 0.7, "elbow": 0.45, "hand": 0.45, "neck": 0.05, "head": 0.05, "toe": 0.15, "shoulder": 0.0, "hip": 0.0}
 _GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.1))
 
 

@@ -29,7 +29,7 @@ class Options:
 
     iterations: int = 12
     """At most, per frame; twice as many from a start that is no neighbour."""
-    tolerance: float = 5e-4
+    tolerance: float = 2e-5
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
