@@ -59,7 +59,7 @@ class Weights:
 # Arms and trunks of robots have fewer hinges than a human's to follow with, so that their directions yield to distances.
 # Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
 # built and are left to the girdles.
-_BONES = {"chest": 0.7, "elbow": 0.45, "hand": 0.45, "neck": 0.05, "head": 0.05, "toe": 0.15, "shoulder": 0.0, "hip": 0.0}
+_BONES = {"chest": 0.7, "elbow": 0.45, "hand": 0.45, "toe": 0.15, "neck": 0.05, "head": 0.05, "shoulder": 0, "hip": 0}
 _GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.1))
 
 

@@ -71,7 +71,7 @@ def test_hands_that_meet_in_the_middle_meet_evenly_and_stay_on_their_sides(name:
     angles = result.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 1e-3
     smooth = retarget(motion, robot, smoothing=WHOLE).solution.cost.max()
-    assert result.solution.cost.max() < 6 * smooth  # a frame whose hands were held back costs ten times as much and more
+    assert result.solution.cost.max() < 6 * smooth  # a frame whose hands were held back costs ten times as much
 
 
 @needs_shared
