@@ -18,7 +18,7 @@ from robot_retarget.robot.axes import levelled
 from robot_retarget.robot.hands import BENT, hand_frames
 
 UP = np.array([0.0, 0.0, 1.0])
-LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.35}
+LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
