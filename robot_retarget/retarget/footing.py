@@ -24,7 +24,7 @@ class Grip:
     along: float = HOLD
     across: float = HOLD
     swing: float = 10.0
-    """Of a foot in the air on its way between footholds."""
+    """Along the floor, of a foot in the air on its way between footholds: how high it goes and how it turns is the human's."""
     landing: float = 30.0
     """Along the floor, of a foot in the air that is about to stand."""
 
@@ -37,7 +37,7 @@ class Grip:
 
     def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
         """As `land`; feet that stand on no corner are led along the places softly."""
-        return self._weights(held, np.array(self.swing)).ravel(), places.ravel()
+        return self._weights(held, np.array([self.swing, self.swing, 0.0])).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""
