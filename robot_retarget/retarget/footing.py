@@ -24,7 +24,9 @@ class Grip:
     along: float = HOLD
     across: float = HOLD
     swing: float = 10.0
-    """Along the floor, of a foot in the air on its way between footholds: how high it goes and how it turns is the human's."""
+    """Along the floor, of a foot in the air on its way between footholds."""
+    rise: float = 3.0
+    """Of its height, and so of how it turns: there the human's bones have a say."""
     landing: float = 30.0
     """Along the floor, of a foot in the air that is about to stand."""
 
@@ -37,7 +39,7 @@ class Grip:
 
     def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
         """As `land`; feet that stand on no corner are led along the places softly."""
-        return self._weights(held, np.array([self.swing, self.swing, 0.0])).ravel(), places.ravel()
+        return self._weights(held, np.array([self.swing, self.swing, self.rise])).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""
