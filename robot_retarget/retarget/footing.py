@@ -24,9 +24,7 @@ class Grip:
     along: float = HOLD
     across: float = HOLD
     swing: float = 10.0
-    """Along the floor, of a foot in the air on its way between footholds."""
-    rise: float = 3.0
-    """Of its height, and so of how it turns: there the human's bones have a say."""
+    """Of a foot in the air on its way between footholds."""
     landing: float = 30.0
     """Along the floor, of a foot in the air that is about to stand."""
 
@@ -39,7 +37,7 @@ class Grip:
 
     def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
         """As `land`; feet that stand on no corner are led along the places softly."""
-        return self._weights(held, np.array([self.swing, self.swing, self.rise])).ravel(), places.ravel()
+        return self._weights(held, np.array(self.swing)).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""
