@@ -38,8 +38,7 @@ class Match:
     @property
     def points(self) -> Points:
         """The robot's points, in the order of `keypoints`."""
-        spots = [self.anatomy.spots[k] for k in self.keypoints]
-        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+        return self.anatomy.points_of(self.keypoints)
 
     def index(self, keypoint: str) -> int:
         """Where a keypoint stands in the arrays."""
@@ -116,9 +115,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
     human = _human_positions(motion, recognition, shared)
-    spots = [anatomy.spots[k] for k in shared]
-    points = Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
-    rest = world_points(robot, points, robot.neutral()[None])
+    rest = world_points(robot, anatomy.points_of(shared), robot.neutral()[None])
     lengths = _bones(human, parents), _bones(rest, parents)
     height = _ankle_height(robot, anatomy)
     return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height)

@@ -1,6 +1,6 @@
 """What is recognised in a robot: its keypoints, how its segments are turned, and what it stands on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,7 +45,11 @@ class Anatomy:
     @cached_property
     def points(self) -> Points:
         """All keypoints in the order of `names`."""
-        spots = [self.spots[name] for name in self.names]
+        return self.points_of(self.names)
+
+    def points_of(self, keypoints: Sequence[str]) -> Points:
+        """Some keypoints, in their order."""
+        spots = [self.spots[k] for k in keypoints]
         return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
 
     @cached_property
