@@ -31,8 +31,6 @@ class Sketching:
     """Frames per second of the sketch [1/s]."""
     every: float = 1.0
     """Time between the moments at which ways are sought [s]."""
-    follow: float = 1.5
-    """How long each way is followed to either side [s]."""
     iterations: int = 6
     """At most, per frame that is followed: the fine solution comes later."""
     tolerance: float = 1e-2
@@ -64,12 +62,11 @@ def sketch(
     step, start = max(1, round(fps / chosen.rate)), max(len(first) - 1, 0)
     frames = np.unique(np.append(np.arange(start, len(edges), step), len(edges) - 1))
     pool = _Pool(solver, edges, held, frames, fps, chosen)
-    stride, reach = max(1, round(chosen.every * fps / step)), round(chosen.follow * fps / step)
+    stride = max(1, round(chosen.every * fps / step))
     if first:
-        pool.set_out(first[-1], reach)
+        pool.set_out(first[-1])
     for moment in range(stride if first else 0, len(frames), stride):
-        pool.seek(moment, reach)
-    pool.fill_gaps()
+        pool.seek(moment)
     pool.cross(pool.cheapest(hurry=0.0))
     return [*first[:start], *_between(solver.robot, frames - start, [p.qpos for p in pool.cheapest(chosen.hurry)])]
 
@@ -91,27 +88,21 @@ class _Pool:
         self.poses: list[list[Pose]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
 
-    def set_out(self, qpos: Floats, reach: int) -> None:
+    def set_out(self, qpos: Floats) -> None:
         """Begin with a pose that is not in question, and follow it."""
         pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
-        self._follow(pose, 0, range(1, min(reach + 1, len(self.frames))))
+        self._follow(pose, 0, range(1, len(self.frames)))
 
-    def seek(self, moment: int, reach: int) -> None:
-        """Find ways at a moment and follow each to both sides."""
+    def seek(self, moment: int) -> None:
+        """Find ways at a moment and follow each to both sides, to the ends if it meets no other: it may be cheap far off."""
         frame = int(self.frames[moment])
         found = ways(self.solver, self._wished(moment), self.edges, frame)
         for pose in found[: self.sketching.ways]:
             if self._add(moment, pose):
-                self._follow(pose, moment, range(moment + 1, min(moment + reach + 1, len(self.frames))))
-                self._follow(pose, moment, range(moment - 1, max(moment - reach - 1, self.first - 1), -1))
-
-    def fill_gaps(self) -> None:
-        """Follow the pose before wherever nothing was found."""
-        for k in range(1, len(self.frames)):
-            if not self.poses[k]:
-                self._follow(self.poses[k - 1][0], k - 1, range(k, k + 1))
+                self._follow(pose, moment, range(moment + 1, len(self.frames)))
+                self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
 
     def cross(self, path: list[Pose]) -> None:
         """Where a path leaps, find one beside it that the joints can follow."""

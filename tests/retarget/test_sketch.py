@@ -83,15 +83,21 @@ HANGING, RAISED = 0, 20
 
 def test_a_way_that_is_followed_turns_no_faster_than_the_joints() -> None:
     pool = pool_of(np.tile([HANGING, RAISED], 4))
-    pool.set_out(pool.solver.robot.standing(), 7)
+    pool.set_out(pool.solver.robot.standing())
     way = [poses[0] for poses in pool.poses if poses]
     assert len(way) > 3 and haste(pool, way) < 1 + 1e-9
+
+
+def test_a_way_that_meets_no_other_is_followed_to_both_ends() -> None:
+    pool = pool_of(np.repeat([HANGING, RAISED, HANGING], 12))
+    pool.seek(18)
+    assert all(pool.poses)
 
 
 def test_where_the_cheapest_path_leaps_the_sketch_goes_across_as_fast_as_joints_may() -> None:
     pool = pool_of(np.repeat([HANGING, RAISED], 6))
     for moment in (0, 11):
-        pool.seek(moment, 6)
+        pool.seek(moment)
     leaping = pool.cheapest(hurry=0.0)
     pool.cross(leaping)
     crossing = pool.cheapest(pool.sketching.hurry)
