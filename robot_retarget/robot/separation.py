@@ -1,7 +1,8 @@
 """Surfaces of links that come near each other: their distances and how a step changes them.
 
-MuJoCo finds the pairs, by the model's own contact filter, with every margin widened to the reach, but for two boxes,
-which have a way of their own. Pairs that overlap where the robot rests are left out: they do so by construction.
+MuJoCo finds the pairs, by the model's own contact filter, with margins widened to the reach (it adds those of two geoms),
+but for two boxes, which have a way of their own. Pairs that overlap where the robot rests are left out: they do so by
+construction.
 """
 
 import copy
@@ -26,10 +27,10 @@ class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
 
     def __init__(self, robot: Robot, reach: float, most: int = 24):
-        """Look `reach` [m] around every geom and keep at most so many nearest contacts."""
-        self.model = copy.deepcopy(robot.model)
-        self.model.geom_margin[:] = reach
-        self.model.body_margin[:] = reach  # the broad phase goes by bodies
+        """Look for geoms within `reach` [m] of each other and keep at most so many nearest contacts."""
+        self.model, self.reach = copy.deepcopy(robot.model), reach
+        self.model.geom_margin[:] = reach / 2
+        self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
         self.most = most
@@ -90,7 +91,7 @@ class Separation:
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
         two_boxes = self.is_box[pairs].all(axis=1) & self.counts[pairs[:, 0], pairs[:, 1]]
-        self.boxes = Boxes(self.model, pairs[two_boxes], float(self.model.geom_margin[0]))
+        self.boxes = Boxes(self.model, pairs[two_boxes], self.reach)
 
     def _learn(self, rest: Floats) -> None:
         """Leave out pairs that overlap at rest; remember how near the others are."""
