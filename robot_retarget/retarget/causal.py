@@ -37,11 +37,11 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
         start = _onward(robot, poses, box) if t > 2 and aim is None else before
         if aim is not None:
-            aim = solver.descend(aim.qpos, wished, learning=True)
+            aim = solver.descend(aim.qpos, wished)
         pull = _towards(robot, aim)
-        pose = solver.descend(start, wished, pull=pull, box=box, learning=True)
+        pose = solver.descend(start, wished, pull=pull, box=box)
         if pose.missing > 0 and solver.overlapping(pose.qpos):
-            again = solver.descend(before, wished, pull=pull, box=box, learning=True)
+            again = solver.descend(before, wished, pull=pull, box=box)
             pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost), wished)
         poses.append(solver.lifted(pose))
         before = poses[-1].qpos

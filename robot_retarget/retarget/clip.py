@@ -24,8 +24,6 @@ from robot_retarget.robot.kinematics import difference, integrate
 
 PASS_TOLERANCE = 1e-5
 """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
-MENDED = 2e-5
-"""As `Options.tolerance`, where links are brought apart."""
 SETTLED = 0.01
 """A frame that the last pass moved by less counts as converged [rad or m]."""
 
@@ -122,11 +120,10 @@ def _mend_overlaps(
     left = _overlapping(solver, poses, range(fixed, len(poses)))
     for t in left:
         box = _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], tolerance=MENDED, box=box)
+        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], box=box)
     left = _overlapping(solver, poses, left)
     for t in left:
-        box = _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], tolerance=MENDED, box=box)
+        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
     for t in _overlapping(solver, poses, left):
         if t > 0:
             poses[t] = solver.held_back(poses[t - 1].qpos, poses[t], wished[t])

@@ -29,7 +29,7 @@ class Options:
 
     iterations: int = 12
     """At most, per frame; twice as many from a start that is no neighbour."""
-    tolerance: float = 1e-4
+    tolerance: float = 2e-5
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
@@ -114,13 +114,11 @@ class FrameSolver:
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
-        learning: bool = False,
     ) -> Pose:
         """Steps within the box, above the floor and apart, until they gain little or so many were taken; chains closed.
 
         Args:
             start: a configuration, or a pose that an earlier descent with the same wishes reached.
-            learning: let each step teach the curvature for the next (`Quadratic.after`), to end exactly in few.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
@@ -140,8 +138,7 @@ class FrameSolver:
             there = self.landscape.around(trial, wished)
             pulled = self._drawn(there, trial, pull, ahead)
             if pulled.cost < here.cost or forced:
-                here = pulled.after(step, here) if learning else pulled
-                q, base, damping, trust = trial, there, max(damping / 4, 1e-6), self.options.trust
+                q, base, here, damping, trust = trial, there, pulled, max(damping / 4, 1e-6), self.options.trust
                 taken += 1
             else:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))

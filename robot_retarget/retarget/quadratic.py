@@ -16,10 +16,6 @@ COUPLED = 30.0
 """Weight of joints that are geared together and chains that close, over the squared leg length."""
 SUNK = -1e-4
 """A start this deep under the floor [m] takes its first steps whatever they cost."""
-SHORT = 0.1
-"""Along steps no longer than this [rad, m] the curvature is learned from how the gradient changed ..."""
-LEARNED = 0.1
-"""... unless it would be less than this share of the model's, or more than its inverse [-]."""
 
 
 @dataclass(frozen=True)
@@ -63,19 +59,6 @@ class Quadratic:
     """How much the nearest links lack to be apart, over the leg length."""
     sunk: bool
     """Whether a sole is under the floor."""
-
-    def after(self, step: Floats, before: "Quadratic") -> "Quadratic":
-        """The model with the curvature that a step s (nv) from the model before has shown: N s = g − g_before (BFGS).
-
-        N = Jᵀ W J leaves out how the Jacobian bends and takes ϱ for steeper than it is, so that a descent by it alone
-        creeps along soft directions: each step three quarters of the one before.
-        """
-        expected, shown = self.normal @ step, self.gradient - before.gradient
-        modelled, found = float(step @ expected), float(step @ shown)
-        if np.abs(step).max() > SHORT or not LEARNED * modelled < found < modelled / LEARNED:
-            return self
-        told = np.outer(expected, expected) / modelled
-        return replace(self, normal=self.normal - told + np.outer(shown, shown) / found)
 
     def decrease(self, step: Floats, slack: float) -> float:
         """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
