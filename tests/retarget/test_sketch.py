@@ -84,8 +84,8 @@ HANGING, RAISED = 0, 20
 def test_a_way_that_is_followed_turns_no_faster_than_the_joints() -> None:
     pool = pool_of(np.tile([HANGING, RAISED], 4))
     pool.set_out(pool.solver.robot.standing())
-    way = [poses[0] for poses in pool.poses if poses]
-    assert len(way) > 3 and haste(pool, way) < 1 + 1e-9
+    way = [poses[0] for poses in pool.poses]
+    assert haste(pool, way) < 1 + 1e-9
 
 
 def test_a_way_that_meets_no_other_is_followed_to_both_ends() -> None:

@@ -13,7 +13,7 @@ from robot_retarget.robot.separation import Separation
 
 REACH = 0.05
 EXACT = 2e-6
-"""MuJoCo's own tolerance for convex shapes, of either answer [m]."""
+"""Twice MuJoCo's own tolerance for convex shapes: either answer may be off by it [m]."""
 SIZES = ((0.02, 0.03, 0.05), (0.04, 0.01, 0.02))
 
 
