@@ -78,7 +78,7 @@ def clip_passes(
     robot, weight = solver.robot, _pull_weights(solver, smoothing)
     draft = _paced(solver, draft, fps, fixed)
     corners = np.array([solver.corners(q) for q in draft])
-    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners)
+    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
     wished = [
         (*frame_parameters(edges, t), *solver.grip.lead(h, p))
         for t, (h, p) in enumerate(zip(held, places, strict=True))

@@ -25,7 +25,7 @@ class Grip:
     across: float = HOLD
     swing: float = 10.0
     """Of a foot in the air on its way between footholds."""
-    landing: float = 30.0
+    landing: float = 240.0
     """Along the floor, of a foot in the air that is about to stand."""
 
     def land(self, held: np.ndarray, places: Floats, near: Floats) -> tuple[Floats, Floats]:
@@ -144,19 +144,26 @@ def _settled(whole: np.ndarray, corners: Floats) -> Floats:
     return laid(np.median(corners[seen] if seen.any() else corners, axis=0), np.asarray(whole.any()))
 
 
-def led(footholds: list[Foothold], held: np.ndarray, corners: Floats) -> Floats:
+def led(footholds: list[Foothold], held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
     """(T, F, 4, 3) where the corners should be [m]: at their footholds, and in between along the draft.
 
     There each corner is shifted from the one foothold's offset to the next one's, so that a foot neither leaps away nor
-    lands with a leap or a slap.
+    lands with a leap or a slap; one that is in the air in the first `fixed` frames goes on from where it is.
     """
     places = corners.copy()
     for hold in footholds:
         places[hold.start : hold.stop, hold.foot] = hold.corners
     for foot in range(held.shape[1]):
         stands = np.asarray(held[:, foot].any(axis=1))
-        places[~stands, foot] += _shift_between(stands, (places - corners)[:, foot])
+        stands[:fixed] = True
+        places[~stands, foot] += _shift_between(stands, _offsets(held[:, foot], (places - corners)[:, foot]))
     return places
+
+
+def _offsets(held: np.ndarray, missing: Floats) -> Floats:
+    """(T, 4, 3) what corners miss where they are held (T, 4); the others of a foot in the mean of those."""
+    share = held[..., None] / np.maximum(held.sum(axis=1), 1)[:, None, None]
+    return np.where(held[..., None], missing, (share * missing).sum(axis=1, keepdims=True))
 
 
 def _shift_between(stands: np.ndarray, offset: Floats) -> Floats:

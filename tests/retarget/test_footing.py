@@ -89,6 +89,18 @@ def test_footholds_stay_put_and_the_way_between_them_has_no_leap(walk: tuple[Mot
         assert leap < 0.004 * longest  # a bare jump would make up a whole stance's drift at once
 
 
+def test_a_foot_that_rolls_off_where_it_stands_is_led_along_its_own_way() -> None:
+    """A raised heel is not off its foothold: nothing holds it there, and nothing should press it down in the air."""
+    standing, lifted = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]]), np.zeros((12, 1))
+    lifted[4:, 0] = np.linspace(0.01, 0.1, 8)
+    draft = np.repeat(standing[None, None], 12, axis=0)
+    draft[:, 0, 2:, 2] += lifted  # the heels first, while the toes stand, ...
+    draft[6:, :, :, 0] += 0.05 * np.arange(1, 7)[:, None, None]  # ... then the whole foot goes ahead
+    held = np.zeros((12, 1, 4), dtype=bool)
+    held[:4] = held[4:6, :, :2] = True
+    assert np.allclose(led(footholds(held, draft), held, draft)[6:], draft[6:], atol=1e-12)
+
+
 def test_drifting_heights_are_levelled_and_level_ones_kept(walk: tuple[Motion, Match]) -> None:
     motion, matched = walk
     x = matched.human_positions(motion)
