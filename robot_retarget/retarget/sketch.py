@@ -9,7 +9,8 @@ that leaps, ways across at the joints' speed are put beside the others, and the 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
@@ -68,7 +69,8 @@ def sketch(
     for moment in range(stride if first else 0, len(frames), stride):
         pool.seek(moment)
     pool.cross(pool.cheapest(hurry=0.0))
-    return [*first[:start], *_between(solver.robot, frames - start, [p.qpos for p in pool.cheapest(chosen.hurry)])]
+    path = [pose.qpos for pose in pool.cheapest(chosen.hurry)]
+    return [*first[:start], *between(solver.robot, frames - start, path, first[max(start - 2, 0) : start])]
 
 
 class _Pool:
@@ -165,16 +167,22 @@ class _Pool:
         return (*frame_parameters(self.edges, frame), *self.solver.grip.lay_down(self.held[frame]))
 
 
-def _between(robot: Robot, frames: np.ndarray, poses: list[Floats]) -> list[Floats]:
-    """Configurations at every frame: straight in the hinges and the root's place, shortest arc in its rotation."""
-    known, wanted = np.array(poses), np.arange(frames[-1] + 1)
-    if len(frames) == 1:
+def between(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:
+    """Configurations at every frame, on cubic splines through some: straight lines miss a stride by a fortieth of a radian.
+
+    Args:
+        frames: from 0 on, of the `poses`; those `before` are at frames −1, −2, … and the splines go on from there.
+    """
+    known, wanted = np.array([*before, *poses]), np.arange(frames[-1] + 1)
+    if len(known) == 1:
         return [known[0]]
+    knots = np.concatenate([np.arange(-len(before), 0), frames])
     turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
     known[:, turning] = np.unwrap(known[:, turning], axis=0)
-    full = np.stack([np.interp(wanted, frames, column) for column in known.T], axis=1)
+    full, hinges = CubicSpline(knots, known)(wanted), robot.qpos_index
+    full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
     if robot.floating:
         a = robot.root_address + 3
-        turns = Slerp(frames, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
+        turns = RotationSpline(knots, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
         full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
     return list(full)

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.clip import Smoothing
@@ -15,7 +16,7 @@ from robot_retarget.retarget.footing import held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem
-from robot_retarget.retarget.sketch import Sketching, _Pool
+from robot_retarget.retarget.sketch import Sketching, _Pool, between
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import load_robot, world_points
@@ -43,6 +44,22 @@ def test_the_chosen_path_is_the_cheapest_of_all(seed: int, hurry: float) -> None
 
     chosen = total(tuple(pool.cheapest(hurry)))
     assert chosen == pytest.approx(min(total(p) for p in itertools.product(*pool.poses)))
+
+
+def test_a_smooth_motion_comes_back_between_the_frames_of_the_sketch() -> None:
+    robot, frames = load_robot("op3"), np.append(np.arange(0, 89, 3), 89)
+    when = np.arange(90) / 30
+    true = np.repeat(robot.standing()[None], 90, axis=0)
+    true[:, robot.qpos_index] += 0.3 * np.sin(2 * np.pi * when[:, None] + np.arange(20))  # a step a second
+    true[:, robot.qpos_index] = true[:, robot.qpos_index].clip(robot.lower, robot.upper)
+    true[:, 3:7] = Rotation.from_rotvec(0.5 * np.sin(2 * np.pi * when)[:, None] * [0, 0, 1]).as_quat(scalar_first=True)
+    found = between(robot, frames, list(true[frames]), [])
+    missed = np.array([difference(robot, a, b) for a, b in zip(true, found, strict=True)])
+    inside = ((true[:, robot.qpos_index] > robot.lower) & (true[:, robot.qpos_index] < robot.upper)).all(axis=0)
+    assert inside.sum() > 5
+    assert np.abs(missed[:, robot.dof_index[inside]]).max() < 5e-3 and np.abs(missed[:, :6]).max() < 5e-3
+    angles = np.array(found)[:, robot.qpos_index]
+    assert (angles >= robot.lower).all() and (angles <= robot.upper).all()
 
 
 def hand_over_shoulder(smoothing: Smoothing | None) -> np.ndarray:

@@ -68,12 +68,14 @@ def walk() -> tuple[Result, Result]:
     return retarget(motion, robot, smoothing=whole), retarget(motion, robot, smoothing=cut)
 
 
-def test_a_walk_in_windows_is_no_rougher_where_they_join(walk: tuple[Result, Result]) -> None:
-    qpos = walk[1].trajectory.qpos
-    bend = np.abs(np.diff(qpos[:, load_robot("op3").qpos_index], 2, axis=0)).max(axis=1)
-    joins = [w.first + w.fixed for w in list(SHORT.cut(len(qpos), 20.0))[1:]]
+def test_a_walk_in_windows_is_hardly_rougher_around_their_joins_than_in_one(walk: tuple[Result, Result]) -> None:
+    whole, cut = (
+        np.abs(np.diff(result.trajectory.qpos[:, load_robot("op3").qpos_index], 2, axis=0)).max(axis=1)
+        for result in walk
+    )
+    joins = [w.first + w.fixed for w in list(SHORT.cut(len(cut) + 2, 20.0))[1:]]
     assert len(joins) >= 2
-    assert max(bend[t - 2 : t + 1].max() for t in joins) < np.quantile(bend, 0.98)
+    assert max(cut[t - 3 : t + 3].max() for t in joins) < 1.1 * whole.max()
 
 
 def test_a_foot_that_stands_across_a_join_does_not_move(walk: tuple[Result, Result]) -> None:
