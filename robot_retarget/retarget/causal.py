@@ -9,6 +9,7 @@ from robot_retarget.retarget.lookout import Lookout
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.quadratic import Pull
+from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.starts import ways
 from robot_retarget.retarget.stepping import Stepping, reckoned_soles
 from robot_retarget.robot import Robot
@@ -23,26 +24,25 @@ ARRIVED = 0.1
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
     """Each frame from the ones before; a foot that begins to stand stays where it was led to.
 
-    Where leading on has drawn links into each other, a frame is sought again from the one before, where they were apart.
+    Where leading on would draw links together, a frame sets out from the one before, where they were apart.
     When a much cheaper way is found (`Lookout`), it is solved along beside the robot, and the robot goes over to it as
     fast as its joints may: no jump, and no staying where the first frame happened to begin.
     """
     robot, lookout, poses = solver.robot, Lookout(solver, fps), []
-    stepping = Stepping(held, reckoned_soles(solver.problem, edges), fps)
+    stepping = Stepping(held, *reckoned_soles(solver.problem, edges), fps)
     before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
     aim: Pose | None = None
     for t in range(len(edges)):
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
         neighbours = [before[robot.qpos_index]] if t else []
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
-        start = _onward(robot, poses, box) if t > 2 and aim is None else before
+        start = _clear(solver, _onward(robot, poses, box), before, wished) if t > 2 and aim is None else before
         if aim is not None:
             aim = solver.descend(aim.qpos, wished)
         pull = _towards(robot, aim)
         pose = solver.descend(start, wished, pull=pull, box=box)
-        if pose.missing > 0 and solver.overlapping(pose.qpos):
-            again = solver.descend(before, wished, pull=pull, box=box)
-            pose = solver.held_back(before, min(pose, again, key=lambda end: end.cost), wished)
+        if pose.missing > 0:
+            pose = solver.held_back(before, pose, wished)
         poses.append(solver.lifted(pose))
         before = poses[-1].qpos
         if aim is None:
@@ -51,6 +51,16 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
             aim = None
         count.one()
     return poses
+
+
+def _clear(solver: FrameSolver, start: Floats, before: Floats, wished: tuple[Floats, ...]) -> Pose | Floats:
+    """A start and what is known about it; the pose before, if links have come within half the margin on the way, for they
+    may then go around each other on the wrong side.
+    """
+    here = solver.landscape.around(start, wished)
+    if here.missing > solver.options.margin / 2:
+        return before
+    return Pose(start, Status.OUT_OF_ITERATIONS, here.cost, 0, here, here.missing)
 
 
 def _towards(robot: Robot, aim: Pose | None) -> Pull | None:

@@ -20,15 +20,18 @@ LANDING = 0.1
 
 class Stepping:
     """Where feet stand: those that stand from the beginning where they are reckoned to, a foot that begins to stand where
-    it just was. Before that it was led to where it is reckoned to.
+    it just was. Before that it was led along its own way to where it is reckoned to settle.
     """
 
-    def __init__(self, held: np.ndarray, reckoned: Floats, fps: float):
-        """What is held (T, F, 4), and where corners are reckoned to be (T, F, 4, 3) [m]; not finite where nobody knows."""
-        self.held, self.known = held, np.asarray(np.isfinite(reckoned).all(axis=(2, 3)))
+    def __init__(self, held: np.ndarray, flat: Floats, tilted: Floats, fps: float):
+        """What is held (T, F, 4), and where corners are reckoned to be (T, F, 4, 3) [m], of soles laid flat and as they are
+        tilted; not finite where nobody knows.
+        """
+        self.held, self.known = held, np.asarray(np.isfinite(flat).all(axis=(2, 3)))
         self.near, settled = landings(np.asarray(held.any(axis=2)), round(LANDING * fps))
-        self.settled = np.take_along_axis(reckoned, settled[:, :, None, None], axis=0)
-        self.places = np.zeros(reckoned.shape[1:])
+        self.settled = np.take_along_axis(flat, settled[:, :, None, None], axis=0)
+        self.coming = tilted + self.near[:, :, None, None] * (self.settled - tilted)
+        self.places = np.zeros(flat.shape[1:])
         self.before = np.zeros(held.shape[1:], dtype=bool)
 
     def at(self, frame: int, corners: Floats) -> tuple[np.ndarray, Floats, Floats]:
@@ -47,7 +50,7 @@ class Stepping:
         if lands.any():
             self.places[lands] = laid(corners[lands], now[lands].all(axis=1))
         led = known & ~stands
-        self.places[led] = self.settled[frame, led]
+        self.places[led] = self.coming[frame, led]
         self.before = now
         return now, self.places, np.where(known, self.near[frame], 0.0)
 
@@ -65,20 +68,22 @@ def landings(stands: np.ndarray, lead: int) -> tuple[Floats, Ints]:
     return near, settled
 
 
-def reckoned_soles(problem: Problem, edges: Edges) -> Floats:
-    """(T, F, 4, 3) the corners of every sole flat on the floor [m]: its ankle where the scaled human's is, further out by
-    as much as the robot's hips are wider; nan for feet whose ankle or hips either body lacks.
+def reckoned_soles(problem: Problem, edges: Edges) -> tuple[Floats, Floats]:
+    """(T, F, 4, 3) the corners of every sole along the floor [m], of one laid flat and of one tilted as the human's: its
+    ankle where the scaled human's is, further out by as much as the robot's hips are wider; nan for feet whose ankle or
+    hips either body lacks.
     """
     left = leftward(heading(edges.facing))
     outward = {"l": left, "r": -left}
-    found = np.full((len(edges), len(problem.feet), CORNERS, 3), np.nan)
+    flat, tilted = (np.full((len(edges), len(problem.feet), CORNERS, 3), np.nan) for _ in range(2))
     for k, foot in enumerate(problem.feet):
         if foot in edges.tracks:
             hip, sole = _hip_and_sole(problem, foot)
-            ankle, ahead = edges.tracks[foot] + hip * outward[foot], heading(_turn(edges, foot))
-            found[:, k, :, :2] = ankle[:, None] + sole[:, :1] * ahead[:, None] + sole[:, 1:] * leftward(ahead)[:, None]
-            found[:, k, :, 2] = 0.0
-    return found
+            ankle, turn = edges.tracks[foot] + hip * outward[foot], _turn(edges, foot)
+            for found, axes in ((flat, _level(turn)), (tilted, turn)):
+                found[:, k, :, :2] = ankle[:, None] + sole @ axes[:, :2].swapaxes(1, 2)
+                found[:, k, :, 2] = 0.0
+    return flat, tilted
 
 
 def _turn(edges: Edges, foot: str) -> Floats:
@@ -87,8 +92,15 @@ def _turn(edges: Edges, foot: str) -> Floats:
     return edges.frames[:, edges.segments.index(segment)] if segment in edges.segments else edges.facing
 
 
+def _level(turn: Floats) -> Floats:
+    """(T, 3, 3) frames upright, with the heading they have."""
+    ahead, level = heading(turn), np.zeros((len(turn), 3, 3))
+    level[:, :2, 0], level[:, :2, 1], level[:, 2, 2] = ahead, leftward(ahead), 1.0
+    return level
+
+
 def _hip_and_sole(problem: Problem, foot: str) -> tuple[float, Floats]:
-    """Half the hips' width [m], and (4, 2) the corners of a sole ahead and to the left of its ankle [m]; standing."""
+    """Half the hips' width [m], and (4, 3) the corners of a sole ahead of its ankle, to the left and up [m]; standing."""
     robot, anatomy = problem.robot, problem.match.anatomy
     spots, corners = anatomy.spots, sole_corners(anatomy, foot)
     named = [spots[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
@@ -96,7 +108,8 @@ def _hip_and_sole(problem: Problem, foot: str) -> tuple[float, Floats]:
         np.append([spot.body for spot in named], corners.bodies),
         np.vstack([*(spot.offset for spot in named), corners.offsets]),
     )
-    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0, :, :2]
+    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0]
     along = np.array(sole) - ankle
     ahead = unit(lengths(along))
-    return float(np.linalg.norm(left - right)) / 2, along @ np.stack([ahead, leftward(ahead)], axis=1)
+    own = np.column_stack([along[:, :2] @ ahead, along[:, :2] @ leftward(ahead), along[:, 2]])
+    return float(np.linalg.norm((left - right)[:2])) / 2, own

@@ -50,7 +50,10 @@ def test_frames_alone_and_inside_their_clip_are_soon_the_same(name: str, clip: s
     ("name", "clip"),
     [("op3", clip) for clip in ("walk", "squat", "clap")]
     + ELSEWHERE
-    + [pytest.param(MODELS["unitree_g1"], "hips_and_bow", marks=needs_shared)],
+    + [
+        pytest.param(MODELS[name], clip, marks=needs_shared)
+        for name, clip in (("unitree_g1", "hips_and_bow"), ("unitree_h1", "walk"))
+    ],
 )
 def test_the_same_edges_lead_to_the_same_poses_wherever_they_begin(name: str, clip: str) -> None:
     """How hands and heads are turned on the whole is read off all frames there are: edges of a part may differ."""

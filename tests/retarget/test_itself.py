@@ -56,15 +56,13 @@ def test_without_rotations_those_come_back_that_positions_show() -> None:
     shown = [name not in UNSEEN for name in load_robot("op3").joint_names]
     worst = missed("walk", False, CAUSAL)[:, shown].max(axis=1)
     assert np.median(worst) < 0.01
-    assert worst.max() < 0.03  # while a foot swings, its roll is guessed, and its leg gives way a little
+    assert worst.max() < 0.05  # while a foot swings, its roll is guessed, and its leg gives way a little
 
 
-def test_a_wave_solved_as_a_whole_comes_back_within_a_hundredth_in_the_middle_frame() -> None:
-    assert np.median(missed("wave", True, WHOLE).max(axis=1)) < 0.01
-
-
-def test_a_walk_solved_as_a_whole_comes_back_smoother_in_its_swinging_legs_alone() -> None:
-    error, names = missed("walk", True, WHOLE), load_robot("op3").joint_names
-    swings = [any(part in name for part in ("hip", "knee", "ank")) for name in names]
-    assert error[:, np.logical_not(swings)].max() < 0.02
-    assert np.median(error.max(axis=1)) < 0.05
+@pytest.mark.parametrize(("clip", "middle", "most"), [("wave", 0.01, 0.04), ("walk", 0.015, 0.06)])
+def test_solved_as_a_whole_a_motion_comes_back_but_for_what_smoothing_takes(
+    clip: str, middle: float, most: float
+) -> None:
+    """Half of the frames within a hundredth or so [rad]; all of them but for an ankle that throws a foot forward."""
+    worst = missed(clip, True, WHOLE).max(axis=1)
+    assert np.median(worst) < middle and worst.max() < most
