@@ -29,7 +29,7 @@ class Options:
 
     iterations: int = 12
     """At most, per frame; twice as many from a start that is no neighbour."""
-    tolerance: float = 2e-5
+    tolerance: float = 5e-5
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
@@ -142,7 +142,7 @@ class FrameSolver:
                 taken += 1
             else:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
-                refused += 1
+                here, refused = self._warned(here, there, step), refused + 1
         return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, base.cost, taken, base, base.missing))
 
     def _drawn(self, base: Quadratic, q: Floats, pull: Pull | None, ahead: Ahead | None) -> Quadratic:
@@ -164,6 +164,11 @@ class FrameSolver:
         if found is None:
             return None, 0.0
         return self.symmetry.kept(q, here, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
+
+    def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
+        """The model, with what a refused short step has met; slopes from far away would tell nothing here."""
+        met = there.missing > here.missing and np.abs(step).max() < UNSEEN
+        return here.warned(self.problem.soles, there, step) if met else here
 
     def _closed(self, pose: Pose) -> Pose:
         """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""

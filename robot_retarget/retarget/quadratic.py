@@ -60,6 +60,19 @@ class Quadratic:
     sunk: bool
     """Whether a sole is under the floor."""
 
+    def warned(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
+        """The model with the rows of links that a step (nv) brought too near, as they are there: J v ≥ least + J step.
+
+        Where the nearest places of two links change on the way, rows of the beginning alone lead into the same wall again.
+        They stand in for those of the farthest links, and demand no more than to stay: here these links are apart.
+        """
+        hit = soles + np.flatnonzero(there.least[soles:] > 0)
+        least, rows = self.least.copy(), self.rows.copy(order="F")
+        farthest = soles + np.argsort(least[soles:], kind="stable")[: len(hit)]
+        demand = np.minimum(there.least[hit] + there.rows[hit, :-1] @ step, max(least[soles:].max(), 0.0))
+        rows[farthest], least[farthest] = there.rows[hit], demand
+        return replace(self, rows=rows, least=least)
+
     def decrease(self, step: Floats, slack: float) -> float:
         """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
         posture = -float(step @ (2 * self.gradient + self.normal @ step))

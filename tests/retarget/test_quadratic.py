@@ -1,0 +1,41 @@
+"""What a step that was refused has met is told to the next one."""
+
+import numpy as np
+
+from robot_retarget.motion import read_motion
+from robot_retarget.retarget.edges import build_edges
+from robot_retarget.retarget.footing import grip_of, held_corners
+from robot_retarget.retarget.match import match
+from robot_retarget.retarget.problem import build_problem, frame_parameters
+from robot_retarget.retarget.quadratic import Landscape
+from robot_retarget.robot import load_robot
+from robot_retarget.robot.kinematics import integrate
+from robot_retarget.shipped import SAMPLES
+
+
+def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_to_stay_as_they_are() -> None:
+    motion, robot = read_motion(SAMPLES / "clap.bvh").resample(10), load_robot("op3")
+    matched = match(motion, robot)
+    edges = build_edges(motion, matched)
+    problem = build_problem(robot, matched, edges)
+    landscape, soles = Landscape(problem, separation=True, margin=0.006, reach=0.05), problem.soles
+    held = held_corners(edges.stances, problem.feet, len(edges))[0]
+    wished = (*frame_parameters(edges, 0), *grip_of(robot, matched.anatomy).lay_down(held))
+    draw, met = np.random.default_rng(0), 0
+    for _ in range(40):
+        q = robot.standing()
+        q[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
+        step = draw.normal(scale=0.02, size=robot.model.nv)
+        here, there = landscape.around(q, wished), landscape.around(integrate(robot, q, step), wished)
+        lacking = there.least[soles:][there.least[soles:] > 0]
+        told = here.warned(soles, there, step)
+        changed = np.flatnonzero((told.rows != here.rows).any(axis=1) | (told.least != here.least))
+        assert (changed >= soles).all() and len(changed) == len(lacking)
+        stays = told.least[changed] == max(here.least[soles:].max(), 0.0)
+        lacks = (told.least - told.rows[:, :-1] @ step)[changed]
+        assert np.isclose(lacks[:, None], lacking, atol=1e-12).any(axis=1)[~stays].all()
+        assert (told.least[changed] <= max(here.least[soles:].max(), 0.0)).all()
+        kept = np.setdiff1d(np.arange(len(here.least)), changed)
+        assert (here.least[changed] <= here.least[np.setdiff1d(kept, np.arange(soles))].min(initial=np.inf)).all()
+        met += int((~stays).sum())
+    assert met > 20
