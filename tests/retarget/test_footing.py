@@ -101,6 +101,16 @@ def test_a_foot_that_rolls_off_where_it_stands_is_led_along_its_own_way() -> Non
     assert np.allclose(led(footholds(held, draft), held, draft)[6:], draft[6:], atol=1e-12)
 
 
+def test_a_foot_in_the_air_goes_on_from_where_the_known_frames_have_it() -> None:
+    standing = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
+    draft = np.repeat(standing[None, None], 12, axis=0) + np.linspace(0, 0.3, 12)[:, None, None, None] * [1, 0, 0]
+    held = np.zeros((12, 1, 4), dtype=bool)
+    held[9:] = True
+    places = led(footholds(held, draft, fixed=4), held, draft, fixed=4)
+    assert np.allclose(places[:4], draft[:4]) and np.allclose(places[9:], places[9])
+    assert np.linalg.norm(np.diff((places - draft)[:10, 0, 0], axis=0), axis=1).max() < 0.02
+
+
 def test_drifting_heights_are_levelled_and_level_ones_kept(walk: tuple[Motion, Match]) -> None:
     motion, matched = walk
     x = matched.human_positions(motion)

@@ -59,10 +59,12 @@ def test_without_rotations_those_come_back_that_positions_show() -> None:
     assert worst.max() < 0.05  # while a foot swings, its roll is guessed, and its leg gives way a little
 
 
-@pytest.mark.parametrize(("clip", "middle", "most"), [("wave", 0.01, 0.04), ("walk", 0.015, 0.06)])
+@pytest.mark.parametrize(("clip", "middle", "legs", "rest"), [("walk", 0.015, 0.06, 0.02), ("wave", 0.01, 0.02, 0.04)])
 def test_solved_as_a_whole_a_motion_comes_back_but_for_what_smoothing_takes(
-    clip: str, middle: float, most: float
+    clip: str, middle: float, legs: float, rest: float
 ) -> None:
-    """Half of the frames within a hundredth or so [rad]; all of them but for an ankle that throws a foot forward."""
-    worst = missed(clip, True, WHOLE).max(axis=1)
-    assert np.median(worst) < middle and worst.max() < most
+    """The worst joint of half of the frames [rad]; an ankle that throws a foot forward; an arm that waves."""
+    error, names = missed(clip, True, WHOLE), load_robot("op3").joint_names
+    swings = np.array([any(part in name for part in ("hip", "knee", "ank")) for name in names])
+    assert np.median(error.max(axis=1)) < middle
+    assert error[:, swings].max() < legs and error[:, ~swings].max() < rest
