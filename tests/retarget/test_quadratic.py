@@ -31,9 +31,9 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
         told = here.warned(soles, there, step)
         changed = np.flatnonzero((told.rows != here.rows).any(axis=1) | (told.least != here.least))
         assert (changed >= soles).all() and len(changed) == len(lacking)
-        stays = told.least[changed] == max(here.least[soles:].max(), 0.0)
+        stays = np.equal(told.least[changed], max(here.least[soles:].max(), 0.0))
         lacks = (told.least - told.rows[:, :-1] @ step)[changed]
-        assert np.isclose(lacks[:, None], lacking, atol=1e-12).any(axis=1)[~stays].all()
+        assert np.asarray(np.isclose(lacks[:, None], lacking, atol=1e-12).any(axis=1))[~stays].all()
         assert (told.least[changed] <= max(here.least[soles:].max(), 0.0)).all()
         kept = np.setdiff1d(np.arange(len(here.least)), changed)
         assert (here.least[changed] <= here.least[np.setdiff1d(kept, np.arange(soles))].min(initial=np.inf)).all()
