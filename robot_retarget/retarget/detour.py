@@ -6,7 +6,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.starts import drawn_limbs
 
-STOPS = 8
+PLACES = 8
 """A straight way is looked at in so many places."""
 MOVED = 0.1
 """A limb goes around when one of its hinges has farther to go [rad]."""
@@ -28,7 +28,7 @@ def detour(solver: FrameSolver, start: Floats, end: Floats) -> Floats | None:
 def clear(solver: FrameSolver, start: Floats, end: Floats) -> bool:
     """Whether no links are inside each other while all hinges go straight from one configuration to another."""
     hinges, q = solver.robot.qpos_index, start.copy()
-    for share in np.linspace(0, 1, STOPS + 2)[1:-1]:
+    for share in np.linspace(0, 1, PLACES + 2)[1:-1]:
         q[hinges] = start[hinges] + share * (end - start)[hinges]
         if solver.overlapping(q):
             return False
