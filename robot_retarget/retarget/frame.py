@@ -19,6 +19,9 @@ REFUSALS = 6
 
 OVERLAP = 5e-4
 """Links inside each other by more are not accepted [m]."""
+SHORT = 0.1
+"""What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
+nothing here."""
 UNSEEN = 0.1
 """The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
 
@@ -166,8 +169,8 @@ class FrameSolver:
         return self.symmetry.kept(q, here, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
 
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
-        """The model, with what a refused short step has met; slopes from far away would tell nothing here."""
-        met = there.missing > here.missing and np.abs(step).max() < UNSEEN
+        """The model, with what a refused short step has met."""
+        met = there.missing > here.missing and np.abs(step).max() < SHORT
         return here.warned(self.problem.soles, there, step) if met else here
 
     def _closed(self, pose: Pose) -> Pose:

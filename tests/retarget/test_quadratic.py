@@ -4,10 +4,10 @@ import numpy as np
 
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.edges import build_edges
-from robot_retarget.retarget.footing import grip_of, held_corners
+from robot_retarget.retarget.footing import held_corners
+from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem, frame_parameters
-from robot_retarget.retarget.quadratic import Landscape
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
@@ -18,15 +18,15 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
     matched = match(motion, robot)
     edges = build_edges(motion, matched)
     problem = build_problem(robot, matched, edges)
-    landscape, soles = Landscape(problem, separation=True, margin=0.006, reach=0.05), problem.soles
+    solver, soles = FrameSolver(problem, Options()), problem.soles
     held = held_corners(edges.stances, problem.feet, len(edges))[0]
-    wished = (*frame_parameters(edges, 0), *grip_of(robot, matched.anatomy).lay_down(held))
+    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(held))
     draw, met = np.random.default_rng(0), 0
     for _ in range(40):
         q = robot.standing()
         q[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
         step = draw.normal(scale=0.02, size=robot.model.nv)
-        here, there = landscape.around(q, wished), landscape.around(integrate(robot, q, step), wished)
+        here, there = (solver.landscape.around(pose, wished) for pose in (q, integrate(robot, q, step)))
         lacking = there.least[soles:][there.least[soles:] > 0]
         told = here.warned(soles, there, step)
         changed = np.flatnonzero((told.rows != here.rows).any(axis=1) | (told.least != here.least))
