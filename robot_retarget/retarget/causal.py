@@ -14,6 +14,10 @@ from robot_retarget.retarget.stepping import Stepping, reckoned_soles
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
+ALIKE = 0.05
+"""Of ways that cost so little more [-] a stream begins with the first: a nearly straight arm costs as much bent either way,
+and the one that comes from the reference pose has its elbow bent as it will go on."""
+
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
     """Each frame from the ones before; a foot that begins to stand stays where it was led to.
@@ -24,14 +28,14 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
     """
     robot, crossing, poses = solver.robot, Crossing(solver, fps), []
     stepping = Stepping(held, *reckoned_soles(solver.problem, edges), fps)
-    before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0)[0].qpos
+    before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0, ALIKE)[0].qpos
     for t in range(len(edges)):
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
         neighbours = [before[robot.qpos_index]] if t else []
         box = solver.ranges.around(neighbours, robot.max_speed / fps)
         leads_on = t > 2 and crossing.aim is None
         start = _set_out(solver, _onward(robot, poses, box), before, wished) if leads_on else before
-        pose = solver.descend(start, wished, pull=crossing.pull(wished), box=box)
+        pose = solver.descend(start, wished, pull=crossing.pull(wished), box=box, learning=True)
         if pose.missing > 0:
             pose = solver.held_back(before, pose, wished)
         poses.append(solver.lifted(pose))

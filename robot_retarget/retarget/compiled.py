@@ -39,20 +39,24 @@ def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Comp
 
 
 class QuadraticProgram:
-    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set."""
+    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set.
+
+    What changes little from one program to the next (H, g and the bounds, 0 at first) is written where it stands.
+    """
 
     def __init__(self, variables: int, rows: int):
         shape = {"h": ca.Sparsity.dense(variables, variables), "a": ca.Sparsity.dense(rows, variables)}
         function = ca.conic("program", "daqp", shape, {"error_on_fail": False})
         self.run = Compiled(function)
-        self.place = {name: k for k, name in enumerate(function.name_in())}
-        self.run.arguments[self.place["uba"]][:] = np.inf
+        given = dict(zip(function.name_in(), self.run.arguments, strict=True))
+        self.hessian, self.gradient = given["h"].reshape((variables, variables), order="F"), given["g"]
+        self.lower, self.upper = given["lbx"], given["ubx"]
+        self.rows, self.least = given["a"].reshape((rows, variables), order="F"), given["lba"]
+        given["uba"][:] = np.inf
 
-    def solve(self, h: Floats, g: Floats, a: Floats, least: Floats, lower: Floats, upper: Floats) -> Floats | None:
-        """The minimiser, within its bounds, or None when rows cannot be kept within `WITHIN`."""
-        given = {"h": h.ravel(order="F"), "g": g, "a": a.ravel(order="F"), "lba": least, "lbx": lower, "ubx": upper}
-        for name, value in given.items():
-            self.run.arguments[self.place[name]][:] = value
+    def solve(self, rows: Floats, least: Floats) -> Floats | None:
+        """The minimiser, within its bounds, or None when rows A x ≥ least cannot be kept within `WITHIN`."""
+        self.rows[:], self.least[:] = rows, least
         found = self.run()[0]
-        x = np.clip(found, lower, upper)
-        return x if np.abs(x - found).max() <= WITHIN and (a @ x >= least - WITHIN).all() else None
+        x = np.clip(found, self.lower, self.upper)
+        return x if np.abs(x - found).max() <= WITHIN and (rows @ x >= least - WITHIN).all() else None

@@ -31,7 +31,7 @@ class Crossing:
         """Draws the hinges to the stop or the other way, which is solved along; the root follows from what it should do."""
         if self.aim is None:
             return None
-        self.aim, robot = self.solver.descend(self.aim.qpos, wished), self.solver.robot
+        self.aim, robot = self.solver.descend(self.aim.qpos, wished, learning=True), self.solver.robot
         weight = np.zeros(robot.model.nv)
         weight[robot.dof_index] = TOWARDS
         return Pull(self.aim.qpos if self.via is None else self.via, np.zeros(robot.model.nv), weight)

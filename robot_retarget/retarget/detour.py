@@ -38,7 +38,7 @@ def clear(solver: FrameSolver, start: Floats, end: Floats) -> bool:
 def _stops(solver: FrameSolver, start: Floats, end: Floats) -> list[Floats]:
     """Configurations halfway, with the limbs that are to move as they are drawn: left and right in mirrored pairs."""
     robot = solver.robot
-    tables = drawn_limbs(solver.problem, solver.options)
+    tables = drawn_limbs(solver)
     apart = np.abs(end - start)[robot.qpos_index]
     moved = {limb: table for limb, table in tables.items() if apart[list(limb)].max() > MOVED}
     stops = []

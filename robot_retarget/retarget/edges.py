@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints, leftward, unit
-from robot_retarget.dgp.adapt import normalised_distances, path_priorities, path_weights
+from robot_retarget.dgp.adapt import normalised_distances, path_weights
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.retarget.contacts import stances
@@ -21,7 +21,7 @@ from robot_retarget.retarget.match import Match
 
 NEAR_REACH = 0.35
 """A pair whose normalised distance is of this size begins to count as near [-]."""
-NEAR_GAIN = 4.0
+NEAR_GAIN = 1.6
 """How much a near pair outweighs a far one."""
 TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
 """A hand this near to another part, over the path between them, touches it [-]; to any other part 0.1."""
@@ -36,15 +36,15 @@ TOUCH_LEAD = 0.1
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 120.0
+    posture: float = 127.0
     """Pairwise distances over their path length."""
     touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
-    compass: float = 4.5
+    compass: float = 8.0
     """Bone directions, those of the legs most."""
     give: float = 0.028
     """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
-    girdle: float = 4.5
+    girdle: float = 6.3
     """Direction of the hip line, which way the body faces; that of the shoulder line a tenth of it."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet and hands a third of it."""
@@ -59,8 +59,8 @@ class Weights:
 # Arms and trunks of robots have fewer hinges than a human's to follow with, so that their directions yield to distances.
 # Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
 # built and are left to the girdles.
-_BONES = {"chest": 0.7, "elbow": 0.45, "hand": 0.45, "toe": 0.15, "neck": 0.05, "head": 0.05, "shoulder": 0, "hip": 0}
-_GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.1))
+_BONES = {"chest": 0.4, "elbow": 0.25, "hand": 0.25, "toe": 0.08, "neck": 0.03, "head": 0.03, "shoulder": 0, "hip": 0}
+_GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.07))
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,8 @@ class Edges:
 def build_edges(motion: Motion, match: Match, weights: Weights | None = None) -> Edges:
     """Describe a motion by edges for the matched robot.
 
-    Posture: δ = τ_B ‖x_u − x_v‖ / τ_A and π of [Mucherino2017], raised where the pair is near. Compass: the human's
+    Posture: δ = τ_B ‖x_u − x_v‖ / τ_A of [Mucherino2017]; π is the same for all pairs, raised where one is near (that of
+    the paper, which falls with the length of the path, turns limbs further for the same distances). Compass: the human's
     bone directions. Path: the pelvis, scaled by leg length, ankles on the robot's ankle height.
     """
     w = weights or Weights()
@@ -157,7 +158,7 @@ def _posture(x: Floats, match: Match, w: Weights, fps: float) -> tuple[Ints, Flo
     bone = (match.parents[j] == i) | (match.parents[i] == j)
     keep = (tau > 1e-6) & ~bone  # bones keep their length by construction
     near = np.exp(-((near_or_far / NEAR_REACH) ** 2))
-    pi = path_priorities(match.parents)[i, j] * (1 + NEAR_GAIN * near)
+    pi = 1 + NEAR_GAIN * near
     reach = np.array([_touch_reach(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)])
     touching = np.exp(-((near_or_far / np.maximum(reach, 1e-9)) ** 8)) * (reach > 0)
     mean = len(match.keypoints) / max(int(keep.sum()), 1)

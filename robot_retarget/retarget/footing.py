@@ -25,7 +25,7 @@ class Grip:
     across: float = HOLD
     swing: float = 10.0
     """Of a foot in the air on its way between footholds."""
-    landing: float = 240.0
+    landing: float = 400.0
     """Along the floor, of a foot in the air that is about to stand."""
 
     def land(self, held: np.ndarray, places: Floats, near: Floats) -> tuple[Floats, Floats]:

@@ -22,6 +22,8 @@ OVERLAP = 5e-4
 SHORT = 0.1
 """What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
 nothing here."""
+REGAIN = 3.0
+"""How much longer the step after one that was accepted may be [-]."""
 UNSEEN = 0.1
 """The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
 
@@ -32,7 +34,7 @@ class Options:
 
     iterations: int = 12
     """At most, per frame; twice as many from a start that is no neighbour."""
-    tolerance: float = 5e-5
+    tolerance: float = 2e-5
     """Stop when no step would lower the cost by more than this share of it [-]."""
     trust: float = 0.5
     """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
@@ -104,8 +106,11 @@ class FrameSolver:
         self.landscape = Landscape(problem, options.separation, options.margin, options.reach, options.glance)
         self.symmetry = symmetry_of(self.robot, problem.match.anatomy)
         self.grip = grip_of(self.robot, problem.match.anatomy)
+        self.diagonal = np.diag_indices(self.robot.model.nv)
         slack = 1  # of separation; it stands last
         self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)
+        self.program.hessian[-1, -1] = SEPARATION_COST / self.leg**2
+        self.program.lower[-1], self.program.upper[-1] = 0.0, np.inf
 
     def descend(
         self,
@@ -117,22 +122,28 @@ class FrameSolver:
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
+        learning: bool = False,
     ) -> Pose:
         """Steps within the box, above the floor and apart, until they gain little or so many were taken; chains closed.
 
         Args:
             start: a configuration, or a pose that an earlier descent with the same wishes reached.
+            learning: let each step teach the curvature for the next (`Quadratic.after`), to end exactly in few.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
         base = start.around if isinstance(start, Pose) and start.around else self.landscape.around(q, wished)
         here, damping, trust = self._drawn(base, q, pull, ahead), self.options.damping, self.options.trust
         taken = refused = 0
+        strayed = even = True
         while taken < most and refused < REFUSALS:
-            forced = here.sunk or box.outside(q[self.robot.qpos_index]) > 1e-6
+            # Steps lead into the box and never out of it, and away from evenness for good.
+            strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
+            even, forced = even and self.symmetry.even(q), here.sunk or strayed
             step, gain = self._step(q, here, damping, trust, box)
             if step is None:
                 return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base, base.missing))
+            step = self.symmetry.kept(q, here, step) if even else step
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
             if gain <= least_gain * here.cost + 1e-12 and not forced and small:
                 last = integrate(self.robot, q, step)
@@ -141,8 +152,9 @@ class FrameSolver:
             there = self.landscape.around(trial, wished)
             pulled = self._drawn(there, trial, pull, ahead)
             if pulled.cost < here.cost or forced:
-                q, base, here, damping, trust = trial, there, pulled, max(damping / 4, 1e-6), self.options.trust
-                taken += 1
+                here = pulled.after(step, here) if learning else pulled
+                damping, trust = max(damping / 4, 1e-6), min(self.options.trust, REGAIN * trust)
+                q, base, taken, refused = trial, there, taken + 1, max(refused - 1, 0)
             else:
                 damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
                 here, refused = self._warned(here, there, step), refused + 1
@@ -153,20 +165,15 @@ class FrameSolver:
 
     def _step(self, q: Floats, here: Quadratic, damping: float, trust: float, box: Box) -> tuple[Floats | None, float]:
         """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
-        nv = len(here.gradient)
-        lower, upper = np.full(nv + 1, -2 * trust), np.full(nv + 1, 2 * trust)
-        angle = q[self.robot.qpos_index]
-        lower[self.hinges] = (box.lower - angle).clip(-trust, trust)
-        upper[self.hinges] = (box.upper - angle).clip(-trust, trust)
-        lower[nv], upper[nv] = 0.0, np.inf
-        hessian = np.zeros((nv + 1, nv + 1), order="F")
-        hessian[:nv, :nv] = here.normal
-        hessian[np.arange(nv), np.arange(nv)] += damping
-        hessian[nv, nv] = SEPARATION_COST / self.leg**2
-        found = self.program.solve(hessian, np.append(here.gradient, 0.0), here.rows, here.least, lower, upper)
-        if found is None:
-            return None, 0.0
-        return self.symmetry.kept(q, here, found[:nv]), here.decrease(found[:nv], float(found[nv]) / self.leg)
+        program, nv, angle = self.program, len(here.gradient), q[self.robot.qpos_index]
+        program.lower[:nv], program.upper[:nv] = -2 * trust, 2 * trust
+        program.lower[self.hinges] = (box.lower - angle).clip(-trust, trust)
+        program.upper[self.hinges] = (box.upper - angle).clip(-trust, trust)
+        program.hessian[:nv, :nv] = here.normal
+        program.hessian[self.diagonal] += damping
+        program.gradient[:nv] = here.gradient
+        found = program.solve(here.rows, here.least)
+        return (None, 0.0) if found is None else (found[:nv], here.decrease(found[:nv], float(found[nv]) / self.leg))
 
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
         """The model, with what a refused short step has met."""

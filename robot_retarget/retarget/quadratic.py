@@ -14,8 +14,17 @@ SEPARATION_COST = 1e6
 """Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
 COUPLED = 30.0
 """Weight of joints that are geared together and chains that close, over the squared leg length."""
+GRACE = 2e-4
+"""Links may stay where they lack so little of their margin, over the leg length: distances bend along a step, and one that
+ends a hair inside the margin need not be refused."""
 SUNK = -1e-4
 """A start this deep under the floor [m] takes its first steps whatever they cost."""
+TAUGHT = 0.1
+"""Along steps no longer than this [rad, m] the curvature is learned from how the gradient changed, ..."""
+NEAR_COST = 1.5
+"""... which brought the cost down to no less than its inverse: on the way to a foothold the gradient changes for its sake ..."""
+LEARNED = 0.3
+"""... unless it would be less than this share of the model's, or more than its inverse [-]."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +65,25 @@ class Quadratic:
     """(rows, nv + 1)."""
     least: Floats
     missing: float
-    """How much the nearest links lack to be apart, over the leg length."""
+    """How much more than `GRACE` the nearest links lack to be apart, over the leg length."""
     sunk: bool
     """Whether a sole is under the floor."""
+
+    def after(self, step: Floats, before: "Quadratic") -> "Quadratic":
+        """The model with the curvature that a step s (nv) from the model before has shown: N s = g − g_before (BFGS).
+
+        N = Jᵀ W J leaves out how the Jacobian bends and takes ϱ for steeper than it is, so that a descent by it alone
+        creeps along soft directions: each step three quarters of the one before.
+        """
+        if before.cost > NEAR_COST * self.cost or np.abs(step).max() > TAUGHT:
+            return self
+        expected, shown = self.normal @ step, self.gradient - before.gradient
+        modelled, found = float(step @ expected), float(step @ shown)
+        if not LEARNED * modelled < found < modelled / LEARNED:
+            return self
+        normal = self.normal - expected[:, None] * (expected / modelled)
+        normal += shown[:, None] * (shown / found)
+        return replace(self, normal=normal)
 
     def warned(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
         """The model with the rows of links that a step (nv) brought too near, as they are there: J v ≥ least + J step.
@@ -111,12 +136,13 @@ class Landscape:
         return Quadratic(total, gradient, normal, rows, least, missing, bool(floor.min(initial=0.0) < SUNK))
 
     def _apart(self, q: Floats, rows: Floats, least: Floats) -> float:
-        """Fill in the rows of near links; how much the nearest lack, over the leg length."""
+        """Fill in the rows of near links; how much more than `GRACE` the nearest lack, over the leg length."""
         distance, slope, rest = self._near(q)
         wanted = np.minimum(self.margin, rest) - distance  # links that rest nearer may stay so
-        near = len(distance)
-        rows[:near, :-1], rows[:near, -1], least[:near] = slope, 1.0, wanted
-        return float(wanted.max(initial=0.0)) / self.leg
+        near, grace = len(distance), GRACE * self.leg
+        rows[:near, :-1], rows[:near, -1] = slope, 1.0
+        least[:near] = np.where((wanted > 0) & (wanted <= grace), 0.0, wanted)
+        return max(float(wanted.max(initial=0.0)) - grace, 0.0) / self.leg
 
     def _near(self, q: Floats) -> tuple[Floats, Floats, Floats]:
         """As `Separation.near`; from a configuration hardly elsewhere, as its slopes tell."""

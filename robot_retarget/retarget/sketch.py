@@ -34,7 +34,7 @@ class Sketching:
     """Time between the moments at which ways are sought [s]."""
     iterations: int = 6
     """At most, per frame that is followed: the fine solution comes later."""
-    tolerance: float = 1e-2
+    tolerance: float = 1e-3
     """As `Options.tolerance`, for the same reason."""
     ways: int = 3
     """At most, per moment."""
@@ -61,7 +61,10 @@ def sketch(
     """
     chosen, first = sketching or Sketching(), known or []
     step, start = max(1, round(fps / chosen.rate)), max(len(first) - 1, 0)
-    frames = np.unique(np.append(np.arange(start, len(edges), step), len(edges) - 1))
+    beats = np.arange(
+        0, len(edges), step
+    )  # of the window, whatever is known of it: so another one sketches the same frames
+    frames = np.unique([start, *beats[beats > start], len(edges) - 1])
     pool = _Pool(solver, edges, held, frames, fps, chosen)
     stride = max(1, round(chosen.every * fps / step))
     if first:

@@ -6,19 +6,22 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.frame import FrameSolver, Options, Pose
+from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.problem import Problem
-from robot_retarget.retarget.symmetry import symmetry_of
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
 
 ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""
+UNLIKE = 1.0
+"""Draws of a limb are unlike each other when a hinge differs by more [rad]."""
 
 
-def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: int) -> list[Pose]:
-    """Where descents from several starts end, the cheapest first; ends that cost `ROUGHLY` the same in their order.
+def ways(
+    solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: int, alike: float = ROUGHLY
+) -> list[Pose]:
+    """Where descents from several starts end, the cheapest first; ends that cost nearly the same in their order.
 
     The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost
     little among many drawn within their ranges: the best of each limb together, the second best, and so on.
@@ -27,10 +30,10 @@ def ways(solver: FrameSolver, wished: tuple[Floats, ...], edges: Edges, frame: i
     placed = [
         place_root(problem, q, edges.root[frame], edges.facing[frame]) for q in (robot.neutral(), robot.standing())
     ]
-    placed += _limbs_drawn(problem, solver.options, placed[1], wished)
+    placed += _limbs_drawn(solver, placed[1], wished)
     ends = [_descended(solver, q, wished, 2 * solver.options.iterations) for q in placed]
     least = min(end.cost for end in ends)
-    return sorted(ends, key=lambda end: max(end.cost, (1 + ROUGHLY) * least))
+    return sorted(ends, key=lambda end: max(end.cost, (1 + alike) * least))
 
 
 def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], iterations: int) -> Pose:
@@ -39,23 +42,32 @@ def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], i
     return replace(end, cost=solver.landscape.around(end.qpos, wished).cost)
 
 
-def _limbs_drawn(problem: Problem, options: Options, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
-    best = [base.copy() for _ in range(options.starts)]
-    for limb, angles in drawn_limbs(problem, options).items():
-        columns = problem.robot.qpos_index[list(limb)]
+def _limbs_drawn(solver: FrameSolver, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
+    best = [base.copy() for _ in range(solver.options.starts)]
+    for limb, angles in drawn_limbs(solver).items():
+        columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
-        cost = [float(problem.cost(pose, *wished)[0][0]) for pose in poses]
+        cost = [float(solver.problem.cost(pose, *wished)[0][0]) for pose in poses]
         for start, k in zip(best, np.argsort(cost), strict=False):
             start[columns] = angles[k]
     return best
 
 
-def drawn_limbs(problem: Problem, options: Options) -> dict[tuple[int, ...], Floats]:
+def unlike(costs: Floats, angles: Floats, most: int) -> list[int]:
+    """Rows of the cheapest of some draws (N, n), each unlike those before it; at most so many."""
+    chosen: list[int] = []
+    for row in np.argsort(costs, kind="stable").tolist():
+        if len(chosen) < most and (np.abs(angles[chosen] - angles[row]).max(axis=1) > UNLIKE).all():
+            chosen.append(row)
+    return chosen
+
+
+def drawn_limbs(solver: FrameSolver) -> dict[tuple[int, ...], Floats]:
     """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
-    robot, spots = problem.robot, problem.match.anatomy.spots
-    draw, sides = np.random.default_rng(options.seed), symmetry_of(robot, problem.match.anatomy).mirror
-    every = draw.uniform(robot.lower, robot.upper, (options.drawn, len(robot.lower)))
+    problem, robot, spots = solver.problem, solver.robot, solver.problem.match.anatomy.spots
+    draw, sides = np.random.default_rng(solver.options.seed), solver.symmetry.mirror
+    every = draw.uniform(robot.lower, robot.upper, (solver.options.drawn, len(robot.lower)))
     other = np.clip(sides.angles(every), robot.lower, robot.upper)
     straight = (every + other) / 2  # a motion that is its own mirror image should not begin with a side
     chosen = {"l_hand": every, "r_hand": other, "head": straight}

@@ -26,9 +26,7 @@ class Symmetry:
         self.present = mirror.whole and (robot.floating or not robot.root_joints.size)
 
     def kept(self, qpos: Floats, here: Quadratic, step: Floats) -> Floats:
-        """A step (nv,) without its uneven part, where a configuration (nq,) and the gradient there have none."""
-        if not (self.present and self._even_pose(qpos)):
-            return step
+        """A step (nv,) from an even configuration (nq,) without its uneven part, where the gradient has none."""
         uneven = np.abs(self.reflected(qpos, here.gradient) - here.gradient)
         if (uneven > EVEN * (1 + here.normal.diagonal())).any():
             return step
@@ -36,16 +34,17 @@ class Symmetry:
 
     def both_sides(self, qpos: Floats, start: Floats) -> Floats:
         """A start that was made from an even configuration by moving one limb, with the other moved likewise."""
-        if not (self.present and self._even_pose(qpos)):
+        if not self.even(qpos):
             return start
         hinges, both = self.robot.qpos_index, start.copy()
         own = start[hinges]
         both[hinges] = np.where(own == qpos[hinges], self.mirror.angles(own), own)
         return both
 
-    def _even_pose(self, qpos: Floats) -> bool:
+    def even(self, qpos: Floats) -> bool:
+        """Whether a configuration (nq,) is its own mirror image, on a robot that has one."""
         angles = qpos[self.robot.qpos_index]
-        return bool(np.abs(self.mirror.angles(angles) - angles).max() < EVEN)
+        return self.present and bool(np.abs(self.mirror.angles(angles) - angles).max() < EVEN)
 
     def reflected(self, qpos: Floats, tangent: Floats) -> Floats:
         """S v (nv,): a tangent vector, or a gradient, seen in the sagittal plane of the root at a configuration (nq,).

@@ -37,7 +37,12 @@ class Near:
         return Near(*(np.concatenate(both) for both in parts))
 
     def __getitem__(self, rows: Ints) -> "Near":
-        return Near(*(part.take(rows, axis=0) for part in vars(self).values()))
+        geoms, place, normal = (
+            self.geoms.take(rows, axis=0),
+            self.place.take(rows, axis=0),
+            self.normal.take(rows, axis=0),
+        )
+        return Near(self.distance.take(rows), geoms, place, normal)
 
 
 class Boxes:

@@ -34,7 +34,7 @@ class Coupling:
         self.turns, self.middle = _gears(self.model)
         self._hinges = self.model.jnt_qposadr[self.model.dof_jntid]
         self.present = bool(self.model.neq and self.data.eq_active.any()) or bool(len(self.turns))
-        self.mobility = _mobility(robot)
+        self.mobility = _mobility(robot) if self.present else np.zeros(0)
 
     def __call__(self, qpos: Floats) -> tuple[Floats, Floats]:
         """Violations (E,) [m or rad] and slopes by the tangent v (E, nv)."""

@@ -1,6 +1,7 @@
 """Which hinge stands for which when a robot is seen in a mirror, and which way it then turns."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -34,9 +35,14 @@ class Mirror:
 
     def angles(self, angles: Floats) -> Floats:
         """Hinge angles (…, n) as the mirrored robot has them [rad]; hinges without a counterpart stay at zero."""
-        mirrored, there = np.zeros_like(angles), self.partner >= 0
-        mirrored[..., self.partner[there]] = (angles * self.sign)[..., there]
-        return mirrored
+        other, sign = self._seen
+        return angles[..., other] * sign
+
+    @cached_property
+    def _seen(self) -> tuple[Ints, Floats]:
+        """Per hinge the one it takes its mirrored angle from, and the sign: 0 where there is none."""
+        other = np.maximum(self.partner, 0)
+        return other, np.where(self.partner >= 0, self.sign[other], 0.0)
 
 
 def mirror_of(robot: Robot, left: Floats) -> Mirror:

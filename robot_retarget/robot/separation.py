@@ -20,7 +20,7 @@ OVERLAP = 1e-6
 """Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""
 TIE = 1e-7
 """Surfaces are as near as each other within this [m]."""
-_YZX, _ZXY = [1, 2, 0], [2, 0, 1]
+_YZX = [1, 2, 0]
 
 
 class Separation:
@@ -34,12 +34,15 @@ class Separation:
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
         self.most = most
-        self.carried = carrying(self.model).astype(float)
+        carried = carrying(self.model).astype(float)
+        self.between = carried[None] - carried[:, None]
+        """(B, B, nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
         self.rest = np.full(self.counts.shape, np.inf)
         self.is_box = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
-        self._watch(np.array([pair for pairs in allowed(robot).values() for pair in pairs], dtype=int).reshape(-1, 2))
+        listed = allowed(robot).values() if self.is_box.sum() > 1 else ()
+        self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
         self._watch(self.boxes.pairs)
@@ -51,9 +54,9 @@ class Separation:
         first, second = self.model.geom_bodyid[found.geoms].T
         arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
-        moment = arm.take(_YZX, 1) * along.take(_ZXY, 1) - arm.take(_ZXY, 1) * along.take(_YZX, 1)
-        slope = np.concatenate([moment, along], axis=1) @ self.data.cdof.T
-        slope *= self.carried[second] - self.carried[first]
+        moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
+        slope = moment @ self.data.cdof[:, :3].T + along @ self.data.cdof[:, 3:].T
+        slope *= self.between[first, second]
         return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
 
     def _nearest(self, distance: Floats) -> Ints:
@@ -76,7 +79,9 @@ class Separation:
         mujoco.mj_collision(self.model, self.data)
         found = self.data.contact
         near = Near(found.dist, found.geom, found.pos, found.frame[:, :3])
-        near = near[np.flatnonzero(self.counts[near.geoms[:, 0], near.geoms[:, 1]])]
+        counts = self.counts[near.geoms[:, 0], near.geoms[:, 1]]
+        if not counts.all():
+            near = near[np.flatnonzero(counts)]
         if not len(self.boxes.pairs):
             return near
         two_boxes = self.is_box[near.geoms].all(axis=1)

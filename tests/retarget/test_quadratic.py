@@ -1,4 +1,4 @@
-"""What a step that was refused has met is told to the next one."""
+"""Rows of links: what a step that was refused has met is told to the next one, and a hair of the margin may lack."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from robot_retarget.retarget.footing import held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem, frame_parameters
+from robot_retarget.retarget.quadratic import GRACE
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
@@ -39,3 +40,30 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
         assert (here.least[changed] <= here.least[np.setdiff1d(kept, np.arange(soles))].min(initial=np.inf)).all()
         met += int((~stays).sum())
     assert met > 20
+
+
+def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_wholly() -> None:
+    motion, robot = read_motion(SAMPLES / "clap.bvh").resample(10), load_robot("op3")
+    matched = match(motion, robot)
+    edges = build_edges(motion, matched)
+    solver, draw = FrameSolver(build_problem(robot, matched, edges), Options()), np.random.default_rng(0)
+    landscape, separation, soles = solver.landscape, solver.landscape.separation, solver.problem.soles
+    assert separation is not None
+    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(np.zeros((2, 4), dtype=bool)))
+    stayed = parted = 0
+    for _ in range(40):
+        apart, near = robot.standing(), robot.standing()
+        near[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
+        for _ in range(14):  # halve the way to where links lack half the grace
+            q = (apart + near) / 2
+            distance, _, rest = separation.near(q)
+            lacking = (np.minimum(landscape.margin, rest) - distance).max(initial=0.0) / solver.leg
+            here = landscape.around(q, wished)
+            may_stay = bool((here.least[soles:] <= 0).all())
+            assert may_stay == (lacking <= GRACE) == (here.missing == 0)
+            if not may_stay:
+                assert np.isclose(here.least[soles:].max(), lacking * solver.leg)
+                assert np.isclose(here.missing, lacking - GRACE)
+            stayed, parted = stayed + (0 < lacking <= GRACE), parted + (not may_stay)
+            apart, near = (q, near) if lacking < GRACE / 2 else (apart, q)
+    assert stayed > 20 and parted > 20

@@ -50,22 +50,27 @@ def turning_walk() -> Motion:
     return Motion(walk.skeleton, placed, wxyz, walk.fps, walk.source)
 
 
-def hinges(robot: Robot, smoothing: Smoothing) -> Floats:
-    return retarget(turning_walk(), robot, smoothing=smoothing).trajectory.qpos[:, robot.qpos_index]
+def hinges(robot: Robot, smoothing: Smoothing) -> tuple[Floats, Floats]:
+    """The hinges' angles (T, n) [rad] and what the frames cost (T,)."""
+    solution = retarget(turning_walk(), robot, smoothing=smoothing).solution
+    return solution.trajectory.qpos[:, robot.qpos_index], solution.cost
 
 
 @pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])
 def test_six_single_joints_carry_a_robot_as_a_free_joint_does(smoothing: Smoothing) -> None:
-    free, single = (hinges(carried_by(root), smoothing) for root in ("free", "single"))
-    apart = np.abs(free - single)
-    assert np.median(apart.max(axis=1)) < 2e-3
-    assert np.quantile(apart, 0.99) < 0.03  # where a foot lands, steps of a descent end elsewhere
+    (free, its_cost), (single, cost) = (hinges(carried_by(root), smoothing) for root in ("free", "single"))
+    apart = np.abs(free - single).max(axis=1)
+    assert np.median(apart) < 2e-3
+    # Where a hand passes a hip or a foot lands there are two ways, and rounding tells which: they cost the same.
+    as_good = np.abs(its_cost / cost - 1) < 0.01
+    assert np.quantile(np.where(as_good, 0.0, apart), 0.98) < 0.03
+    assert np.quantile(apart, 0.75) < 0.03
 
 
 def test_a_robot_bolted_to_the_world_still_moves_its_limbs() -> None:
     robot = carried_by("none")
     assert not robot.root_joints.size
-    assert np.ptp(hinges(robot, Smoothing()), axis=0).max() > 0.3
+    assert np.ptp(hinges(robot, Smoothing())[0], axis=0).max() > 0.3
 
 
 @pytest.mark.parametrize("root", ["free", "single"])
