@@ -17,6 +17,8 @@ ARRIVED = 0.1
 """It is there when no hinge is further from it [rad] ..."""
 PASSED = 0.3
 """... and past a stop on the way there [rad]."""
+PATIENCE = 2.0
+"""What it has not come to by then stays where it is [s]."""
 
 
 class Crossing:
@@ -26,6 +28,7 @@ class Crossing:
         self.solver, self.lookout = solver, Lookout(solver, fps)
         self.aim: Pose | None = None
         self.via: Floats | None = None
+        self.patience, self.left = round(PATIENCE * fps), 0
 
     def pull(self, wished: tuple[Floats, ...]) -> Pull | None:
         """Draws the hinges to the stop or the other way, which is solved along; the root follows from what it should do."""
@@ -37,14 +40,16 @@ class Crossing:
         return Pull(self.aim.qpos if self.via is None else self.via, np.zeros(robot.model.nv), weight)
 
     def look(self, pose: Pose, wished: tuple[Floats, ...]) -> None:
-        """Set out for a way that was found; see whether the robot is past the stop, or there."""
+        """Set out for a way that was found; see whether the robot is past the stop, or there, or will not get there."""
         if self.aim is None:
-            self.aim = self.lookout.better(pose, wished)
+            self.aim, self.left = self.lookout.better(pose, wished), self.patience
             self.via = detour(self.solver, pose.qpos, self.aim.qpos) if self.aim else None
-        elif self.via is not None:
-            self.via = self.via if self._far(self.via, pose) > PASSED else None
-        elif self._far(self.aim.qpos, pose) < ARRIVED:
-            self.aim = None
+            return
+        self.left -= 1
+        if self.via is not None and self._far(self.via, pose) <= PASSED:
+            self.via = None
+        elif self.left <= 0 or (self.via is None and self._far(self.aim.qpos, pose) < ARRIVED):
+            self.aim = self.via = None
 
     def _far(self, goal: Floats, pose: Pose) -> float:
         return float(np.abs(goal - pose.qpos)[self.solver.robot.qpos_index].max())

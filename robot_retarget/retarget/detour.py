@@ -8,6 +8,8 @@ from robot_retarget.retarget.starts import drawn_limbs
 
 PLACES = 8
 """A straight way is looked at in so many places."""
+CLOSED = 1e-3
+"""Chains are closed, and ranges kept, within this [m or rad]."""
 MOVED = 0.1
 """A limb goes around when one of its hinges has farther to go [rad]."""
 
@@ -47,5 +49,12 @@ def _stops(solver: FrameSolver, start: Floats, end: Floats) -> list[Floats]:
         via[robot.qpos_index] = (start + end)[robot.qpos_index] / 2
         for limb, table in moved.items():
             via[robot.qpos_index[list(limb)]] = table[row]
-        stops.append(via)
-    return stops
+        stops.append(solver.landscape.coupling.closed(via))
+    return [via for via in stops if _within(solver, via)]
+
+
+def _within(solver: FrameSolver, qpos: Floats) -> bool:
+    """Whether closing its chains has left a configuration within the ranges, and closed them."""
+    coupling = solver.landscape.coupling
+    closed = not coupling.present or np.abs(coupling(qpos)[0]).max() < CLOSED
+    return bool(closed) and solver.ranges.outside(qpos[solver.robot.qpos_index]) < CLOSED

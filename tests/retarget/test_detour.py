@@ -3,9 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
 from robot_retarget.motion import read_motion
+from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.crossing import Crossing
 from robot_retarget.retarget.detour import clear, detour
 from robot_retarget.retarget.edges import build_edges
@@ -14,6 +16,7 @@ from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem, frame_parameters
 from robot_retarget.retarget.starts import place_root, ways
+from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.shipped import SAMPLES
 
@@ -80,3 +83,28 @@ def test_a_robot_with_its_hands_behind_the_hips_comes_to_where_a_pose_costs_leas
     assert np.ptp([pose.cost for pose in poses[:10]]) < 0.01  # it stays behind until the other way is found ...
     assert max(pose.cost for pose in poses[35:]) < 1.02 * best.cost  # ... and gets there in half a second
     assert not any(solver.overlapping(pose.qpos) for pose in poses)
+
+
+def test_what_it_does_not_come_to_within_two_seconds_is_left(solver: FrameSolver) -> None:
+    robot, edges = (
+        solver.robot,
+        build_edges(read_motion(SAMPLES / "hips_and_bow.bvh").resample(30), solver.problem.match),
+    )
+    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(np.zeros((2, 4), dtype=bool)))
+    best, crossing = ways(solver, wished, edges, 0)[0], Crossing(solver, 30.0)
+    crossing.aim, crossing.via, crossing.left = best, on_hips(robot, 3.0) + 10.0, 60
+    for _ in range(59):
+        crossing.look(best, wished)
+        assert crossing.aim is not None
+    crossing.look(best, wished)
+    assert crossing.aim is None and crossing.via is None
+
+
+@needs_shared
+def test_stops_of_a_robot_with_closed_chains_can_be_come_to() -> None:
+    """Its hands come around the hips while they are bowed over."""
+    robot = load_robot(str(SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"))
+    motion = read_motion(SAMPLES / "hips_and_bow.bvh").resample(30)
+    cost = retarget(motion, robot, smoothing=Smoothing(passes=0)).solution.cost
+    assert cost[45:65].min() > 1.2 * cost.min()  # one way is dear ...
+    assert cost[90:].max() < 1.3 * cost.min()  # ... and is left

@@ -36,7 +36,7 @@ def _apart(robot: Robot, inside: np.ndarray, alone: np.ndarray) -> float:
 
 @pytest.mark.parametrize(
     ("name", "clip"),
-    [("op3", clip) for clip in ("walk", "squat", "clap")] + ELSEWHERE,
+    [("op3", clip) for clip in ("walk", "squat", "clap", "hips_and_bow")] + ELSEWHERE,
 )
 def test_frames_alone_and_inside_their_clip_are_soon_the_same(name: str, clip: str) -> None:
     motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS), load_robot(name)
