@@ -41,7 +41,7 @@ def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Comp
 class QuadraticProgram:
     """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set.
 
-    What changes little from one program to the next (H, g and the bounds, 0 at first) is written where it stands.
+    H, g and the bounds are written where they stand, 0 at first.
     """
 
     def __init__(self, variables: int, rows: int):

@@ -18,7 +18,7 @@ ARRIVED = 0.1
 PASSED = 0.3
 """... and past a stop on the way there [rad]."""
 PATIENCE = 2.0
-"""What it has not come to by then stays where it is [s]."""
+"""It gives up a way that it has not come to by then [s]."""
 
 
 class Crossing:
@@ -29,6 +29,7 @@ class Crossing:
         self.aim: Pose | None = None
         self.via: Floats | None = None
         self.patience, self.left = round(PATIENCE * fps), 0
+        """Frames in which to get there: at the outset, and from now on."""
 
     def pull(self, wished: tuple[Floats, ...]) -> Pull | None:
         """Draws the hinges to the stop or the other way, which is solved along; the root follows from what it should do."""

@@ -45,7 +45,7 @@ class Weights:
     give: float = 0.028
     """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
     girdle: float = 6.3
-    """Direction of the hip line, which way the body faces; that of the shoulder line a tenth of it."""
+    """Direction of the hip line, which way the body faces; that of the shoulder line a fourteenth of it."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet and hands a third of it."""
     path: float = 4.0

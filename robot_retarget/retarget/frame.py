@@ -15,7 +15,8 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raised
 
 REFUSALS = 6
-"""Steps that raised the cost, after which a descent gives up; each makes the next one shorter."""
+"""Steps that raised the cost, after which a descent gives up; each makes the next one shorter, each one taken makes up for
+one of them."""
 
 OVERLAP = 5e-4
 """Links inside each other by more are not accepted [m]."""

@@ -20,9 +20,9 @@ ends a hair inside the margin need not be refused."""
 SUNK = -1e-4
 """A start this deep under the floor [m] takes its first steps whatever they cost."""
 TAUGHT = 0.1
-"""Along steps no longer than this [rad, m] the curvature is learned from how the gradient changed, ..."""
-NEAR_COST = 1.5
-"""... which brought the cost down to no less than its inverse: on the way to a foothold the gradient changes for its sake ..."""
+"""Curvature is learned from how the gradient changed along steps no longer than this [rad, m] ..."""
+FALLEN = 1.5
+"""... from where the cost was at most so many times as high: on its way to a foothold a foot bends it more than all else ..."""
 LEARNED = 0.3
 """... unless it would be less than this share of the model's, or more than its inverse [-]."""
 
@@ -75,7 +75,7 @@ class Quadratic:
         N = Jᵀ W J leaves out how the Jacobian bends and takes ϱ for steeper than it is, so that a descent by it alone
         creeps along soft directions: each step three quarters of the one before.
         """
-        if before.cost > NEAR_COST * self.cost or np.abs(step).max() > TAUGHT:
+        if before.cost > FALLEN * self.cost or np.abs(step).max() > TAUGHT:
             return self
         expected, shown = self.normal @ step, self.gradient - before.gradient
         modelled, found = float(step @ expected), float(step @ shown)

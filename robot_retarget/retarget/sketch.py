@@ -61,9 +61,7 @@ def sketch(
     """
     chosen, first = sketching or Sketching(), known or []
     step, start = max(1, round(fps / chosen.rate)), max(len(first) - 1, 0)
-    beats = np.arange(
-        0, len(edges), step
-    )  # of the window, whatever is known of it: so another one sketches the same frames
+    beats = np.arange(0, len(edges), step)  # whatever is known: another window sketches the same frames
     frames = np.unique([start, *beats[beats > start], len(edges) - 1])
     pool = _Pool(solver, edges, held, frames, fps, chosen)
     stride = max(1, round(chosen.every * fps / step))

@@ -25,6 +25,9 @@ def ways(
 
     The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost
     little among many drawn within their ranges: the best of each limb together, the second best, and so on.
+
+    Args:
+        alike: ends cost nearly the same that cost no more than so much of the least on top of it [-].
     """
     robot, problem = solver.robot, solver.problem
     placed = [
