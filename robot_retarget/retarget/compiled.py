@@ -41,7 +41,7 @@ def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Comp
 class QuadraticProgram:
     """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set.
 
-    H, g and the bounds are written where they stand, 0 at first.
+    H, g and the bounds are written where they stand (`hessian`, `gradient`, `lower`, `upper`), 0 at first.
     """
 
     def __init__(self, variables: int, rows: int):

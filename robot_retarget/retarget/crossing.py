@@ -28,8 +28,9 @@ class Crossing:
         self.solver, self.lookout = solver, Lookout(solver, fps)
         self.aim: Pose | None = None
         self.via: Floats | None = None
-        self.patience, self.left = round(PATIENCE * fps), 0
-        """Frames in which to get there: at the outset, and from now on."""
+        self.patience = round(PATIENCE * fps)
+        self.left = 0
+        """Frames in which it is still to get there."""
 
     def pull(self, wished: tuple[Floats, ...]) -> Pull | None:
         """Draws the hinges to the stop or the other way, which is solved along; the root follows from what it should do."""

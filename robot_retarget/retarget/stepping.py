@@ -30,7 +30,7 @@ class Stepping:
         self.held, self.known = held, np.asarray(np.isfinite(flat).all(axis=(2, 3)))
         self.near, settled = landings(np.asarray(held.any(axis=2)), round(LANDING * fps))
         self.settled = np.take_along_axis(flat, settled[:, :, None, None], axis=0)
-        # A foot rolls off its tilt at the very last, as the human's does.
+        # The tilt goes at the very last: a sole that is wished flat in the air makes an ankle roll to and fro.
         self.coming = tilted + self.near[:, :, None, None] ** 2 * (self.settled - tilted)
         self.places = np.zeros(flat.shape[1:])
         self.before = np.zeros(held.shape[1:], dtype=bool)
