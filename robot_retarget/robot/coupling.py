@@ -27,17 +27,18 @@ class Coupling:
     """The violations of a robot's equality constraints and their slopes, as MuJoCo computes them."""
 
     def __init__(self, robot: Robot):
+        self.turns, self.middle = _gears(robot.model)
+        self.present = bool(robot.model.neq and robot.model.eq_active0.any()) or bool(len(self.turns))
+        if not self.present:
+            return
         self.model = copy.deepcopy(robot.model)
         self.model.opt.disableflags |= _OTHERS
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self.data = mujoco.MjData(self.model)
-        self.turns, self.middle = _gears(self.model)
+        self.data, self.mobility = mujoco.MjData(self.model), _mobility(robot)
         self._hinges = self.model.jnt_qposadr[self.model.dof_jntid]
-        self.present = bool(self.model.neq and self.data.eq_active.any()) or bool(len(self.turns))
-        self.mobility = _mobility(robot) if self.present else np.zeros(0)
 
     def __call__(self, qpos: Floats) -> tuple[Floats, Floats]:
-        """Violations (E,) [m or rad] and slopes by the tangent v (E, nv)."""
+        """Violations (E,) [m or rad] and slopes by the tangent v (E, nv), of a robot in which they are `present`."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
