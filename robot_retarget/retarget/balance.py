@@ -216,14 +216,15 @@ def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
 
 def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:
     """(K, nq) each frame from the correction of the one before."""
-    robot, found, box = planter.robot, [], None
-    correction, reach = np.zeros(robot.model.nv), robot.max_speed / outline.score.fps
+    robot, found, before, box = planter.robot, [], None, None
+    correction, places, centres = np.zeros(robot.model.nv), outline.places, outline.plan.centre
     for k, wish in enumerate(wished):
         grip = np.where(outline.score.planted[k], HOLD, SWING)
         start = integrate(robot, wish, correction)
-        found.append(planter.plant(start, wish, outline.places[k], outline.plan.centre[k], grip, box=box))
-        box = planter.solver.ranges.around([found[-1][robot.qpos_index]], reach)
-        correction = difference(robot, wish, found[-1])
+        before = planter.plant(start, wish, places[k], centres[k], grip, box=box, before=before)
+        box = planter.solver.reachable([before], 1 / outline.score.fps)
+        correction = difference(robot, wish, before)
+        found.append(before)
     return np.array(found)
 
 

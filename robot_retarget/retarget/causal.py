@@ -31,8 +31,7 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
     before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0, ALIKE)[0].qpos
     for t in range(len(edges)):
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
-        neighbours = [before[robot.qpos_index]] if t else []
-        box = solver.ranges.around(neighbours, robot.max_speed / fps)
+        box = solver.reachable([before] if t else [], 1 / fps)
         leads_on = t > 2 and crossing.aim is None
         start = _set_out(solver, _onward(robot, poses, box), before, wished) if leads_on else before
         pose = solver.descend(start, wished, pull=crossing.pull(wished), box=box, learning=True)

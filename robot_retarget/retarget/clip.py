@@ -1,6 +1,5 @@
 """The whole clip at once: a sketch first, then the smooth path all frames agree on, window by window."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -10,7 +9,8 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.accord import in_accord
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.footing import footholds, led
-from robot_retarget.retarget.frame import Box, FrameSolver, Options, Pose
+from robot_retarget.retarget.frame import FrameSolver, Options, Pose
+from robot_retarget.retarget.mending import Mender, Passages, beside
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.quadratic import Ahead, Pull
@@ -24,6 +24,8 @@ from robot_retarget.robot.kinematics import difference, integrate
 
 PASS_TOLERANCE = 1e-5
 """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
+LOOKS = (2, 4, 6)
+"""Before these passes links are looked for that pass through each other between frames."""
 SETTLED = 0.01
 """A frame that the last pass moved by less counts as converged [rad or m]."""
 
@@ -77,31 +79,36 @@ def clip_passes(
     """
     robot, weight = solver.robot, _pull_weights(solver, smoothing)
     draft = _paced(solver, draft, fps, fixed)
-    corners = np.array([solver.corners(q) for q in draft])
-    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
-    wished = [
-        (*frame_parameters(edges, t), *solver.grip.lead(h, p))
-        for t, (h, p) in enumerate(zip(held, places, strict=True))
-    ]
+    wished = _wished(solver, edges, held, draft, fixed)
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
     dual, path = np.zeros((len(poses), robot.model.nv)), draft
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
-    for _ in range(smoothing.passes):
+    passages = Passages(solver)
+    for number in range(smoothing.passes):
+        if number in LOOKS:
+            passages.look(poses, range(max(fixed - 1, 0), len(poses) - 1))
         moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
         path = _smooth_path(solver, moved, stiffness, fixed)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         dual[:fixed] = 0.0
         for t in range(fixed, len(poses)):
-            box, pull = _reachable(solver, poses, t, fps), Pull(path[t], -dual[t], weight)
-            ahead = _ahead(solver.options, poses, t, fps)
-            after = solver.descend(
-                poses[t], wished[t], pull=pull, ahead=ahead, iterations=1, tolerance=PASS_TOLERANCE, box=box
-            )
-            poses[t] = _resumed(poses[t], after, robot)
+            poses[t] = _stepped(solver, poses, t, wished[t], Pull(path[t], -dual[t], weight), passages, fps)
             count.one()
     pulls = [Pull(s, -y, weight) for s, y in zip(path, dual, strict=True)]
-    _mend_overlaps(solver, poses, wished, pulls, fixed, fps)
-    return [solver.lifted(pose) for pose in poses]
+    mended = Mender(solver, wished, pulls, passages, fixed, fps).mended(poses)
+    return [solver.lifted(pose) for pose in mended]
+
+
+def _wished(
+    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], fixed: int
+) -> list[tuple[Floats, ...]]:
+    """What is asked of each frame, with the footholds where the draft has them."""
+    corners = np.array([solver.corners(q) for q in draft])
+    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
+    return [
+        (*frame_parameters(edges, t), *solver.grip.lead(h, p))
+        for t, (h, p) in enumerate(zip(held, places, strict=True))
+    ]
 
 
 def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> list[Floats]:
@@ -111,22 +118,27 @@ def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> 
     return list(paced)
 
 
-def _mend_overlaps(
-    solver: FrameSolver, poses: list[Pose], wished: list[tuple[Floats, ...]], pulls: list[Pull], fixed: int, fps: float
-) -> None:
-    """A full descent for frames whose links the passes left inside each other; a second one without the pull, from the
-    frame before, for those that the smooth path draws through each other; at last a pose on the way from the frame before.
-    """
-    left = _overlapping(solver, poses, range(fixed, len(poses)))
-    for t in left:
-        box = _reachable(solver, poses, t, fps)
-        poses[t] = solver.descend(poses[t].qpos, wished[t], pull=pulls[t], box=box)
-    left = _overlapping(solver, poses, left)
-    for t in left:
-        poses[t] = solver.descend(poses[max(t - 1, 0)].qpos, wished[t], box=_reachable(solver, poses, t, fps))
-    for t in _overlapping(solver, poses, left):
-        if t > 0:
-            poses[t] = solver.held_back(poses[t - 1].qpos, poses[t], wished[t])
+def _stepped(
+    solver: FrameSolver,
+    poses: list[Pose],
+    t: int,
+    wished: tuple[Floats, ...],
+    pull: Pull,
+    passages: Passages,
+    fps: float,
+) -> Pose:
+    """A frame after one more step: within reach of its neighbours, and links apart on the way to them where they met."""
+    after = solver.descend(
+        poses[t],
+        wished,
+        pull=pull,
+        ahead=_ahead(solver.options, poses, t, fps),
+        iterations=1,
+        tolerance=PASS_TOLERANCE,
+        box=solver.reachable(beside(poses, t), 1 / fps),
+        between=passages.between(poses, t),
+    )
+    return _resumed(poses[t], after, solver.robot)
 
 
 def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
@@ -148,18 +160,6 @@ def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float, fixed: in
     speed = np.array([difference(solver.robot, a, b) for a, b in pairwise(moved)]).reshape(-1, solver.robot.model.nv)
     offsets = smooth_offsets(speed, stiffness, fixed)
     return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
-
-
-def _reachable(solver: FrameSolver, poses: list[Pose], t: int, fps: float) -> Box:
-    """What the hinges can be at a frame between its neighbours, at their speeds."""
-    index = solver.robot.qpos_index
-    neighbours = [poses[k].qpos[index] for k in (t - 1, t + 1) if 0 <= k < len(poses)]
-    return solver.ranges.around(neighbours, solver.robot.max_speed / fps)
-
-
-def _overlapping(solver: FrameSolver, poses: list[Pose], frames: Iterable[int]) -> list[int]:
-    """Those of some frames whose links are inside each other."""
-    return [t for t in frames if solver.overlapping(poses[t].qpos)]
 
 
 def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.between import Between, on_the_way
 from robot_retarget.retarget.compiled import QuadraticProgram
 from robot_retarget.retarget.footing import CORNERS, grip_of
 from robot_retarget.retarget.problem import Problem
@@ -97,6 +98,23 @@ class Pose:
     """How much the nearest links lacked to be apart when last looked at, over the leg length."""
 
 
+class _Pace:
+    """How far the next step of a descent may lead, and how many were taken and refused (Levenberg–Marquardt)."""
+
+    def __init__(self, options: Options):
+        self.longest = self.trust = options.trust
+        self.damping = options.damping
+        self.taken = self.refused = 0
+
+    def take(self) -> None:
+        self.damping, self.trust = max(self.damping / 4, 1e-6), min(self.longest, REGAIN * self.trust)
+        self.taken, self.refused = self.taken + 1, max(self.refused - 1, 0)
+
+    def refuse(self, step: Floats) -> None:
+        self.damping, self.trust = self.damping * 10 + 1e-2, 0.3 * min(self.trust, float(np.abs(step).max()))
+        self.refused += 1
+
+
 class FrameSolver:
     """The solver of single frames of one problem; holds the compiled quadratic program."""
 
@@ -123,55 +141,60 @@ class FrameSolver:
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
+        between: tuple[Between, ...] = (),
         learning: bool = False,
     ) -> Pose:
         """Steps within the box, above the floor and apart, until they gain little or so many were taken; chains closed.
 
         Args:
             start: a configuration, or a pose that an earlier descent with the same wishes reached.
+            between: where links are kept apart besides.
             learning: let each step teach the curvature for the next (`Quadratic.after`), to end exactly in few.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
-        base = start.around if isinstance(start, Pose) and start.around else self.landscape.around(q, wished)
-        here, damping, trust = self._drawn(base, q, pull, ahead), self.options.damping, self.options.trust
-        taken = refused = 0
+        known = start.around if isinstance(start, Pose) and not between else None
+        base = known or self.landscape.around(q, wished, between)
+        here, pace = self._drawn(base, q, pull, ahead), _Pace(self.options)
         strayed = even = True
-        while taken < most and refused < REFUSALS:
+        while pace.taken < most and pace.refused < REFUSALS:
             # Steps lead into the box and never out of it, and away from evenness for good.
             strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
             even, forced = even and self.symmetry.even(q), here.sunk or strayed
-            step, gain = self._step(q, here, damping, trust, box)
+            step, gain = self._step(q, here, pace, box)
             if step is None:
-                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, base, base.missing))
+                return self._closed(self._left(q, Status.BLOCKED, base, pace, between))
             step = self.symmetry.kept(q, here, step) if even else step
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
             if gain <= least_gain * here.cost + 1e-12 and not forced and small:
                 last = integrate(self.robot, q, step)
-                return self._closed(Pose(last, Status.CONVERGED, base.cost, taken, missing=base.missing))
+                return self._closed(Pose(last, Status.CONVERGED, base.cost, pace.taken, missing=base.missing))
             trial = integrate(self.robot, q, step)
-            there = self.landscape.around(trial, wished)
+            there = self.landscape.around(trial, wished, between)
             pulled = self._drawn(there, trial, pull, ahead)
             if pulled.cost < here.cost or forced:
-                here = pulled.after(step, here) if learning else pulled
-                damping, trust = max(damping / 4, 1e-6), min(self.options.trust, REGAIN * trust)
-                q, base, taken, refused = trial, there, taken + 1, max(refused - 1, 0)
+                q, base, here = trial, there, pulled.after(step, here) if learning else pulled
+                pace.take()
             else:
-                damping, trust = damping * 10 + 1e-2, 0.3 * min(trust, float(np.abs(step).max()))
-                here, refused = self._warned(here, there, step), refused + 1
-        return self._closed(Pose(q, Status.OUT_OF_ITERATIONS, base.cost, taken, base, base.missing))
+                here = self._warned(here, there, step)
+                pace.refuse(step)
+        return self._closed(self._left(q, Status.OUT_OF_ITERATIONS, base, pace, between))
+
+    def _left(self, q: Floats, status: Status, base: Quadratic, pace: "_Pace", between: tuple[Between, ...]) -> Pose:
+        """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
+        return Pose(q, status, base.cost, pace.taken, None if between else base, base.missing)
 
     def _drawn(self, base: Quadratic, q: Floats, pull: Pull | None, ahead: Ahead | None) -> Quadratic:
         return self.landscape.foreseen(self.landscape.pulled(base, q, pull), q, ahead)
 
-    def _step(self, q: Floats, here: Quadratic, damping: float, trust: float, box: Box) -> tuple[Floats | None, float]:
+    def _step(self, q: Floats, here: Quadratic, pace: "_Pace", box: Box) -> tuple[Floats | None, float]:
         """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
-        program, nv, angle = self.program, len(here.gradient), q[self.robot.qpos_index]
+        program, nv, angle, trust = self.program, len(here.gradient), q[self.robot.qpos_index], pace.trust
         program.lower[:nv], program.upper[:nv] = -2 * trust, 2 * trust
         program.lower[self.hinges] = (box.lower - angle).clip(-trust, trust)
         program.upper[self.hinges] = (box.upper - angle).clip(-trust, trust)
         program.hessian[:nv, :nv] = here.normal
-        program.hessian[self.diagonal] += damping
+        program.hessian[self.diagonal] += pace.damping
         program.gradient[:nv] = here.gradient
         found = program.solve(here.rows, here.least)
         return (None, 0.0) if found is None else (found[:nv], here.decrease(found[:nv], float(found[nv]) / self.leg))
@@ -189,14 +212,27 @@ class FrameSolver:
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
         return replace(pose, qpos=q, around=None)
 
+    def reachable(self, neighbours: list[Floats], time: float) -> Box:
+        """What the hinges can be a time [s] from each of some configurations, at their speeds."""
+        index = self.robot.qpos_index
+        return self.ranges.around([qpos[index] for qpos in neighbours], self.robot.max_speed * time)
+
     def corners(self, qpos: Floats) -> Floats:
         """(F, 4, 3) where the corners of the soles are [m]."""
         return self.problem.corners(qpos)[0].reshape(len(self.problem.feet), CORNERS, 3)
 
+    def depth(self, qpos: Floats) -> float:
+        """How deep links are inside each other [m], where they are kept apart."""
+        apart = self.landscape.separation
+        return apart.depth(qpos) if apart else 0.0
+
+    def depth_between(self, before: Floats, after: Floats) -> float:
+        """How deep links come inside each other on the way from one configuration to another [m]."""
+        return max(self.depth(way.at(self.robot, after)) for way in on_the_way(self.robot, before, after))
+
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than `OVERLAP`."""
-        apart = self.landscape.separation
-        return apart is not None and apart.depth(qpos) > OVERLAP
+        return self.depth(qpos) > OVERLAP
 
     def held_back(self, before: Floats, pose: Pose, wished: tuple[Floats, ...]) -> Pose:
         """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""

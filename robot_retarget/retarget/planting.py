@@ -11,9 +11,10 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.retarget.between import on_the_way
 from robot_retarget.retarget.compiled import dense_function
 from robot_retarget.retarget.footing import CORNERS, sole_corners
-from robot_retarget.retarget.frame import Box, FrameSolver, Options
+from robot_retarget.retarget.frame import OVERLAP, Box, FrameSolver, Options
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import Pull
@@ -97,6 +98,7 @@ class Planter:
         grip: Floats,
         steps: int = 8,
         box: Box | None = None,
+        before: Floats | None = None,
     ) -> Floats:
         """A configuration (nq,) whose corners are at places (F, 4, 3) and whose mass stands over `centre` (2,).
 
@@ -105,16 +107,22 @@ class Planter:
             wished: what it is drawn to.
             grip: (F,) weights of the feet, over the squared leg length.
             box: what the hinges may be, if not all of their ranges.
+            before: a configuration on the way from which links do not pass through each other.
         """
         h = np.repeat(grip, 3 * CORNERS)
         over = [0.0, 0.0, 0.0] if centre is None else [OVER, OVER, 0.0]
         spot = [0.0, 0.0, 0.0] if centre is None else [*centre, 0.0]
         pull = Pull(wished, np.zeros(self.robot.model.nv), self.weight)
         target = (h, places.ravel(), np.array(over), np.array(spot))
-        found = [self.solver.descend(start, target, pull=pull, iterations=steps, box=box)]
-        if found[0].cost > ASTRAY:
-            found.append(self.solver.descend(wished, target, pull=pull, iterations=3 * steps, box=box))
-        return self.solver.lifted(min(found, key=lambda pose: pose.cost)).qpos
+        found = self.solver.descend(start, target, pull=pull, iterations=steps, box=box)
+        if found.cost > ASTRAY:
+            again = self.solver.descend(wished, target, pull=pull, iterations=3 * steps, box=box)
+            found = min(found, again, key=lambda pose: pose.cost)
+        if before is not None and self.solver.depth_between(before, found.qpos) > OVERLAP:
+            ways = on_the_way(self.robot, before, found.qpos)
+            around = self.solver.descend(found.qpos, target, pull=pull, iterations=steps, box=box, between=ways)
+            found = found if self.solver.overlapping(around.qpos) else around
+        return self.solver.lifted(found).qpos
 
 
 def planting_problem(robot: Robot, match: Match) -> Problem:

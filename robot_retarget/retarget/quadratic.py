@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.retarget.between import Between
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import difference
@@ -119,8 +120,8 @@ class Landscape:
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
 
-    def around(self, q: Floats, wished: tuple[Floats, ...]) -> Quadratic:
-        """What the edges, gears, floor and links say at a configuration."""
+    def around(self, q: Floats, wished: tuple[Floats, ...], between: tuple[Between, ...] = ()) -> Quadratic:
+        """What the edges, gears, floor and links say at a configuration, and links `between` it and its neighbours."""
         cost, gradient, normal, floor, slope = self.problem.model(q, *wished)
         total = float(cost[0])
         if self.coupling.present:
@@ -131,18 +132,36 @@ class Landscape:
         nv, floors = len(gradient), len(floor)
         rows, least = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
         rows[:floors, :nv], least[:floors] = slope, -floor
-        missing = self._apart(q, rows[floors:], least[floors:]) if self.separation is not None else 0.0
+        missing = 0.0
+        if self.separation is not None:
+            missing = self._apart(self._around(q, between), rows[floors:], least[floors:])
         total += SEPARATION_COST * missing**2
         return Quadratic(total, gradient, normal, rows, least, missing, bool(floor.min(initial=0.0) < SUNK))
 
-    def _apart(self, q: Floats, rows: Floats, least: Floats) -> float:
+    def _apart(self, links: tuple[Floats, Floats, Floats], rows: Floats, least: Floats) -> float:
         """Fill in the rows of near links; how much more than `GRACE` the nearest lack, over the leg length."""
-        distance, slope, rest = self._near(q)
+        distance, slope, rest = links
         wanted = np.minimum(self.margin, rest) - distance  # links that rest nearer may stay so
         near, grace = len(distance), GRACE * self.leg
         rows[:near, :-1], rows[:near, -1] = slope, 1.0
         least[:near] = np.where((wanted > 0) & (wanted <= grace), 0.0, wanted)
         return max(float(wanted.max(initial=0.0)) - grace, 0.0) / self.leg
+
+    def _around(self, q: Floats, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
+        """As `Separation.near`, with links between a configuration and its neighbours, which a share of a step moves.
+
+        There they may touch: a margin would bend the frames more than the passage asks.
+        """
+        if not between:
+            return self._near(q)
+        assert self.separation is not None
+        found = [self._near(q)]
+        for way in between:
+            distance, slope, rest = self.separation.near(way.at(self.robot, q))
+            found.append((distance, way.share * slope, np.minimum(rest, 0.0)))
+        distance, slope, rest = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        kept = self.separation.nearest(distance)
+        return distance[kept], slope[kept], rest[kept]
 
     def _near(self, q: Floats) -> tuple[Floats, Floats, Floats]:
         """As `Separation.near`; from a configuration hardly elsewhere, as its slopes tell."""

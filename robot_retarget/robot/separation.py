@@ -50,7 +50,7 @@ class Separation:
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         found = self.found(qpos)
-        found = found[self._nearest(found.distance)]
+        found = found[self.nearest(found.distance)]
         first, second = self.model.geom_bodyid[found.geoms].T
         arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
@@ -59,7 +59,7 @@ class Separation:
         slope *= self.between[first, second]
         return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
 
-    def _nearest(self, distance: Floats) -> Ints:
+    def nearest(self, distance: Floats) -> Ints:
         """At most `most` of many, the nearest; what is as near as what must go goes too, lest left be kept and right not."""
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:
