@@ -43,28 +43,13 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
 
 def describe_robot(robot: Robot) -> dict[str, Any]:
     """Joints with their limits and the keypoint map of a robot; `humanoid` is False with the reason when it is none."""
-    model = robot.model
     facts: dict[str, Any] = {
         "kind": "robot",
         "name": robot.name,
         "path": str(robot.path),
-        "mass_kg": round(float(np.sum(model.body_mass)), 3),
-        "root": "free joint"
-        if robot.floating
-        else f"{robot.root_joints.size} single joints"
-        if robot.root_joints.size
-        else "fixed",
-        "joints": {
-            name: {"lower": round(low, 4), "upper": round(high, 4), "max_speed": speed, "max_torque": torque}
-            for name, low, high, speed, torque in zip(
-                robot.joint_names,
-                robot.lower.tolist(),
-                robot.upper.tolist(),
-                robot.max_speed.tolist(),
-                [t if np.isfinite(t) else None for t in robot.max_torque.tolist()],
-                strict=True,
-            )
-        },
+        "mass_kg": round(float(np.sum(robot.model.body_mass)), 3),
+        "root": _root(robot),
+        "joints": _joints(robot),
     }
     try:
         found = recognise_robot(robot)
@@ -72,7 +57,7 @@ def describe_robot(robot: Robot) -> dict[str, Any]:
         return facts | {"humanoid": False, "reason": str(error)}
     keypoints = {
         k: {
-            "body": model.body(s.body).name,
+            "body": robot.model.body(s.body).name,
             "offset_m": [round(v, 4) for v in s.offset.tolist()],
             "confidence": round(s.confidence, 2),
             "why": s.evidence,
@@ -82,6 +67,23 @@ def describe_robot(robot: Robot) -> dict[str, Any]:
     remarks = {"missing": list(found.missing), "remarks": list(found.notes)}
     least = min(s.confidence for s in found.spots.values())
     return facts | {"humanoid": True, "confidence": round(least, 2), "keypoints": keypoints} | remarks
+
+
+def _root(robot: Robot) -> str:
+    """What carries a robot."""
+    if robot.floating:
+        return "free joint"
+    return f"{robot.root_joints.size} single joints" if robot.root_joints.size else "fixed"
+
+
+def _joints(robot: Robot) -> dict[str, dict[str, float | None]]:
+    """Range [rad], speed [rad/s] and torque [N m], if it is known, of every joint."""
+    torques = [t if np.isfinite(t) else None for t in robot.max_torque.tolist()]
+    limits = zip(robot.lower.tolist(), robot.upper.tolist(), robot.max_speed.tolist(), torques, strict=True)
+    return {
+        name: {"lower": round(low, 4), "upper": round(high, 4), "max_speed": speed, "max_torque": torque}
+        for name, (low, high, speed, torque) in zip(robot.joint_names, limits, strict=True)
+    }
 
 
 def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[str, Any]:

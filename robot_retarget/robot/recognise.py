@@ -247,44 +247,56 @@ def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, 
     return spots | _head(links, upper, used, shoulders, pelvis, bool(arms))
 
 
+@dataclass(frozen=True, eq=False)
+class _Top:
+    """What is taken for a head: points (N, 3) of a link, how that is known, and where it is joined to the trunk, if it is."""
+
+    link: int
+    cloud: Floats
+    evidence: str
+    confidence: float
+    base: Floats | None = None
+
+
 def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: Floats, arms: bool) -> dict[str, Spot]:
     """The head by name, else the topmost link above the shoulders, else the top of the trunk itself."""
     height = float(shoulders[2] - pelvis[2])
     free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
-    named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
-    if named or free:
-        link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
-        cloud, evidence, confidence = (
-            links.surface(link),
-            "by name" if named else "topmost link",
-            0.95 if named else 0.7,
-        )
-        axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
-        base = (
-            axes[-1].nearest(axes[0].anchor)
-            if axes
-            else shoulders + 0.3 * ((cloud.min(0) + cloud.max(0)) / 2 - shoulders)
-        )
-    else:
-        link, base = trunk, None
-        geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
-        tops = [links.geom_points(g) for g in geoms]
-        above = [p for p in tops if (p.min(0) + p.max(0))[2] / 2 > shoulders[2] + 0.1 * height]
-        if not above or not arms:
-            return {}
-        cloud, evidence, confidence = (
-            max(above, key=lambda p: p[:, 2].max()),
-            "topmost geom of the trunk, no neck joint",
-            0.7,
-        )
-    head = (cloud.min(0) + cloud.max(0)) / 2
+    top = _topmost(links, free, shoulders, height) if free else _trunk_top(links, trunk, shoulders, height)
+    if top is None or not (free or arms):
+        return {}
+    head = _middle(top.cloud)
     head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
-    neck = base if base is not None else shoulders + 0.3 * (head - shoulders)
-    where = trunk if base is None else links.parent(link) if links.axes(link) else link
+    neck = top.base if top.base is not None else shoulders + 0.3 * (head - shoulders)
+    where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
     return {
         "neck": _spot(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
-        "head": _spot(links, link, head, confidence, evidence),
+        "head": _spot(links, top.link, head, top.confidence, top.evidence),
     }
+
+
+def _topmost(links: Links, free: list[int], shoulders: Floats, height: float) -> _Top:
+    """The highest of those links that are named a head, of all if none is."""
+    named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
+    link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
+    cloud = links.surface(link)
+    axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
+    base = axes[-1].nearest(axes[0].anchor) if axes else shoulders + 0.3 * (_middle(cloud) - shoulders)
+    return _Top(link, cloud, *(("by name", 0.95) if named else ("topmost link", 0.7)), base)
+
+
+def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _Top | None:
+    """The highest geom of the trunk, if it stands over the shoulders."""
+    geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
+    above = [p for p in map(links.geom_points, geoms) if _middle(p)[2] > shoulders[2] + 0.1 * height]
+    if not above:
+        return None
+    return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7)
+
+
+def _middle(cloud: Floats) -> Floats:
+    """(3,) of the box around points (N, 3)."""
+    return (cloud.min(0) + cloud.max(0)) / 2
 
 
 def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
