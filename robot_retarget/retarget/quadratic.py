@@ -114,9 +114,9 @@ class Landscape:
         Within a `glance` [rad, m] of a configuration distances go on along their slopes instead of being measured anew.
         """
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
-        self.separation = Separation(self.robot, reach * self.leg) if separation else None
-        self.glance, self._seen = glance, None
         self.margin = margin * self.leg
+        self.separation = Separation(self.robot, reach * self.leg, self.margin) if separation else None
+        self.glance, self._seen = glance, None
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
 
@@ -160,7 +160,7 @@ class Landscape:
             distance, slope, rest = self.separation.near(way.at(self.robot, q))
             found.append((distance, way.share * slope, np.minimum(rest, 0.0)))
         distance, slope, rest = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        kept = self.separation.nearest(distance)
+        kept = self.separation.foremost(distance, rest)
         return distance[kept], slope[kept], rest[kept]
 
     def _near(self, q: Floats) -> tuple[Floats, Floats, Floats]:

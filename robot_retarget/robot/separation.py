@@ -26,14 +26,18 @@ _YZX = [1, 2, 0]
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
 
-    def __init__(self, robot: Robot, reach: float, most: int = 24):
-        """Look for geoms within `reach` [m] of each other and keep at most so many nearest contacts."""
+    def __init__(self, robot: Robot, reach: float, margin: float = 0.0, most: int = 24):
+        """Look for geoms within `reach` [m] of each other and keep at most so many contacts.
+
+        Args:
+            margin: how far apart links are to be that do not rest nearer [m]: it tells which contacts come first.
+        """
         self.model, self.reach = copy.deepcopy(robot.model), reach
         self.model.geom_margin[:] = reach / 2
         self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
-        self.most = most
+        self.margin, self.most = margin, most
         carried = carrying(self.model).astype(float)
         self.between = carried[None] - carried[:, None]
         """(B, B, nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
@@ -50,22 +54,29 @@ class Separation:
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         found = self.found(qpos)
-        found = found[self.nearest(found.distance)]
+        rest = self.rest[found.geoms[:, 0], found.geoms[:, 1]]
+        kept = self.foremost(found.distance, rest)
+        found, rest = found[kept], rest[kept]
         first, second = self.model.geom_bodyid[found.geoms].T
         arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
         slope = moment @ self.data.cdof[:, :3].T + along @ self.data.cdof[:, 3:].T
         slope *= self.between[first, second]
-        return found.distance, slope, self.rest[found.geoms[:, 0], found.geoms[:, 1]]
+        return found.distance, slope, rest
 
-    def nearest(self, distance: Floats) -> Ints:
-        """At most `most` of many, the nearest; what is as near as what must go goes too, lest left be kept and right not."""
+    def foremost(self, distance: Floats, rest: Floats) -> Ints:
+        """At most `most` of many places, those with the least room to the margin, the nearest first.
+
+        What has as little room as what must go goes too, lest left be kept and right not.
+        """
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:
             return order
-        kept = int(np.searchsorted(distance[order], distance[order[self.most]] - TIE))
-        return order[: kept or self.most]
+        room = (distance - np.minimum(self.margin, rest))[order]
+        sorted_room = np.sort(room)
+        kept = room < sorted_room[self.most] - TIE
+        return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[: self.most]]
 
     def depth(self, qpos: Floats) -> float:
         """How deep the deepest two links are inside each other [m], 0 when none touch."""

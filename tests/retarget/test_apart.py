@@ -53,6 +53,21 @@ def test_what_overlaps_at_rest_is_left_out() -> None:
     assert separation.depth(robot.neutral()) == separation.depth(np.array(robot.model.qpos0)) == 0.0
 
 
+def test_of_more_places_than_there_are_rows_those_with_the_least_room_to_the_margin_count() -> None:
+    """Legs that may pass closely must not crowd out an arm that may not: it would be led straight into them."""
+    separation, draw = Separation(load_robot("op3"), 0.05, margin=0.01, most=6), np.random.default_rng(0)
+    for _ in range(50):
+        distance, rest = draw.uniform(0.0, 0.02, 12), draw.choice([0.002, 0.005, np.inf], 12)
+        distance[6:], rest[6:] = distance[:6], rest[:6]  # left and right
+        distance, rest = distance[(shuffled := draw.permutation(12))], rest[shuffled]
+        room = distance - np.minimum(0.01, rest)
+        kept = separation.foremost(distance, rest)
+        assert len(kept) == 6 and room[kept].max() < np.delete(room, kept).min()
+        assert (np.diff(distance[kept]) >= 0).all()
+        odd = separation.foremost(distance[1:], rest[1:])  # one has lost its counterpart
+        assert len(odd) <= 6 and room[1:][odd].max() < np.delete(room[1:], odd).min()
+
+
 def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:
     robot = load_robot("op3")
     table, data = carrying(robot.model), mujoco.MjData(robot.model)
