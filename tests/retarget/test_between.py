@@ -98,14 +98,14 @@ def test_links_that_are_drawn_right_through_each_other_are_given_up_and_those_th
 @pytest.mark.parametrize("fps", [15, 30])
 def test_hands_that_go_to_the_hips_and_back_pass_nothing_between_frames(fps: int) -> None:
     robot, motion = load_robot("op3"), read_motion(SAMPLES / "hips_and_bow.bvh").resample(fps)
-    assert deepest(robot, retarget(motion, robot).trajectory.qpos) < 0.002
+    assert deepest(robot, retarget(motion, robot).trajectory.qpos) < 0.003
 
 
 @needs_shared
 def test_arms_that_swing_in_a_dance_pass_nothing_between_frames() -> None:
     robot = load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml")
     motion = read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/05_06_dance.bvh").resample(30)
-    assert deepest(robot, retarget(motion, robot).trajectory.qpos) < 0.002
+    assert deepest(robot, retarget(motion, robot).trajectory.qpos) < 0.003
 
 
 def test_a_planted_pose_is_not_reached_through_links_where_it_can_be_reached_around_them() -> None:
