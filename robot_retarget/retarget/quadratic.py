@@ -114,8 +114,7 @@ class Landscape:
         Within a `glance` [rad, m] of a configuration distances go on along their slopes instead of being measured anew.
         """
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
-        self.margin = margin * self.leg
-        self.separation = Separation(self.robot, reach * self.leg, self.margin) if separation else None
+        self.separation = Separation(self.robot, reach * self.leg, margin * self.leg) if separation else None
         self.glance, self._seen = glance, None
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
@@ -141,7 +140,8 @@ class Landscape:
     def _apart(self, links: tuple[Floats, Floats, Floats], rows: Floats, least: Floats) -> float:
         """Fill in the rows of near links; how much more than `GRACE` the nearest lack, over the leg length."""
         distance, slope, rest = links
-        wanted = np.minimum(self.margin, rest) - distance  # links that rest nearer may stay so
+        assert self.separation is not None
+        wanted = self.separation.lacking(distance, rest)
         near, grace = len(distance), GRACE * self.leg
         rows[:near, :-1], rows[:near, -1] = slope, 1.0
         least[:near] = np.where((wanted > 0) & (wanted <= grace), 0.0, wanted)

@@ -65,6 +65,10 @@ class Separation:
         slope *= self.between[first, second]
         return found.distance, slope, rest
 
+    def lacking(self, distance: Floats, rest: Floats) -> Floats:
+        """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so."""
+        return np.minimum(self.margin, rest) - distance
+
     def foremost(self, distance: Floats, rest: Floats) -> Ints:
         """At most `most` of many places, those with the least room to the margin, the nearest first.
 
@@ -73,7 +77,7 @@ class Separation:
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:
             return order
-        room = (distance - np.minimum(self.margin, rest))[order]
+        room = -self.lacking(distance, rest)[order]
         sorted_room = np.sort(room)
         kept = room < sorted_room[self.most] - TIE
         return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[: self.most]]

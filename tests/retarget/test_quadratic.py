@@ -57,7 +57,7 @@ def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_w
         for _ in range(14):  # halve the way to where links lack half the grace
             q = (apart + near) / 2
             distance, _, rest = separation.near(q)
-            lacking = (np.minimum(landscape.margin, rest) - distance).max(initial=0.0) / solver.leg
+            lacking = (np.minimum(separation.margin, rest) - distance).max(initial=0.0) / solver.leg
             here = landscape.around(q, wished)
             may_stay = bool((here.least[soles:] <= 0).all())
             assert may_stay == (lacking <= GRACE) == (here.missing == 0)
