@@ -15,12 +15,14 @@ from robot_retarget.retarget.edges import build_edges
 from robot_retarget.retarget.footing import held_corners
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.match import match
+from robot_retarget.retarget.pool import Pool, Sketching
 from robot_retarget.retarget.problem import build_problem
-from robot_retarget.retarget.sketch import Sketching, _Pool, between
+from robot_retarget.retarget.sketch import between
 from robot_retarget.retarget.solution import Status
+from robot_retarget.retarget.starts import drawn_limbs, ways
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import load_robot, world_points
-from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.kinematics import carrying, difference
 from robot_retarget.shipped import SAMPLES
 
 
@@ -29,7 +31,7 @@ from robot_retarget.shipped import SAMPLES
 def test_the_chosen_path_is_the_cheapest_of_all(seed: int, hurry: float) -> None:
     robot, draw = load_robot("op3"), np.random.default_rng(seed)
     solver, none = cast(Any, SimpleNamespace(robot=robot)), cast(Any, None)
-    pool = _Pool(solver, none, np.zeros(0), np.arange(5), 10.0, Sketching())
+    pool = Pool(solver, none, np.zeros(0), np.arange(5), 10.0, Sketching())
     for moment in range(5):
         for _ in range(1 + moment % 3):
             pose = robot.standing()
@@ -77,7 +79,7 @@ def test_a_waving_hand_is_raised_by_an_arm_that_cannot_bend_forward() -> None:
     assert hand_over_shoulder(None).min() > 0.02
 
 
-def pool_of(picked: np.ndarray) -> _Pool:
+def pool_of(picked: np.ndarray) -> Pool:
     """The pool of a robot that follows some frames of a waving human at ten a second."""
     robot, wave = load_robot("op3"), read_motion(SAMPLES / "wave.bvh").resample(10)
     leaping = replace(wave, positions=wave.positions[picked], rotations=None)
@@ -85,10 +87,10 @@ def pool_of(picked: np.ndarray) -> _Pool:
     edges = build_edges(leaping, matched)
     solver = FrameSolver(build_problem(robot, matched, edges), Options())
     held = held_corners(edges.stances, solver.problem.feet, len(edges))
-    return _Pool(solver, edges, held, np.arange(len(picked)), 10.0, Sketching())
+    return Pool(solver, edges, held, np.arange(len(picked)), 10.0, Sketching())
 
 
-def haste(pool: _Pool, path: list[Pose]) -> float:
+def haste(pool: Pool, path: list[Pose]) -> float:
     """The fastest turn of a joint from moment to moment, over its speed."""
     robot = pool.solver.robot
     turned = np.abs(np.diff([pose.qpos[robot.qpos_index] for pose in path], axis=0))
@@ -109,6 +111,36 @@ def test_a_way_that_meets_no_other_is_followed_to_both_ends() -> None:
     pool = pool_of(np.repeat([HANGING, RAISED, HANGING], 12))
     pool.seek(18)
     assert all(pool.poses)
+
+
+def dearer(pool: Pool, best: Pose, end: str) -> Pose:
+    """The cheapest of some ends that differ from the best pose by an arm on another way, and cost a tenth more."""
+    solver, wished = pool.solver, pool._wished(0)
+    limb, drawn = next((limb, drawn) for limb, drawn in drawn_limbs(solver).items() if _ends(solver, limb, end))
+    columns, found = solver.robot.qpos_index[list(limb)], list[Pose]()
+    for angles in drawn[:20]:
+        start = best.qpos.copy()
+        start[columns] = angles
+        pose = solver.descend(start, wished)
+        turned = np.abs(pose.qpos - best.qpos)[solver.robot.qpos_index]
+        if turned[list(limb)].max() > 1.0 and np.delete(turned, limb).max() < 0.5 and pose.cost > 1.1 * best.cost:
+            found.append(pose)
+    return min(found, key=lambda pose: pose.cost)
+
+
+def _ends(solver: FrameSolver, limb: tuple[int, ...], end: str) -> bool:
+    """Whether a limb's last hinge moves a hand or the head."""
+    body = solver.problem.match.anatomy.spots[end].body
+    return bool(carrying(solver.robot.model)[body, solver.robot.dof_index[limb[-1]]])
+
+
+def test_limbs_that_are_each_right_in_another_pose_are_found_together() -> None:
+    pool = pool_of(np.array([RAISED]))
+    best = ways(pool.solver, pool._wished(0), pool.edges, 0)[0]
+    left, right = (dearer(pool, best, end) for end in ("l_hand", "r_hand"))
+    pool.poses[0] = [left, right]
+    assert pool.mix([max(left, right, key=lambda pose: pose.cost)], stride=1)
+    assert min(pose.cost for pose in pool.poses[0]) < 1.03 * best.cost
 
 
 def test_where_the_cheapest_path_leaps_the_sketch_goes_across_as_fast_as_joints_may() -> None:
