@@ -27,6 +27,9 @@ ARM = ServoMap(
 )
 """Four servos with signs and zeros of their own, and little patience."""
 
+PATIENCE = 15.0
+"""A window on a busy machine takes seconds to go; what is not gone by then hangs [s]."""
+
 
 class Emulated:
     """A running `servos emulate`."""
@@ -72,7 +75,7 @@ def emulated(folder: Path, servo_map: ServoMap | str = ARM, *options: str) -> It
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(2)
+            process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
