@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.frame import FrameSolver, Pose
+from robot_retarget.retarget.frame import Box, FrameSolver, Pose
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.speeds import within_speeds
@@ -83,7 +84,8 @@ class Pool:
         for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.sketching.same):
             start = path[k].qpos.copy()
             start[self.hinges] = paced[k]
-            pose = self._descend(start, int(k), [paced[j] for j in (k - 1, k + 1) if 0 <= j < len(path)], reach)
+            near = [paced[j] for j in (k - 1, k + 1) if 0 <= j < len(path)]
+            pose = self._descend(start, int(k), self.solver.ranges.around(near, reach))
             paced[k] = pose.qpos[self.hinges]
             self.poses[k].append(pose)
 
@@ -124,19 +126,21 @@ class Pool:
         hurried = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
         return self.sketching.change * (turned**2).sum(axis=2) + hurry * (hurried**2).sum(axis=2)
 
+    @cached_property
+    def _limbs(self) -> list[Ints]:
+        """Where the angles of arms and head stand in a configuration."""
+        return [self.hinges[list(limb)] for limb in drawn_limbs(self.solver)]
+
     def _mixed(self, here: Pose, moment: int) -> Iterator[Pose]:
         """Where descents end from a pose with one limb of a cheaper one, and from that with one limb of this."""
         cheaper = sorted((pose for pose in self.poses[moment] if pose.cost < here.cost), key=lambda pose: pose.cost)
-        limbs = [self.hinges[list(limb)] for limb in drawn_limbs(self.solver)]
-        most, least_gain = self.sketching.iterations, self.sketching.tolerance
-        for other, limb in product(cheaper[: self.sketching.donors], limbs):
+        for other, limb in product(cheaper[: self.sketching.donors], self._limbs):
             if np.abs(here.qpos[limb] - other.qpos[limb]).max(initial=0.0) < self.sketching.same:
                 continue
             for whole, part in ((here, other), (other, here)):
                 start = whole.qpos.copy()
                 start[limb] = part.qpos[limb]
-                start = self.solver.symmetry.both_sides(whole.qpos, start)
-                yield self.solver.descend(start, self._wished(moment), iterations=most, tolerance=least_gain)
+                yield self._descend(self.solver.symmetry.both_sides(whole.qpos, start), moment)
 
     def _go_on(self, pose: Pose, moment: int) -> bool:
         """Keep a pose and follow it to both sides, unless it is there already."""
@@ -150,15 +154,14 @@ class Pool:
         """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
         for moment in moments:
             reach = self.solver.robot.max_speed * abs(self.times[moment] - self.times[here])
-            pose = self._descend(pose.qpos, moment, [pose.qpos[self.hinges]], reach)
+            pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
             if not self._add(moment, pose):
                 return
             here = moment
 
-    def _descend(self, qpos: Floats, moment: int, near: list[Floats], reach: Floats) -> Pose:
-        """Where a rough descent ends whose hinges stay within reach of near angles."""
+    def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
+        """Where a rough descent ends whose hinges stay in a box."""
         most, least_gain = self.sketching.iterations, self.sketching.tolerance
-        box = self.solver.ranges.around(near, reach)
         return self.solver.descend(qpos, self._wished(moment), iterations=most, tolerance=least_gain, box=box)
 
     def _add(self, moment: int, pose: Pose) -> bool:

@@ -4,6 +4,7 @@ An arm of three joints can follow a human arm in more ways than one, and a solve
 way it began. Here several ways are sought at moments spread over the clip, each is followed forward and backward at a
 low frame rate until it meets another, and the cheapest path through all of them is chosen by dynamic programming. Where
 that leaps, ways across at the joints' speed are put beside the others, and the path is chosen anew: a leap then costs dear.
+What it then passes by for want of a way there, it comes nearer to by exchanging single limbs.
 """
 
 import numpy as np
