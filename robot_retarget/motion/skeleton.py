@@ -38,6 +38,20 @@ class Skeleton:
     def __len__(self) -> int:
         return len(self.names)
 
+    def outward(self, joint: int) -> Floats:
+        """(3,) from a joint to the next on the way to whatever is carried farthest from it [m]; 0 if it carries nothing.
+
+        Joints that stand where their parent does are passed over. From a wrist this is the way to the middle finger.
+        """
+        carried, place, step = {joint}, np.zeros((len(self), 3)), np.zeros((len(self), 3))
+        for child in range(joint + 1, len(self)):
+            parent = int(self.parents[child])
+            if parent in carried:
+                carried.add(child)
+                place[child] = place[parent] + self.offsets[child]
+                step[child] = step[parent] if step[parent].any() else self.offsets[child]
+        return step[np.linalg.norm(place, axis=1).argmax()]
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -47,7 +47,7 @@ class Weights:
     girdle: float = 6.3
     """Direction of the hip line, which way the body faces; that of the shoulder line a fourteenth of it."""
     marker: float = 0.3
-    """Directions of the segments' forward and up; feet and hands a third of it."""
+    """Directions of the segments' forward and up; feet a third of it."""
     path: float = 4.0
     """The pelvis on its path, over the leg length."""
     rest: float = 0.0004

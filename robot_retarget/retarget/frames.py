@@ -3,8 +3,8 @@
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest). The file's rest pose is
-never consulted: many exporters' rest poses are nonsense.
+over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest, a hand points to its
+fingers). The file's rest pose is never consulted: many exporters' rest poses are nonsense.
 """
 
 import numpy as np
@@ -20,6 +20,8 @@ from robot_retarget.robot.hands import BENT, hand_frames
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
+STRAIGHT = 1.0
+"""A hand that points further from its fingers on the whole has none to speak of: the file's are a placeholder [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -94,7 +96,7 @@ def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, 
 
 
 def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
-    """A hand's own rotation; on the whole it continues the forearm, as far as bent elbows show how that is turned."""
+    """A hand's own rotation: forward to its fingers, turned about them as bent elbows show on the whole."""
     arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
     own = _own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
     if own is None:
@@ -102,16 +104,37 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
     straight, bend = hand_frames(*arm)
     if bend.max() < BENT:
         return None
-    return own @ levelled(_constant(own * bend[:, None, None] ** 2, straight), LEVEL["hand"])
+    fingers = motion.skeleton.outward(_own_joint(motion, match, f"{side}_hand"))
+    constant = pointed(_constant(own * bend[:, None, None] ** 2, straight), fingers)
+    return own @ levelled(constant, LEVEL["hand"])
+
+
+def pointed(constant: Floats, fingers: Floats) -> Floats:
+    """A hand's constant (3, 3) with its forward along its fingers (3,), or along the axis that they are near.
+
+    How a hand is bent on the whole says little of how it is when straight: a clip may well be all hands on hips.
+    """
+    if not fingers.any():
+        return constant
+    axis = np.where(np.arange(3) == np.abs(fingers).argmax(), np.sign(fingers), 0.0)
+    ahead = axis if axis @ unit(fingers) > np.cos(LEVEL["hand"]) else unit(fingers)
+    if ahead @ constant[:, 0] < np.cos(STRAIGHT):
+        return constant
+    return Rotation.align_vectors(ahead, constant[:, 0])[0].as_matrix() @ constant
 
 
 def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
-    """(T, 3, 3) of the joint that stands for a keypoint, or carries those that do, where the source has rotations."""
-    joints = match.recognition.marks[keypoint].joints
+    """(T, 3, 3) of the joint that stands for a keypoint, where the source has rotations."""
     if motion.rotations is None:
         return None
-    joint = joints[0] if len(joints) == 1 else max(set.intersection(*(_upward(motion, j) for j in joints)), default=0)
+    joint = _own_joint(motion, match, keypoint)
     return Rotation.from_quat(motion.rotations[:, joint], scalar_first=True).as_matrix()
+
+
+def _own_joint(motion: Motion, match: Match, keypoint: str) -> int:
+    """The joint that stands for a keypoint, or carries those that do."""
+    joints = match.recognition.marks[keypoint].joints
+    return joints[0] if len(joints) == 1 else max(set.intersection(*(_upward(motion, j) for j in joints)), default=0)
 
 
 def _upward(motion: Motion, joint: int) -> set[int]:

@@ -115,11 +115,11 @@ class _Terms:
         """Weights of what counts by its square: of pairs, the touches."""
         w, edges, leg = self.weights, self.edges, self.match.robot_leg
         touching = np.eye(len(edges.pairs))[:, edges.touching] / edges.path_length[:, None] ** 2
-        end = np.array([segment.endswith(("foot", "hand")) for segment in edges.segments])
+        foot = np.array([segment.endswith("foot") for segment in edges.segments])
         return ca.vertcat(
             ca.sparsify(ca.DM(touching)) @ self.wished.touch,
             np.repeat(edges.line_weight, 3),
-            np.repeat(np.where(end, w.marker / 3, w.marker), 6),
+            np.repeat(np.where(foot, w.marker / 3, w.marker), 6),
             np.full(3, w.path / leg**2),
             np.where(_unled(self.robot, self.match, edges), w.wrist, w.rest),
             self.wished.h / leg**2,

@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.retarget.clip import Smoothing
+from robot_retarget.retarget.frames import human_frames, pointed
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
@@ -47,6 +49,31 @@ def test_a_wrist_turns_by_as_much_as_the_hand_about_its_forearm() -> None:
     assert np.abs(change[:, wrist] - TURN).max() < 0.1
     others = [k for k, name in enumerate(robot.joint_names) if "left_wrist" not in name]
     assert np.abs(change[:, others]).max() < 0.05
+
+
+@needs_shared
+@pytest.mark.parametrize(("clip", "first", "last"), [("hips_and_bow", 40, 140), ("wave", 40, 80), ("clap", 0, 60)])
+def test_a_hand_points_where_its_fingers_are_whichever_part_of_a_clip_is_seen(clip: str, first: int, last: int) -> None:
+    motion = read_motion(SAMPLES / f"{clip}.bvh").frames(first, last)
+    matched = match(motion, load_robot(str(SHARED / "robots/unitree_g1/unitree_g1.xml")))
+    frames, names = human_frames(motion, matched), motion.skeleton.names
+    for side, wrist in (("l", "LeftWrist"), ("r", "RightWrist")):
+        hand, fingers = (motion.positions[:, names.index(name)] for name in (wrist, f"{wrist}_end"))
+        assert (np.einsum("ti,ti->t", frames[f"{side}_hand"][:, :, 0], unit(fingers - hand)) > np.cos(0.02)).all()
+
+
+@pytest.mark.parametrize("fingers", [[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.1]])
+def test_fingers_that_are_missing_or_far_off_the_forearm_leave_the_hand_as_it_was_fitted(fingers: list[float]) -> None:
+    """Some exporters end every chain by the same offset, whichever way the limb goes."""
+    fitted = Rotation.from_rotvec([0.1, 0.2, 0.3]).as_matrix()
+    assert np.array_equal(pointed(fitted, np.array(fingers)), fitted)
+
+
+@pytest.mark.parametrize("fingers", [[1.0, 0.3, -0.2], [1.0, 0.6, 0.4]])
+def test_a_hand_points_to_its_fingers_or_along_the_axis_they_are_near(fingers: list[float]) -> None:
+    ahead = pointed(Rotation.from_rotvec([0.1, 0.2, 0.3]).as_matrix(), np.array(fingers))[:, 0]
+    near = abs(fingers[1]) < 0.5
+    assert np.allclose(ahead, [1, 0, 0] if near else unit(np.array(fingers)))
 
 
 def test_a_robot_without_wrists_heeds_no_hand() -> None:
