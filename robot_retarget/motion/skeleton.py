@@ -38,19 +38,26 @@ class Skeleton:
     def __len__(self) -> int:
         return len(self.names)
 
+    def rest(self) -> Floats:
+        """(J, 3) where the joints stand in the rest pose, each root at its offset [m]."""
+        place = np.array(self.offsets)
+        for joint in np.flatnonzero(self.parents >= 0):
+            place[joint] += place[self.parents[joint]]
+        return place
+
     def outward(self, joint: int) -> Floats:
         """(3,) from a joint to the next on the way to whatever is carried farthest from it [m]; 0 if it carries nothing.
 
         Joints that stand where their parent does are passed over. From a wrist this is the way to the middle finger.
         """
-        carried, place, step = {joint}, np.zeros((len(self), 3)), np.zeros((len(self), 3))
+        carried, step = [joint], {joint: np.zeros(3)}
         for child in range(joint + 1, len(self)):
-            parent = int(self.parents[child])
-            if parent in carried:
-                carried.add(child)
-                place[child] = place[parent] + self.offsets[child]
-                step[child] = step[parent] if step[parent].any() else self.offsets[child]
-        return step[np.linalg.norm(place, axis=1).argmax()]
+            before = step.get(int(self.parents[child]))
+            if before is not None:
+                carried.append(child)
+                step[child] = before if before.any() else self.offsets[child]
+        away = np.linalg.norm(self.rest()[carried] - self.rest()[joint], axis=1)
+        return step[carried[int(away.argmax())]]
 
 
 @dataclass(frozen=True)

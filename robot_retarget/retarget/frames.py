@@ -3,8 +3,8 @@
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest, a hand points to its
-fingers). The file's rest pose is never consulted: many exporters' rest poses are nonsense.
+over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest). The file's rest pose is
+consulted for hands alone, and only where the motion bears it out: many exporters' rest poses are nonsense.
 """
 
 import numpy as np
@@ -22,6 +22,8 @@ LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STRAIGHT = 1.0
 """A hand that points further from its fingers on the whole has none to speak of: the file's are a placeholder [rad]."""
+LIKELY = np.pi / 2
+"""Forearms are on the whole not turned further in or out of how the rest pose has them, if that is one [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -96,7 +98,7 @@ def _foot(motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, 
 
 
 def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
-    """A hand's own rotation: forward to its fingers, turned about them as bent elbows show on the whole."""
+    """A hand's own rotation, turned by a constant: the rest pose's, if bent elbows show on the whole that it may be so."""
     arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
     own = _own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
     if own is None:
@@ -106,7 +108,24 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
         return None
     fingers = motion.skeleton.outward(_own_joint(motion, match, f"{side}_hand"))
     constant = pointed(_constant(own * bend[:, None, None] ** 2, straight), fingers)
+    modelled = _modelled(motion, match, fingers)
+    if modelled is not None and Rotation.from_matrix(constant.T @ modelled).magnitude() < LIKELY:
+        constant = modelled
     return own @ levelled(constant, LEVEL["hand"])
+
+
+def _modelled(motion: Motion, match: Match, fingers: Floats) -> Floats | None:
+    """(3, 3) forward, left and up of a hand in the rest pose: to the fingers, elbows back, whether arms are out or down.
+
+    Many a file's rest pose is nonsense (arms straight up, both to one side): the motion has to bear it out.
+    """
+    rest = match.recognition.place(motion.skeleton.rest()[None])
+    at = {k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints}
+    back, ahead = -facing(_trunk_frames(at))[0, :, 0], unit(fingers)
+    across = np.cross(back, ahead)
+    if np.linalg.norm(across) < BENT:
+        return None
+    return np.stack([ahead, unit(across), np.cross(ahead, unit(across))], axis=1)
 
 
 def pointed(constant: Floats, fingers: Floats) -> Floats:

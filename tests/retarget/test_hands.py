@@ -62,6 +62,30 @@ def test_a_hand_points_where_its_fingers_are_whichever_part_of_a_clip_is_seen(cl
         assert (np.einsum("ti,ti->t", frames[f"{side}_hand"][:, :, 0], unit(fingers - hand)) > np.cos(0.02)).all()
 
 
+@needs_shared
+@pytest.mark.parametrize("clip", ["walk", "squat", "wave", "clap", "hips_and_bow"])
+def test_part_of_a_clip_tells_the_same_of_hands_as_the_whole(clip: str) -> None:
+    motion, robot = read_motion(SAMPLES / f"{clip}.bvh"), load_robot(str(SHARED / "robots/unitree_g1/unitree_g1.xml"))
+    part = motion.frames(40, 100)
+    whole, alone = (human_frames(m, match(m, robot)) for m in (motion, part))
+    for hand in ("l_hand", "r_hand"):
+        assert np.allclose(whole[hand][40:100], alone[hand])
+
+
+@needs_shared
+def test_a_rest_pose_that_the_motion_contradicts_is_not_believed() -> None:
+    """The axes of a wrist turned half around its fingers: the rest pose then has the palm on the other side."""
+    clap, robot = read_motion(SAMPLES / "clap.bvh"), load_robot(str(SHARED / "robots/unitree_g1/unitree_g1.xml"))
+    wrist, rotations = clap.skeleton.names.index("LeftWrist"), np.array(clap.rotations)
+    half = Rotation.from_rotvec(np.pi * unit(clap.skeleton.outward(wrist)))
+    turned = Rotation.from_quat(rotations[:, wrist], scalar_first=True) * half
+    rotations[:, wrist] = turned.as_quat(scalar_first=True)
+    other = replace(clap, rotations=rotations)
+    assert np.allclose(
+        human_frames(clap, match(clap, robot))["l_hand"], human_frames(other, match(other, robot))["l_hand"]
+    )
+
+
 @pytest.mark.parametrize("fingers", [[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.1]])
 def test_fingers_that_are_missing_or_far_off_the_forearm_leave_the_hand_as_it_was_fitted(fingers: list[float]) -> None:
     """Some exporters end every chain by the same offset, whichever way the limb goes."""
