@@ -46,7 +46,7 @@ class Skeleton:
         return place
 
     def outward(self, joint: int) -> Floats:
-        """(3,) from a joint to the next on the way to whatever is carried farthest from it [m]; 0 if it carries nothing.
+        """(3,) from a joint to the next on the way to what it carries farthest out at rest [m]; 0 if it carries nothing.
 
         Joints that stand where their parent does are passed over. From a wrist this is the way to the middle finger.
         """
@@ -56,7 +56,8 @@ class Skeleton:
             if before is not None:
                 carried.append(child)
                 step[child] = before if before.any() else self.offsets[child]
-        away = np.linalg.norm(self.rest()[carried] - self.rest()[joint], axis=1)
+        place = self.rest()
+        away = np.linalg.norm(place[carried] - place[joint], axis=1)
         return step[carried[int(away.argmax())]]
 
 

@@ -21,9 +21,9 @@ UP = np.array([0.0, 0.0, 1.0])
 LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STRAIGHT = 1.0
-"""A hand that points further from its fingers on the whole has none to speak of: the file's are a placeholder [rad]."""
+"""Fingers further from where a hand points on the whole are a placeholder of the file [rad]."""
 LIKELY = np.pi / 2
-"""Forearms are on the whole not turned further in or out of how the rest pose has them, if that is one [rad]."""
+"""A rest pose further from how a hand is turned on the whole is none [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 

@@ -1,4 +1,4 @@
-"""A skeleton tells where its limbs go on to."""
+"""A skeleton tells where its joints stand at rest, and where its limbs go on to."""
 
 import numpy as np
 from hypothesis import given
