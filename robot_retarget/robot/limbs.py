@@ -11,12 +11,17 @@ from robot_retarget.robot.links import Axis, Links, meeting_point
 
 ELBOW_WORDS = {"elbow", "el", "elb", "forearm", "lowerarm", "radius", "lradius", "rradius"}
 KNEE_WORDS = {"knee", "kne", "shin", "tibia", "shank", "kfe", "calf"}
+_ARM_WORDS = ELBOW_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
+_FINGER_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little"}
+_LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
 TWIST = 0.7
 """An axis whose direction has at least this cosine with the limb turns the limb about itself."""
 MEETING = 0.25
 """Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
 MIRROR = 0.1
 """Mirrored hinge lines and ends may miss each other by this share of the limb."""
+TWIN = 0.01
+"""Of two limbs with several ends, as hands have fingers, those that miss each other by more than the best and this are not paired."""
 HAND_SHARE = 0.8
 """Without a wrist joint the wrist is put at this share of the way from the elbow to the end of the arm."""
 
@@ -45,11 +50,18 @@ class Pair:
 
     carrier: int
     chains: tuple[Chain, Chain]
+    miss: float
+    """By how much they miss mirroring each other, as a share of the limb."""
 
     @property
     def lateral(self) -> Floats:
         """Horizontal unit vector from the second chain to the first. (3,)"""
         return _horizontal(self.chains[0].end - self.chains[1].end)
+
+    @property
+    def limbs(self) -> tuple[int, ...]:
+        """The links that both begin with."""
+        return tuple(chain.links[0] for chain in self.chains)
 
     @property
     def height(self) -> float:
@@ -60,6 +72,11 @@ class Pair:
     def lowest(self) -> float:
         return float(min(c.end[2] for c in self.chains))
 
+    def called(self, links: Links) -> int:
+        """+1 where the limbs are named as arms are, −1 as legs are, 0 where names do not tell."""
+        texts = [words(links.words(link)) for chain in self.chains for link in chain.links]
+        return int(np.sign(sum(bool(text & _ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
+
 
 def mirrored_pairs(links: Links) -> list[Pair]:
     """Every pair of leaves whose chains mirror each other in a vertical plane."""
@@ -67,32 +84,46 @@ def mirrored_pairs(links: Links) -> list[Pair]:
     for a, b in itertools.combinations(links.leaves, 2):
         path_a, path_b = links.path(a), links.path(b)
         shared = sum(x == y for x, y in zip(path_a, path_b, strict=False))
-        tails = path_a[shared:], path_b[shared:]
-        first, second = (_chain(links, tail) for tail in tails)
-        if first and second and _mirror_each_other((first, second)):
-            pairs.append(Pair(path_a[shared - 1], (first, second)))
-    return pairs
+        pair = _mirrored(links, path_a[shared - 1], (path_a[shared:], path_b[shared:]))
+        if pair is not None:
+            pairs.append(pair)
+    return [p for p in pairs if p.miss <= min(other.miss for other in pairs if other.limbs == p.limbs) + TWIN]
 
 
-def _chain(links: Links, tail: list[int]) -> Chain | None:
-    axes = links.axes_along(tail)
-    surface = links.surface(tail[-1])
-    return Chain(tuple(tail), tuple(axes), (surface.min(0) + surface.max(0)) / 2) if axes else None
+def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> Pair | None:
+    """Two chains that mirror each other, ending in the middle of their surfaces.
+
+    Shapes drawn for one side and used on both do not hide what the hinges show: if need be, the chains end no further
+    aside than their last links have their origins.
+    """
+    axes = [tuple(links.axes_along(tail)) for tail in tails]
+    if len(axes[0]) != len(axes[1]) or len(axes[0]) < 2:
+        return None
+    origins = np.array([links.origin(tail[-1]) for tail in tails])
+    middles = np.array([_surface_middle(links, tail[-1]) for tail in tails])
+    lateral = _horizontal(origins[0] - origins[1])
+    for ends in (middles, middles - ((middles - origins) @ lateral)[:, None] * lateral):
+        one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
+        miss = _miss(one, other)
+        if miss < MIRROR:
+            return Pair(carrier, (one, other), miss)
+    return None
 
 
-def _mirror_each_other(chains: tuple[Chain, Chain]) -> bool:
-    """As many hinges, whose lines fall on each other when mirrored in the vertical plane between the ends."""
-    if len(chains[0].axes) != len(chains[1].axes) or len(chains[0].axes) < 2:
-        return False
-    lateral, middle = _horizontal(chains[0].end - chains[1].end), (chains[0].end + chains[1].end) / 2
-    scale = max(chain.reach for chain in chains)
-    apart = chains[0].end - chains[1].end
-    if np.linalg.norm(apart - lateral * (apart @ lateral)) > MIRROR * scale:
-        return False
-    return all(
-        b.distance(a.anchor - 2 * lateral * (lateral @ (a.anchor - middle))) < MIRROR * scale
-        for a, b in zip(chains[0].axes, chains[1].axes, strict=True)
-    )
+def _surface_middle(links: Links, link: int) -> Floats:
+    surface = links.surface(link)
+    return (surface.min(0) + surface.max(0)) / 2
+
+
+def _miss(one: Chain, other: Chain) -> float:
+    """How far hinge lines and ends are from those of the other chain when mirrored in the vertical plane between the ends."""
+    apart, middle = one.end - other.end, (one.end + other.end) / 2
+    lateral = _horizontal(apart)
+    lines = [
+        b.distance(a.anchor - 2 * lateral * (lateral @ (a.anchor - middle)))
+        for a, b in zip(one.axes, other.axes, strict=True)
+    ]
+    return max(float(np.linalg.norm(apart - lateral * (apart @ lateral))), *lines) / max(one.reach, other.reach, 1e-9)
 
 
 def _horizontal(vector: Floats) -> Floats:
@@ -192,10 +223,9 @@ def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
     elbow_axis, evidence, confidence = _elbow_axis(links, chain)
     if elbow_axis is None:
         return {}
-    index = chain.axes.index(elbow_axis)
-    shoulder = _shoulder(links, list(chain.axes[:index]), elbow_axis)
+    shoulder = _shoulder(links, list(chain.axes[: chain.axes.index(elbow_axis)]), elbow_axis)
     elbow = elbow_axis.nearest(shoulder.point)
-    hand = _hand(links, chain, list(chain.axes[index + 1 :]), elbow)
+    hand = _hand(links, _to_the_palm(links, chain, elbow_axis.link), elbow_axis, elbow)
     return {"shoulder": shoulder, "elbow": Centre(elbow, elbow_axis.link, evidence, confidence), "hand": hand}
 
 
@@ -238,8 +268,20 @@ def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
     return Centre(point, taken[-1].link, f"axes of {' and '.join(joint_names(links, taken))} meet here", 0.95)
 
 
-def _hand(links: Links, chain: Chain, axes: list[Axis], elbow: Floats) -> Centre:
+def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
+    """The chain without its finger: what begins, beyond the elbow, beside two more chains or is named a finger."""
+    first = chain.links.index(elbow) + 1
+    for count, link in enumerate(chain.links[first:], first):
+        palm = chain.links[count - 1]
+        if len(links.children[palm]) > 2 or words(links.words(link)) & _FINGER_WORDS:
+            own = chain.links[:count]
+            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), _surface_middle(links, palm))
+    return chain
+
+
+def _hand(links: Links, chain: Chain, bend: Axis, elbow: Floats) -> Centre:
     """The wrist where there is one, else four fifths of the way to the end of the arm."""
+    axes = chain.axes[chain.axes.index(bend) + 1 :]
     whole = float(np.linalg.norm(chain.end - elbow))
     limb = (chain.end - elbow) / max(whole, 1e-9)
     wrists = [a for a in axes if abs(a.direction @ limb) < TWIST and (a.anchor - elbow) @ limb > 0.4 * whole]

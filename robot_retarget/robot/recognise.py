@@ -32,6 +32,11 @@ from robot_retarget.robot.soles import sole, tread
 LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 HEAD_WORDS = {"head", "skull", "face"}
+TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
+HEAD_OVER = 0.3
+"""A trunk of one piece ends in a head where it stands over the shoulders by this share of their height over the pelvis."""
+LEGS_BELOW = 0.35
+"""Legs begin below this share of the trunk's height, head included, arms above it."""
 
 
 def recognise(robot: Robot) -> Anatomy:
@@ -42,14 +47,14 @@ def recognise(robot: Robot) -> Anatomy:
     """
     links = Links(robot)
     pairs = mirrored_pairs(links)
-    legs, arms = _legs(links, pairs), None
+    legs = _legs(links, pairs)
     arms = _arms(links, pairs, legs)
+    _refuse_quadruped(robot, links, pairs, arms)
     if legs is None and arms is None:
         raise MatchError(
             f"{robot.name} is no humanoid: no two chains of hinges mirror each other as arms or legs "
             f"({len(robot.joint_names)} hinges, {len(links.leaves)} ends)"
         )
-    _refuse_quadruped(robot, links, pairs, legs, arms)
     return _assemble(robot, links, legs, arms)
 
 
@@ -73,38 +78,46 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
 
 
 def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
-    """The pair with three hinges or more each whose ends are lowest, when they begin below the trunk's middle."""
-    trunk = links.surface(links.root)
-    candidates = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
+    """The pair with three hinges or more each whose ends are lowest, of those that are legs by name or by the trunk."""
+    limbs = {link for pair in pairs for chain in pair.chains for link in chain.links}
+    trunk = np.concatenate([links.surface(x)[:, 2] for x in links.ids if x not in limbs])
+    long = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
+    candidates = [p for p in long if (p.called(links) or _hang(p, trunk)) < 0]
     if not candidates:
         return None
     lowest = min(p.lowest for p in candidates)
     reach = max(c.reach for p in candidates for c in p.chains)
-    legs = max((p for p in candidates if p.lowest < lowest + 0.1 * reach), key=lambda p: p.chains[0].reach)
-    below_all = lowest < trunk[:, 2].min()
-    return legs if below_all or all(p.height > legs.height for p in candidates if p is not legs) else None
+    return max((p for p in candidates if p.lowest < lowest + 0.1 * reach), key=lambda p: p.chains[0].reach)
+
+
+def _hang(pair: Pair, trunk: Floats) -> int:
+    """−1 where limbs begin low on the trunk, heights (P,) [m], or end far below it, as legs do; +1 otherwise, as arms do."""
+    low = pair.height < trunk.min() + LEGS_BELOW * np.ptp(trunk)
+    return -1 if low or pair.lowest < trunk.min() - pair.chains[0].reach / 2 else 1
 
 
 def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
     """The pair of the longest chains that begin above the legs."""
     taken = {link for chain in legs.chains for link in chain.links} if legs else set()
-    free = [p for p in pairs if not taken & {link for c in p.chains for link in c.links}]
+    free = [p for p in pairs if p.called(links) >= 0 and not taken & {link for c in p.chains for link in c.links}]
     if legs:
         leg = max(c.reach for c in legs.chains)
         free = [p for p in free if p.height > legs.height + 0.2 * leg and p.chains[0].reach > 0.25 * leg]
     return max(free, key=lambda p: (round(p.chains[0].reach, 3), len(p.chains[0].axes)), default=None)
 
 
-def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], legs: Pair | None, arms: Pair | None) -> None:
-    if legs is None:
+def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair | None) -> None:
+    standing = [p for p in pairs if len(p.chains[0].axes) >= 3 and p.called(links) <= 0]
+    lowest = min(standing, key=lambda p: p.lowest, default=None)
+    if lowest is None:
         return
-    reach = max(c.reach for c in legs.chains)
-    others = [p for p in pairs if p is not legs and not _share_links(p, legs)]
+    reach = max(c.reach for c in lowest.chains)
+    others = [p for p in pairs if p is not lowest and not _share_links(p, lowest)]
     walking = [
-        p for p in others if abs(p.lowest - legs.lowest) < 0.1 * reach and abs(p.height - legs.height) < 0.2 * reach
+        p for p in others if abs(p.lowest - lowest.lowest) < 0.1 * reach and abs(p.height - lowest.height) < 0.2 * reach
     ]
-    if walking and (arms is None or arms in walking):
-        names = [links.model.body(p.chains[0].links[-1]).name for p in (legs, walking[0])]
+    if walking and (arms is None or arms in (lowest, *walking)):
+        names = [links.model.body(p.chains[0].links[-1]).name for p in (lowest, walking[0])]
         raise MatchError(
             f"{robot.name} is no humanoid: four limbs of equal height reach the ground (ending at {' and '.join(names)})"
         )
@@ -228,7 +241,8 @@ def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: s
 def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
     """Pelvis between the hips, chest a little under the shoulders, neck and head above."""
     lower = legs.carrier if legs else links.root
-    upper = arms.carrier if arms else links.root
+    used = {x for p in (legs, arms) if p for c in p.chains for x in c.links}
+    upper = arms.carrier if arms else _armless_trunk(links, used)
     trunk = links.surface(upper)
     if "l_hip" in limbs and "r_hip" in limbs:
         pelvis = (_world(links, limbs["l_hip"]) + _world(links, limbs["r_hip"])) / 2
@@ -243,8 +257,13 @@ def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, 
     else:
         shoulders = np.array([*pelvis[:2], trunk[:, 2].max()])
         spots["chest"] = _spot(links, upper, shoulders, 0.5, "top of the trunk, no arms")
-    used = {x for p in (legs, arms) if p for c in p.chains for x in c.links}
     return spots | _head(links, upper, used, shoulders, pelvis, bool(arms))
+
+
+def _armless_trunk(links: Links, used: set[int]) -> int:
+    """The last link on the way up that is named a trunk, the root if none is."""
+    named = [x for x in links.ids if x not in used and words(links.words(x)) & TRUNK_WORDS]
+    return max(named, key=lambda x: len(links.path(x)), default=links.root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,12 +305,17 @@ def _topmost(links: Links, free: list[int], shoulders: Floats, height: float) ->
 
 
 def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _Top | None:
-    """The highest geom of the trunk, if it stands over the shoulders."""
+    """The highest geom of the trunk, if it stands over the shoulders, or the upper half of what of one geom does."""
     geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
     above = [p for p in map(links.geom_points, geoms) if _middle(p)[2] > shoulders[2] + 0.1 * height]
-    if not above:
+    if above:
+        return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7)
+    surface = links.surface(trunk)
+    top = float(surface[:, 2].max() - shoulders[2])
+    if top < HEAD_OVER * height:
         return None
-    return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7)
+    upper = surface[surface[:, 2] > shoulders[2] + top / 2]
+    return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", 0.5)
 
 
 def _middle(cloud: Floats) -> Floats:

@@ -170,3 +170,74 @@ def test_the_surface_of_a_ball_is_its_radius_away_from_its_middle(tmp_path: Path
     path.write_text('<mujoco><worldbody><body><joint/><geom size=".3"/></body></worldbody></mujoco>')
     links = Links(load_robot(path))
     assert np.linalg.norm(links.geom_points(0), axis=1) == pytest.approx(0.3)
+
+
+ARM = '<body name="{n}1" pos="0 {y} .3"><joint axis="0 1 0"/><joint axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size=".03"/>\
+<body name="{n}2" pos="0 0 -.2"><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 {end}" size=".03"/>{hand}</body></body>'
+HEAD = '<body pos="0 0 .4"><joint axis="0 0 1"/><geom type="sphere" size=".1" pos="0 0 .1"/></body>'
+
+
+@pytest.mark.parametrize(("left", "right"), [("a", "b"), ("l_shoulder", "r_shoulder")])
+def test_arms_that_hang_below_the_trunk_of_a_robot_without_legs_are_no_legs(
+    tmp_path: Path, left: str, right: str
+) -> None:
+    arms = "".join(ARM.format(n=n, y=y, end=-0.4, hand="") for n, y in ((left, 0.2), (right, -0.2)))
+    anatomy = recognise(built(tmp_path, HEAD + arms))
+    assert {"l_shoulder", "l_elbow", "l_hand", "head"} <= set(anatomy.spots)
+    assert "l_hip" not in anatomy.spots
+
+
+def test_two_limbs_that_end_far_below_the_trunk_are_legs(tmp_path: Path) -> None:
+    legs = [LIMB.format(n=n, x=0, y=y) for n, y in (("a", 0.1), ("b", -0.1))]
+    assert {"l_hip", "l_knee", "l_ankle"} <= set(recognise(built(tmp_path, "".join(legs))).spots)
+
+
+def test_a_shape_used_on_both_sides_does_not_hide_that_limbs_mirror_each_other(tmp_path: Path) -> None:
+    aside = '<geom type="box" size=".05 .05 .05" pos="0 .1 -.2"/>'  # to the left on either arm
+    arms = "".join(ARM.format(n=n, y=y, end=-0.2, hand=aside) for n, y in (("l_arm", 0.2), ("r_arm", -0.2)))
+    robot = built(tmp_path, HEAD + arms)
+    spots = places(robot, recognise(robot))
+    assert spots["l_elbow"] == pytest.approx([0, 0.2, 0.6], abs=1e-6)
+    assert spots["r_elbow"] == pytest.approx([0, -0.2, 0.6], abs=1e-6)
+
+
+def finger(name: str, x: float, side: float) -> str:
+    return (
+        f'<body name="{name}" pos="{x} 0 -.08"><joint axis="{side} .1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 -.06" size=".008"/></body>'
+    )
+
+
+def test_the_hand_is_where_the_wrist_is_not_where_fingers_are(tmp_path: Path) -> None:
+    arms = []
+    for side, y in (("l", 0.2), ("r", -0.2)):
+        fingers = "".join(
+            finger(f"{side}_{n}", x, np.sign(y)) for n, x in (("one", -0.02), ("two", 0.0), ("last", 0.02))
+        )
+        hand = f'<body name="{side}_palm" pos="0 0 -.2"><joint axis="1 0 0"/><geom size=".03" pos="0 0 -.04"/>{fingers}</body>'
+        arms.append(ARM.format(n=f"{side}_arm", y=y, end=-0.2, hand=hand))
+    robot = built(tmp_path, HEAD + "".join(arms))
+    anatomy = recognise(robot)
+    assert robot.model.body(anatomy.spots["l_hand"].body).name == "l_palm"
+    assert places(robot, anatomy)["l_hand"] == pytest.approx([0, 0.2, 0.4], abs=1e-6)
+    assert anatomy.forward == pytest.approx([1, 0, 0], abs=1e-6)
+
+
+def test_the_trunk_of_a_robot_without_arms_is_its_chest_not_its_head(tmp_path: Path) -> None:
+    legs = [LIMB.format(n=n, x=0, y=y) for n, y in (("l_leg", 0.1), ("r_leg", -0.1))]
+    waist = (
+        '<body name="torso" pos="0 0 .1"><joint axis="0 0 1"/><geom type="box" size=".1 .1 .2" pos="0 0 .2"/></body>'
+    )
+    robot = built(tmp_path, "".join(legs) + waist)
+    spots = recognise(robot).spots
+    assert robot.model.body(spots["chest"].body).name == "torso"
+    assert "head" not in spots
+
+
+def test_a_trunk_of_one_piece_that_stands_over_the_shoulders_ends_in_a_head(tmp_path: Path) -> None:
+    arms = "".join(ARM.format(n=n, y=y, end=-0.2, hand="") for n, y in (("l_arm", 0.2), ("r_arm", -0.2)))
+    tall = '<geom type="box" size=".1 .1 .4" pos=".05 0 .3"/>'  # from .4 to 1.2 m, shoulders at .8 m
+    robot = built(tmp_path, tall + arms)
+    spots = places(robot, recognise(robot))
+    assert spots["head"] == pytest.approx([0.05, 0, 1.2], abs=0.11)
+    assert "head" not in recognise(built(tmp_path, '<geom type="box" size=".1 .1 .25" pos="0 0 .1"/>' + arms)).spots
