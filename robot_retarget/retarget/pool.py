@@ -33,6 +33,8 @@ class Sketching:
     """At most, per moment."""
     same: float = 0.15
     """Poses whose hinges all lie nearer than this are one [rad]."""
+    caught: float = 1.5
+    """Ways are sought, too, where a path costs so many times what it does where they were."""
     change: float = 0.5
     """Cost of a change of pose between frames of the sketch [1/rad²] ..."""
     hurry: float = 30.0
@@ -75,6 +77,18 @@ class Pool:
         found = ways(self.solver, self._wished(moment), self.edges, frame)
         for pose in found[: self.sketching.ways]:
             self._go_on(pose, moment)
+
+    def dearest(self, path: list[Pose], stride: int) -> list[int]:
+        """The moments at which a path costs most, one of every `stride`, if much more than where ways were sought.
+
+        Limbs that swing once in a stride look alike wherever ways are sought, and may be caught on the way between.
+        """
+        costs, dear = np.array([pose.cost for pose in path]), []
+        for first in range(0, len(path), stride):
+            worst = first + int(costs[first : first + stride].argmax())
+            if worst >= self.first and costs[worst] > self.sketching.caught * costs[first]:
+                dear.append(worst)
+        return dear
 
     def cross(self, path: list[Pose]) -> None:
         """Where a path leaps, find one beside it that the joints can follow."""

@@ -42,6 +42,8 @@ def sketch(
         pool.set_out(first[-1])
     for moment in range(stride if first else 0, len(frames), stride):
         pool.seek(moment)
+    for moment in pool.dearest(pool.cheapest(chosen.hurry), stride):
+        pool.seek(moment)
     pool.cross(pool.cheapest(hurry=0.0))
     for _ in range(chosen.mixes):
         if not pool.mix(pool.cheapest(chosen.hurry), stride):

@@ -143,6 +143,16 @@ def test_limbs_that_are_each_right_in_another_pose_are_found_together() -> None:
     assert min(pose.cost for pose in pool.poses[0]) < 1.03 * best.cost
 
 
+def test_ways_are_sought_where_a_path_is_caught_between_the_moments_at_which_they_were() -> None:
+    costs = [4.0, 5.0, 9.0, 8.0, 4.0, 5.0, 5.9, 4.0, 20.0, 25.0]  # sought at 0, 4 and 8
+    path = [Pose(np.zeros(0), Status.CONVERGED, cost, 1) for cost in costs]
+    robot, none = cast(Any, SimpleNamespace(robot=load_robot("op3"))), cast(Any, None)
+    pool = Pool(robot, none, np.zeros(0), np.arange(10), 10.0, Sketching())
+    assert pool.dearest(path, stride=4) == [2]
+    pool.first = 3  # what is known is not in question
+    assert pool.dearest(path, stride=4) == []
+
+
 def test_where_the_cheapest_path_leaps_the_sketch_goes_across_as_fast_as_joints_may() -> None:
     pool = pool_of(np.repeat([HANGING, RAISED], 6))
     for moment in (0, 11):
