@@ -245,6 +245,8 @@ class FrameSolver:
         return replace(pose, qpos=qpos, status=Status.BLOCKED, cost=here.cost, missing=here.missing, around=None)
 
     def lifted(self, pose: Pose) -> Pose:
-        """The pose with its root raised by what curvature let a sole sink under the floor."""
+        """The pose with its root raised by what curvature let it sink under the floor."""
         depth = -float(self.problem.heights(pose.qpos)[0].min()) if self.problem.soles else 0.0
+        apart = self.landscape.separation
+        depth = max(depth, apart.sunk(pose.qpos)) if apart else depth
         return replace(pose, qpos=raised(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, around=None)

@@ -114,7 +114,11 @@ class Landscape:
         Within a `glance` [rad, m] of a configuration distances go on along their slopes instead of being measured anew.
         """
         self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
-        self.separation = Separation(self.robot, reach * self.leg, margin * self.leg) if separation else None
+        feet = frozenset(int(sole.bodies[0]) for sole in problem.match.anatomy.soles.values())
+        floor = feet if self.robot.root_joints.size else None
+        self.separation = (
+            Separation(self.robot, reach * self.leg, margin * self.leg, feet=floor) if separation else None
+        )
         self.glance, self._seen = glance, None
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)

@@ -32,6 +32,9 @@ class Near:
     normal: Floats
     """(C, 3) from the first geom to the second."""
 
+    def __len__(self) -> int:
+        return len(self.distance)
+
     def __add__(self, other: "Near") -> "Near":
         parts = zip(vars(self).values(), vars(other).values(), strict=True)
         return Near(*(np.concatenate(both) for both in parts))

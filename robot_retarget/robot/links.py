@@ -133,7 +133,7 @@ class Links:
 
     def geom_points(self, geom: int) -> Floats:
         """Points (P, 3) that span a geom: mesh vertices, box corners, the extremes of round shapes."""
-        local = _local_points(self.model, geom)
+        local = local_points(self.model, geom)
         return local @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
 
     def local(self, body: int, point: Floats) -> Floats:
@@ -147,7 +147,8 @@ class Links:
         return " ".join([model.body(b).name for b in self.bodies(link)] + [model.joint(j).name for j in joints])
 
 
-def _local_points(model: mujoco.MjModel, geom: int) -> Floats:
+def local_points(model: mujoco.MjModel, geom: int) -> Floats:
+    """Points (P, 3) that span a geom, in its own frame [m]."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]  # NumPy's own integers are in no tuple of kinds
     if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]

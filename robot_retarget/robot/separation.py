@@ -13,6 +13,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Boxes, Near
 from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 
@@ -26,11 +27,19 @@ _YZX = [1, 2, 0]
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
 
-    def __init__(self, robot: Robot, reach: float, margin: float = 0.0, most: int = 24):
+    def __init__(
+        self,
+        robot: Robot,
+        reach: float,
+        margin: float = 0.0,
+        most: int = 24,
+        feet: frozenset[int] | None = None,
+    ):
         """Look for geoms within `reach` [m] of each other and keep at most so many contacts.
 
         Args:
             margin: how far apart links are to be that do not rest nearer [m]: it tells which contacts come first.
+            feet: links that may be under the floor; all others stay over it. None where there is no floor.
         """
         self.model, self.reach = copy.deepcopy(robot.model), reach
         self.model.geom_margin[:] = reach / 2
@@ -38,6 +47,8 @@ class Separation:
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
         self.margin, self.most = margin, most
+        self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
+        """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
         carried = carrying(self.model).astype(float)
         self.between = carried[None] - carried[:, None]
         """(B, B, nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
@@ -50,15 +61,18 @@ class Separation:
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
         self._watch(self.boxes.pairs)
+        self.floor = None if feet is None else Floor(robot, self.model, feet, reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         found = self.found(qpos)
         rest = self.rest[found.geoms[:, 0], found.geoms[:, 1]]
+        if self.floor is not None and len(low := self.floor.near(self.data)):
+            found, rest = found + low, np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
         kept = self.foremost(found.distance, rest)
         found, rest = found[kept], rest[kept]
-        first, second = self.model.geom_bodyid[found.geoms].T
-        arm, along = found.place - self.data.subtree_com[self.model.body_rootid[first]], found.normal
+        first, second = self.bodies[found.geoms].T
+        arm, along = found.place - self.data.subtree_com[self.model.body_rootid[second]], found.normal
         # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
         slope = moment @ self.data.cdof[:, :3].T + along @ self.data.cdof[:, 3:].T
@@ -85,6 +99,14 @@ class Separation:
     def depth(self, qpos: Floats) -> float:
         """How deep the deepest two links are inside each other [m], 0 when none touch."""
         return float(-self.found(qpos).distance.min(initial=0.0))
+
+    def sunk(self, qpos: Floats) -> float:
+        """How deep links that are no feet are under the floor [m], 0 when none is."""
+        if self.floor is None:
+            return 0.0
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.floor.depth(self.data)
 
     def found(self, qpos: Floats) -> Near:
         """All places that count where surfaces are near each other, at a configuration (nq,)."""

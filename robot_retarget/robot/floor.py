@@ -1,0 +1,87 @@
+"""The floor z = 0 under links that are no feet: their lowest places near it.
+
+Feet roll, tilt and stand, and have rows of their own for it; anything else that comes down, a hand, a knee or a back,
+must only stay over it. A link that lies flat rests on several places, so each geom is seen from below and from a little
+aside, all around.
+"""
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.boxes import Near
+from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.links import local_points
+from robot_retarget.robot.model import Robot
+
+FLOOR = -1
+"""Stands for the floor where geoms are told by their numbers."""
+_ASIDE = 0.3
+_BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
+_GEOM = mujoco.mjtGeom
+_AROUND = np.arange(64) * np.pi / 32
+"""So many points on the rim of a cylinder are within 0.0012 of its radius of the lowest."""
+
+
+class Floor:
+    """The geoms that must stay over the floor, and where they are near it."""
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: frozenset[int], reach: float):
+        """Watch what is solid of all links but the `feet`, within `reach` [m]."""
+        solid = [g for link, own in collision_geoms(robot).items() if link not in feet for g in own]
+        self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
+        self.box = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3)
+        self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
+
+    def near(self, data: mujoco.MjData) -> Near:
+        """Where geoms are within reach of the floor, as the model stands in `data`."""
+        lowest = self._lowest(data) < self.reach
+        if not lowest.any():
+            return Near(np.zeros(0), np.zeros((0, 2), np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+        own: list[int] = np.flatnonzero(lowest).tolist()
+        places = [self._places(data, k) for k in own]
+        owner = np.repeat(self.geoms[own], [len(found) for found in places])
+        place = np.concatenate(places)
+        pairs = np.stack([np.full(len(owner), FLOOR), owner], axis=1)
+        near = Near(place[:, 2].copy(), pairs, place, np.tile([0.0, 0.0, 1.0], (len(place), 1)))
+        return near[np.flatnonzero(near.distance < self.reach)]
+
+    def depth(self, data: mujoco.MjData) -> float:
+        """How deep the deepest of them is under the floor [m], 0 when none is."""
+        under: list[int] = np.flatnonzero(self._lowest(data) < 0).tolist()
+        return -min([0.0, *(float(self._places(data, k)[:, 2].min()) for k in under)])
+
+    def _lowest(self, data: mujoco.MjData) -> Floats:
+        """(G,) the lowest height of the box around each geom [m]."""
+        up = data.geom_xmat[self.geoms, 6:]
+        middle = data.geom_xpos[self.geoms, 2] + (up * self.box[:, 0]).sum(axis=1)
+        return middle - (np.abs(up) * self.box[:, 1]).sum(axis=1)
+
+    def _places(self, data: mujoco.MjData, k: int) -> Floats:
+        """(N, 3) the outermost places of a geom, straight down and a little aside, each once [m]."""
+        points, radius = self.shapes[k]
+        geom = self.geoms[k]
+        turned = points @ data.geom_xmat[geom].reshape(3, 3).T
+        outermost = np.unique((_BELOW @ turned.T).argmax(axis=1))
+        return turned[outermost] + data.geom_xpos[geom] - [0.0, 0.0, radius]
+
+
+def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:
+    """A geom as the hull of balls: their centres (P, 3) in its frame and their radius [m]."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return np.zeros((1, 3)), float(size[0])
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        return np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), float(size[0])
+    points = _rims(size) if kind == _GEOM.mjGEOM_CYLINDER else local_points(model, geom)
+    try:
+        return points[ConvexHull(points).vertices], 0.0
+    except QhullError:  # flat, or a point
+        return points, 0.0
+
+
+def _rims(size: Floats) -> Floats:
+    """Points on both rims of a cylinder of a radius and half a length."""
+    rim = np.stack([size[0] * np.cos(_AROUND), size[0] * np.sin(_AROUND), np.full(len(_AROUND), size[1])], axis=1)
+    return np.concatenate([rim, rim * [1, 1, -1]])
