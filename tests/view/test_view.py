@@ -14,7 +14,7 @@ from robot_retarget.trajectory import Trajectory
 from robot_retarget.view import Film, Picture, Unavailable, strip, video
 from robot_retarget.view.draw import Sketch
 from robot_retarget.view.gl import open_context
-from robot_retarget.view.human import COLOUR
+from robot_retarget.view.human import COLOUR, figure
 from robot_retarget.view.render import open_stage
 from robot_retarget.view.staging import arrange, geom_corners
 
@@ -66,14 +66,22 @@ def test_the_size_of_the_human_does_not_matter(stature):
     np.testing.assert_allclose(other.human, plain.human, atol=0.02)
 
 
+def test_the_head_of_who_lies_on_the_back_is_the_head_and_no_raised_hand() -> None:
+    arms_on_the_chest = np.array([(0, 1), (1, 2), (1, 3), (1, 4), (0, 5), (0, 6)])
+    lying = stick_man()[..., [2, 1, 0]] * [-1, 1, 1] + [0, 0, 0.1]
+    lying[:, 3, 2] += 1.0  # a hand is stretched up
+    staging = arrange(OP3, hold(OP3), lying, arms_on_the_chest, np.array([0.0, 0.5]))
+    assert figure(staging).limbs[-1].tolist() == [2, 2]
+
+
 def test_who_walks_away_stays_in_the_picture():
     qpos = hold(OP3, 4.0).qpos.copy()
     qpos[:, 0] += np.linspace(0, 3, len(qpos))
     walk = Trajectory(qpos, 50, OP3.joint_names, "op3")
     staging = arrange(OP3, walk, stick_man(200, travel=9.0), BONES, np.linspace(0, 4, 9))
     reach = staging.height * staging.aspect
-    for figure in (staging.human, geom_corners(OP3, staging.qpos).reshape(9, -1, 3)):
-        assert np.abs((figure - staging.targets[:, None]) @ staging.right).max() < reach
+    for body in (staging.human, geom_corners(OP3, staging.qpos).reshape(9, -1, 3)):
+        assert np.abs((body - staging.targets[:, None]) @ staging.right).max() < reach
 
 
 def test_robot_and_human_are_shown_at_the_same_time():
