@@ -33,7 +33,7 @@ class Sketching:
     """At most, per moment."""
     same: float = 0.15
     """Poses whose hinges all lie nearer than this are one [rad]."""
-    caught: float = 1.5
+    caught: float = 2.0
     """Ways are sought, too, where a path costs so many times what it does where they were."""
     change: float = 0.5
     """Cost of a change of pose between frames of the sketch [1/rad²] ..."""
