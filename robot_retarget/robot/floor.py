@@ -19,6 +19,7 @@ FLOOR = -1
 """Stands for the floor where geoms are told by their numbers."""
 _ASIDE = 0.3
 _BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
+_UP = np.array([0.0, 0.0, 1.0])
 _GEOM = mujoco.mjtGeom
 _AROUND = np.arange(64) * np.pi / 32
 """So many points on the rim of a cylinder are within 0.0012 of its radius of the lowest."""
@@ -27,44 +28,43 @@ _AROUND = np.arange(64) * np.pi / 32
 class Floor:
     """The geoms that must stay over the floor, and where they are near it."""
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, feet: frozenset[int], reach: float):
-        """Watch what is solid of all links but the `feet`, within `reach` [m]."""
+    def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
+        """Watch what is solid of all links but the `feet`, within `reach` [m], as the model stands in `data`."""
         solid = [g for link, own in collision_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
-        self.box = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3)
+        middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
+        self.box = np.concatenate([middle, half], axis=1)
         self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
+        # Views are kept: to ask the data for one takes longer than to read it.
+        self._turns, self._origins = data.geom_xmat, data.geom_xpos
 
-    def near(self, data: mujoco.MjData) -> Near:
-        """Where geoms are within reach of the floor, as the model stands in `data`."""
-        lowest = self._lowest(data) < self.reach
-        if not lowest.any():
-            return Near(np.zeros(0), np.zeros((0, 2), np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
-        own: list[int] = np.flatnonzero(lowest).tolist()
-        places = [self._places(data, k) for k in own]
-        owner = np.repeat(self.geoms[own], [len(found) for found in places])
-        place = np.concatenate(places)
-        pairs = np.stack([np.full(len(owner), FLOOR), owner], axis=1)
-        near = Near(place[:, 2].copy(), pairs, place, np.tile([0.0, 0.0, 1.0], (len(place), 1)))
+    def near(self) -> Near | None:
+        """Where geoms are within reach of the floor, None where none is."""
+        found = [(k, self._places(k)) for k in self._below(self.reach)]
+        if not found:
+            return None
+        place = np.concatenate([places for _, places in found])
+        pairs = np.array([(FLOOR, self.geoms[k]) for k, places in found for _ in places])
+        near = Near(place[:, 2].copy(), pairs, place, np.tile(_UP, (len(place), 1)))
         return near[np.flatnonzero(near.distance < self.reach)]
 
-    def depth(self, data: mujoco.MjData) -> float:
+    def depth(self) -> float:
         """How deep the deepest of them is under the floor [m], 0 when none is."""
-        under: list[int] = np.flatnonzero(self._lowest(data) < 0).tolist()
-        return -min([0.0, *(float(self._places(data, k)[:, 2].min()) for k in under)])
+        return -min([0.0, *(float(self._places(k)[:, 2].min()) for k in self._below(0.0))])
 
-    def _lowest(self, data: mujoco.MjData) -> Floats:
-        """(G,) the lowest height of the box around each geom [m]."""
-        up = data.geom_xmat[self.geoms, 6:]
-        middle = data.geom_xpos[self.geoms, 2] + (up * self.box[:, 0]).sum(axis=1)
-        return middle - (np.abs(up) * self.box[:, 1]).sum(axis=1)
+    def _below(self, height: float) -> list[int]:
+        """Which geoms are in boxes that come lower than a height [m]."""
+        up = self._turns[self.geoms, 6:]
+        own = np.concatenate([up, -np.abs(up)], axis=1)
+        return np.flatnonzero(self._origins[self.geoms, 2] + np.einsum("gi,gi->g", own, self.box) < height).tolist()
 
-    def _places(self, data: mujoco.MjData, k: int) -> Floats:
+    def _places(self, k: int) -> Floats:
         """(N, 3) the outermost places of a geom, straight down and a little aside, each once [m]."""
         points, radius = self.shapes[k]
         geom = self.geoms[k]
-        turned = points @ data.geom_xmat[geom].reshape(3, 3).T
-        outermost = np.unique((_BELOW @ turned.T).argmax(axis=1))
-        return turned[outermost] + data.geom_xpos[geom] - [0.0, 0.0, radius]
+        turn = self._turns[geom].reshape(3, 3)
+        outermost = sorted(set((_BELOW @ turn @ points.T).argmax(axis=1).tolist()))
+        return points[outermost] @ turn.T + (self._origins[geom] - radius * _UP)
 
 
 def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:

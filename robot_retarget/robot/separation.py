@@ -19,6 +19,8 @@ from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
 """Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""
+STILL = 0.4
+"""The floor, which does not move, is looked for within this share of the reach."""
 TIE = 1e-7
 """Surfaces are as near as each other within this [m]."""
 _YZX = [1, 2, 0]
@@ -61,13 +63,13 @@ class Separation:
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
         self._watch(self.boxes.pairs)
-        self.floor = None if feet is None else Floor(robot, self.model, feet, reach)
+        self.floor = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
         found = self.found(qpos)
         rest = self.rest[found.geoms[:, 0], found.geoms[:, 1]]
-        if self.floor is not None and len(low := self.floor.near(self.data)):
+        if self.floor is not None and (low := self.floor.near()) is not None:
             found, rest = found + low, np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
         kept = self.foremost(found.distance, rest)
         found, rest = found[kept], rest[kept]
@@ -106,7 +108,7 @@ class Separation:
             return 0.0
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
-        return self.floor.depth(self.data)
+        return self.floor.depth()
 
     def found(self, qpos: Floats) -> Near:
         """All places that count where surfaces are near each other, at a configuration (nq,)."""

@@ -13,10 +13,11 @@ from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
-from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.separation import STILL, Separation
 from robot_retarget.shipped import SAMPLES
 
 REACH = 0.05
+NEAR = STILL * REACH
 
 
 def fallen(robot: Robot, seed: int) -> np.ndarray:
@@ -39,9 +40,9 @@ def by_mujoco(robot: Robot, qpos: np.ndarray) -> dict[str, float]:
     for k, geom in enumerate(spec.geoms):
         geom.name = f"geom {k}"
         geom.contype = geom.conaffinity = 2 if geom.contype or geom.conaffinity else 0
-        geom.margin = REACH / 2
+        geom.margin = NEAR / 2
     kind = mujoco.mjtGeom.mjGEOM_PLANE
-    plane = spec.worldbody.add_geom(type=kind, size=[0, 0, 1], contype=2, conaffinity=2, margin=REACH / 2)
+    plane = spec.worldbody.add_geom(type=kind, size=[0, 0, 1], contype=2, conaffinity=2, margin=NEAR / 2)
     plane.name = "plane"
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -63,7 +64,8 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
     qpos = fallen(robot, seed)
     separation.found(qpos)
     assert separation.floor is not None
-    near = separation.floor.near(separation.data)
+    near = separation.floor.near()
+    assert near is not None
     expected = {int(name.split()[1]): distance for name, distance in by_mujoco(robot, qpos).items()}
     here = least_of(near.geoms[:, 1], near.distance)
     assert len(expected) > 2
