@@ -32,11 +32,12 @@ class Floor:
         """Watch what is solid of all links but the `feet`, within `reach` [m], as the model stands in `data`."""
         solid = [g for link, own in collision_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
-        middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
-        self.box = np.concatenate([middle, half], axis=1)
+        middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 2, 0)
         self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
-        # Views are kept: to ask the data for one takes longer than to read it.
+        # A walk asks for this at every step and finds nothing: views and buffers are kept.
         self._turns, self._origins = data.geom_xmat, data.geom_xpos
+        self._box, self._up = np.concatenate([middle, -half]), np.empty((6, len(self.geoms)))
+        self._where = 9 * self.geoms + np.array([[6], [7], [8]]), 3 * self.geoms + 2
 
     def near(self) -> Near | None:
         """Where geoms are within reach of the floor, None where none is."""
@@ -53,10 +54,12 @@ class Floor:
         return -min([0.0, *(float(self._places(k)[:, 2].min()) for k in self._below(0.0))])
 
     def _below(self, height: float) -> list[int]:
-        """Which geoms are in boxes that come lower than a height [m]."""
-        up = self._turns[self.geoms, 6:]
-        own = np.concatenate([up, -np.abs(up)], axis=1)
-        return np.flatnonzero(self._origins[self.geoms, 2] + np.einsum("gi,gi->g", own, self.box) < height).tolist()
+        """Which geoms are in boxes that come lower than a height [m]: of an axis u, z + u·c − |u|·h."""
+        turns, heights = self._where
+        up = self._turns.take(turns, out=self._up[:3], mode="clip")
+        np.abs(up, out=self._up[3:])
+        lowest = np.add.reduce(np.multiply(self._up, self._box, out=self._up)) + self._origins.take(heights)
+        return [] if lowest.min(initial=np.inf) >= height else np.flatnonzero(lowest < height).tolist()
 
     def _places(self, k: int) -> Floats:
         """(N, 3) the outermost places of a geom, straight down and a little aside, each once [m]."""
