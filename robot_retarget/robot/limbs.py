@@ -59,6 +59,11 @@ class Pair:
         return _horizontal(self.chains[0].end - self.chains[1].end)
 
     @property
+    def links(self) -> set[int]:
+        """Of both limbs."""
+        return {link for chain in self.chains for link in chain.links}
+
+    @property
     def limbs(self) -> tuple[int, ...]:
         """The links that both begin with."""
         return tuple(chain.links[0] for chain in self.chains)
@@ -74,7 +79,7 @@ class Pair:
 
     def called(self, links: Links) -> int:
         """+1 where the limbs are named as arms are, −1 as legs are, 0 where names do not tell."""
-        texts = [words(links.words(link)) for chain in self.chains for link in chain.links]
+        texts = [words(links.words(link)) for link in self.links]
         return int(np.sign(sum(bool(text & _ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
 
 
@@ -100,7 +105,7 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     if len(axes[0]) != len(axes[1]) or len(axes[0]) < 2:
         return None
     origins = np.array([links.origin(tail[-1]) for tail in tails])
-    middles = np.array([_surface_middle(links, tail[-1]) for tail in tails])
+    middles = np.array([box_middle(links.surface(tail[-1])) for tail in tails])
     lateral = _horizontal(origins[0] - origins[1])
     for ends in (middles, middles - ((middles - origins) @ lateral)[:, None] * lateral):
         one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
@@ -110,17 +115,17 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     return None
 
 
-def _surface_middle(links: Links, link: int) -> Floats:
-    surface = links.surface(link)
-    return (surface.min(0) + surface.max(0)) / 2
+def box_middle(cloud: Floats) -> Floats:
+    """(3,) of the box around points (N, 3)."""
+    return (cloud.min(0) + cloud.max(0)) / 2
 
 
 def _miss(one: Chain, other: Chain) -> float:
     """How far hinge lines and ends are from those of the other chain when mirrored in the vertical plane between the ends."""
-    apart, middle = one.end - other.end, (one.end + other.end) / 2
+    apart, between = one.end - other.end, (one.end + other.end) / 2
     lateral = _horizontal(apart)
     lines = [
-        b.distance(a.anchor - 2 * lateral * (lateral @ (a.anchor - middle)))
+        b.distance(a.anchor - 2 * lateral * (lateral @ (a.anchor - between)))
         for a, b in zip(one.axes, other.axes, strict=True)
     ]
     return max(float(np.linalg.norm(apart - lateral * (apart @ lateral))), *lines) / max(one.reach, other.reach, 1e-9)
@@ -275,7 +280,7 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
         palm = chain.links[count - 1]
         if len(links.children[palm]) > 2 or words(links.words(link)) & _FINGER_WORDS:
             own = chain.links[:count]
-            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), _surface_middle(links, palm))
+            return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.surface(palm)))
     return chain
 
 

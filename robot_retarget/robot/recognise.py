@@ -20,6 +20,7 @@ from robot_retarget.robot.limbs import (
     Chain,
     Pair,
     arm_centres,
+    box_middle,
     leg_centres,
     mirrored_pairs,
     toe_centre,
@@ -79,7 +80,7 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
 
 def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
     """The pair with three hinges or more each whose ends are lowest, of those that are legs by name or by the trunk."""
-    limbs = {link for pair in pairs for chain in pair.chains for link in chain.links}
+    limbs = {link for pair in pairs for link in pair.links}
     trunk = np.concatenate([links.surface(x)[:, 2] for x in links.ids if x not in limbs])
     long = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
     candidates = [p for p in long if (p.called(links) or _hang(p, trunk)) < 0]
@@ -98,8 +99,8 @@ def _hang(pair: Pair, trunk: Floats) -> int:
 
 def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
     """The pair of the longest chains that begin above the legs."""
-    taken = {link for chain in legs.chains for link in chain.links} if legs else set()
-    free = [p for p in pairs if p.called(links) >= 0 and not taken & {link for c in p.chains for link in c.links}]
+    taken = legs.links if legs else set[int]()
+    free = [p for p in pairs if p.called(links) >= 0 and not taken & p.links]
     if legs:
         leg = max(c.reach for c in legs.chains)
         free = [p for p in free if p.height > legs.height + 0.2 * leg and p.chains[0].reach > 0.25 * leg]
@@ -112,7 +113,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
     if lowest is None:
         return
     reach = max(c.reach for c in lowest.chains)
-    others = [p for p in pairs if p is not lowest and not _share_links(p, lowest)]
+    others = [p for p in pairs if p is not lowest and not p.links & lowest.links]
     walking = [
         p for p in others if abs(p.lowest - lowest.lowest) < 0.1 * reach and abs(p.height - lowest.height) < 0.2 * reach
     ]
@@ -121,10 +122,6 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
         raise MatchError(
             f"{robot.name} is no humanoid: four limbs of equal height reach the ground (ending at {' and '.join(names)})"
         )
-
-
-def _share_links(a: Pair, b: Pair) -> bool:
-    return bool({x for c in a.chains for x in c.links} & {x for c in b.chains for x in c.links})
 
 
 @dataclass(frozen=True)
@@ -241,7 +238,7 @@ def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: s
 def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
     """Pelvis between the hips, chest a little under the shoulders, neck and head above."""
     lower = legs.carrier if legs else links.root
-    used = {x for p in (legs, arms) if p for c in p.chains for x in c.links}
+    used = {link for pair in (legs, arms) if pair for link in pair.links}
     upper = arms.carrier if arms else _armless_trunk(links, used)
     trunk = links.surface(upper)
     if "l_hip" in limbs and "r_hip" in limbs:
@@ -284,7 +281,7 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     top = _topmost(links, free, shoulders, height) if free else _trunk_top(links, trunk, shoulders, height)
     if top is None or not (free or arms):
         return {}
-    head = _middle(top.cloud)
+    head = box_middle(top.cloud)
     head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
     neck = top.base if top.base is not None else shoulders + 0.3 * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
@@ -300,14 +297,14 @@ def _topmost(links: Links, free: list[int], shoulders: Floats, height: float) ->
     link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
     cloud = links.surface(link)
     axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
-    base = axes[-1].nearest(axes[0].anchor) if axes else shoulders + 0.3 * (_middle(cloud) - shoulders)
+    base = axes[-1].nearest(axes[0].anchor) if axes else shoulders + 0.3 * (box_middle(cloud) - shoulders)
     return _Top(link, cloud, *(("by name", 0.95) if named else ("topmost link", 0.7)), base)
 
 
 def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _Top | None:
     """The highest geom of the trunk, if it stands over the shoulders, or the upper half of what of one geom does."""
     geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
-    above = [p for p in map(links.geom_points, geoms) if _middle(p)[2] > shoulders[2] + 0.1 * height]
+    above = [p for p in map(links.geom_points, geoms) if box_middle(p)[2] > shoulders[2] + 0.1 * height]
     if above:
         return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7)
     surface = links.surface(trunk)
@@ -316,11 +313,6 @@ def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _T
         return None
     upper = surface[surface[:, 2] > shoulders[2] + top / 2]
     return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", 0.5)
-
-
-def _middle(cloud: Floats) -> Floats:
-    """(3,) of the box around points (N, 3)."""
-    return (cloud.min(0) + cloud.max(0)) / 2
 
 
 def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:

@@ -1,8 +1,8 @@
 """Surfaces of links that come near each other: their distances and how a step changes them.
 
 MuJoCo finds the pairs, by the model's own contact filter, with margins widened to the reach (it adds those of two geoms),
-but for two boxes, which have a way of their own. Pairs that overlap where the robot rests are left out: they do so by
-construction.
+but for two boxes and the floor, which have ways of their own. Pairs that overlap where the robot rests are left out: they
+do so by construction.
 """
 
 import copy
@@ -41,7 +41,7 @@ class Separation:
 
         Args:
             margin: how far apart links are to be that do not rest nearer [m]: it tells which contacts come first.
-            feet: links that may be under the floor; all others stay over it. None where there is no floor.
+            feet: links that the floor is not looked for under: soles have rows of their own. None where there is no floor.
         """
         self.model, self.reach = copy.deepcopy(robot.model), reach
         self.model.geom_margin[:] = reach / 2
@@ -66,7 +66,9 @@ class Separation:
         self.floor = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distances (C,) [m], negative inside, their slopes by v (C, nv), and how far apart each pair rests (C,) [m]."""
+        """Distances (C,) [m], of links to each other and to the floor, negative inside, their slopes by v (C, nv), and how
+        far apart each pair rests (C,) [m].
+        """
         found = self.found(qpos)
         rest = self.rest[found.geoms[:, 0], found.geoms[:, 1]]
         if self.floor is not None and (low := self.floor.near()) is not None:
