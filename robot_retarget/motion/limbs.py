@@ -200,8 +200,10 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
         upper, lower = mean[a, b], mean[b, c]
         if min(upper, lower) < 0.15 * total:
             continue
+        named = sum(body.senses[chain[k]].agreement(part) for k, part in zip((a, b, c), LIMBS[kind], strict=True))
+        # A body of odd proportions is one all the same where names say so.
         score = (
-            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0)
+            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0 + 2.0 * max(named, 0.0))
             + 1.5 * min(0.0, np.log((upper + lower) / total))
             - 4 * (_bulge(mean, a, b) + _bulge(mean, b, c))
             - min(4.0, 20 * (spread[a, b] / upper + spread[b, c] / lower))
@@ -209,10 +211,8 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
             - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
             - 4 * (between[a] < 0.05 * upper)
             - 0.01 * (a + b + c)
-            + sum(
-                body.senses[chain[k]].agreement(part) - body.senses[chain[k]].tip
-                for k, part in zip((a, b, c), LIMBS[kind], strict=True)
-            )
+            + named
+            - sum(body.senses[chain[k]].tip for k in (a, b, c))
         )
         if best is None or score > best.score:
             best = Limb((chain[a], chain[b], chain[c]), chain, float(upper), float(lower), float(score))

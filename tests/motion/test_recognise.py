@@ -230,6 +230,27 @@ def test_exporters_without_a_clip_are_matched_from_one_pose_or_many(tree, sides,
         assert list(found[part]) == parts[part]
 
 
+@pytest.mark.parametrize(("tree", "sides"), BODIES.values(), ids=BODIES)
+def test_names_carry_a_body_of_odd_proportions(tree, sides):
+    """Upper arms a third as long, as on a cartoon or a robot: the names of both arms tell what lengths do not."""
+    skeleton, pose, parts = body(tree, sides)
+    pose = np.array(pose, dtype=float)
+    for shoulder, elbow in zip(parts["shoulder"], parts["elbow"], strict=True):
+        at, moved = skeleton.names.index(shoulder), skeleton.names.index(elbow)
+        below = [moved in ancestry(skeleton, joint) for joint in range(len(skeleton))]
+        pose[:, below] -= 0.67 * (pose[:, moved] - pose[:, at])
+    found = joints_of(recognise(skeleton, pose), skeleton)
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow", "hand"):
+        own = [name for name in parts[part] if not name.startswith("ik")]
+        assert [found[f"{side}_{part}"][0] for side in "lr"] == own
+
+
+def ancestry(skeleton: Skeleton, joint: int) -> set[int]:
+    """A joint and all that carry it."""
+    parent = int(skeleton.parents[joint])
+    return {joint} if parent < 0 else {joint} | ancestry(skeleton, parent)
+
+
 def test_a_human_on_hands_and_knees_is_still_human():
     """Trunk level, arms and thighs down, shins back: the posture of a dog with the proportions of a person."""
     skeleton, pose, _ = body(PLAIN, ("left", "right"), CRAWLING)
