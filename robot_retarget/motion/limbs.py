@@ -66,13 +66,6 @@ class Body:
             chain.append(max(below, key=self.branch))
         return tuple(chain)
 
-    def above(self, joint: int) -> tuple[int, ...]:
-        """A joint and its ancestors, up to the root."""
-        path = [joint]
-        while (parent := int(self.skeleton.parents[path[-1]])) >= 0:
-            path.append(parent)
-        return tuple(path)
-
     def toe(self, limb: "Limb") -> int | None:
         """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end."""
         below = [
@@ -126,7 +119,7 @@ class Pair:
     def below(self, body: Body) -> set[int]:
         """Every joint of the two branches, fingers and props too."""
         starts = {limb.chain[0] for limb in self.sides}
-        return {joint for joint in range(len(body.children)) if starts & set(body.above(joint))}
+        return {joint for joint in range(len(body.children)) if starts & set(body.skeleton.above(joint))}
 
 
 def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
@@ -151,7 +144,7 @@ def _relation(body: Body, leg: Pair, arm: Pair) -> float:
 
 def _stump(body: Body, pair: Pair, other: Pair) -> bool:
     """A third branch at the pair's hub, shorter than its limbs and not on the way to the other pair: a head."""
-    way = set(body.above(other.hub))
+    way = set(body.skeleton.above(other.hub))
     return any(
         child not in pair.chains and child not in way and 0.1 * pair.length < body.branch(child)
         for child in body.children[pair.hub]

@@ -45,6 +45,13 @@ class Skeleton:
             place[joint] += place[self.parents[joint]]
         return place
 
+    def above(self, joint: int) -> tuple[int, ...]:
+        """A joint and all that carry it, up to the root."""
+        path = [joint]
+        while (parent := int(self.parents[path[-1]])) >= 0:
+            path.append(parent)
+        return tuple(path)
+
     def outward(self, joint: int) -> Floats:
         """(3,) from a joint to the next on the way to what it carries farthest out at rest [m]; 0 if it carries nothing.
 

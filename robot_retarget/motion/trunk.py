@@ -19,7 +19,9 @@ def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, tuple[int, str]]
     head = _head(body, legs, arms, height, chest)
     if head is not None:
         found["head"] = head, f"{height[head]:.2f} leg lengths above the shoulders"
-        neck = next((joint for joint in body.above(head)[1:] if body.distance(joint, head) > 0.02 * legs.length), None)
+        neck = next(
+            (joint for joint in body.skeleton.above(head)[1:] if body.distance(joint, head) > 0.02 * legs.length), None
+        )
         if neck is not None and neck != chest and neck != legs.hub and height[neck] > height[chest or legs.hub]:
             found["neck"] = neck, "the joint below the head"
     return found
@@ -35,7 +37,7 @@ def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
 def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None:
     """The arms' hub, or the first spine joint below where the arms hang from the neck or from above the shoulders."""
     hips = float(np.mean([height[limb.joints[0]] for limb in legs.sides]))
-    for joint in body.above(arms.hub):
+    for joint in body.skeleton.above(arms.hub):
         neck = "neck" in body.senses[joint].parts or height[joint] > 0.0
         if not neck and height[joint] > hips + 0.1:
             return joint
@@ -47,11 +49,11 @@ def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None
 def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | None) -> int | None:
     """The joint off the limbs that is called a head, or stands where one is."""
     limbs = legs.below(body) | arms.below(body)
-    trunk = set(body.above(arms.hub))
+    trunk = set(body.skeleton.above(arms.hub))
     shoulders = [limb.joints[0] for limb in arms.sides]
     best, best_score = None, -5.0
     for joint in range(len(height)):
-        if joint in limbs or joint in trunk or chest not in (None, *body.above(joint)):
+        if joint in limbs or joint in trunk or chest not in (None, *body.skeleton.above(joint)):
             continue
         aside = abs(body.distance(joint, shoulders[0]) - body.distance(joint, shoulders[1])) / legs.length
         score = (
@@ -61,7 +63,7 @@ def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | N
             - 3 * body.senses[joint].tip
             - 0.5 * (not body.children[joint])
             + 0.5 * (len(body.children[joint]) > 1)
-            - 0.08 * len(body.above(joint))
+            - 0.08 * len(body.skeleton.above(joint))
         )
         if score > best_score:
             best, best_score = joint, score

@@ -153,13 +153,8 @@ def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
 def _own_joint(motion: Motion, match: Match, keypoint: str) -> int:
     """The joint that stands for a keypoint, or carries those that do."""
     joints = match.recognition.marks[keypoint].joints
-    return joints[0] if len(joints) == 1 else max(set.intersection(*(_upward(motion, j) for j in joints)), default=0)
-
-
-def _upward(motion: Motion, joint: int) -> set[int]:
-    """The joints that carry a joint."""
-    carried_by = int(motion.skeleton.parents[joint])
-    return set() if carried_by < 0 else {carried_by} | _upward(motion, carried_by)
+    carriers = [set(motion.skeleton.above(joint)[1:]) for joint in joints]
+    return joints[0] if len(joints) == 1 else max(set.intersection(*carriers), default=0)
 
 
 def _constant(own: Floats, wanted: Floats) -> Floats:

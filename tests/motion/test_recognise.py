@@ -237,18 +237,12 @@ def test_names_carry_a_body_of_odd_proportions(tree, sides):
     pose = np.array(pose, dtype=float)
     for shoulder, elbow in zip(parts["shoulder"], parts["elbow"], strict=True):
         at, moved = skeleton.names.index(shoulder), skeleton.names.index(elbow)
-        below = [moved in ancestry(skeleton, joint) for joint in range(len(skeleton))]
+        below = [moved in skeleton.above(joint) for joint in range(len(skeleton))]
         pose[:, below] -= 0.67 * (pose[:, moved] - pose[:, at])
     found = joints_of(recognise(skeleton, pose), skeleton)
     for part in ("hip", "knee", "ankle", "shoulder", "elbow", "hand"):
         own = [name for name in parts[part] if not name.startswith("ik")]
         assert [found[f"{side}_{part}"][0] for side in "lr"] == own
-
-
-def ancestry(skeleton: Skeleton, joint: int) -> set[int]:
-    """A joint and all that carry it."""
-    parent = int(skeleton.parents[joint])
-    return {joint} if parent < 0 else {joint} | ancestry(skeleton, parent)
 
 
 def test_a_human_on_hands_and_knees_is_still_human():
