@@ -32,7 +32,7 @@ from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.problem import Problem, build_problem
 from robot_retarget.retarget.quadratic import Landscape
-from robot_retarget.retarget.sketch import sketch
+from robot_retarget.retarget.sketch import Draft, sketch
 from robot_retarget.retarget.solve import solve
 from robot_retarget.retarget.starts import place_root
 from robot_retarget.retarget.transfer import MOST_FPS
@@ -131,7 +131,7 @@ def ours(case: Case, smoothing: Smoothing) -> Run:
     """Our solver, its starts, sketch and final check included."""
     watch, drafted = Stopwatch(), [0.0]
 
-    def sketched(*args: Any, **named: Any) -> list[Floats]:
+    def sketched(*args: Any, **named: Any) -> Draft:
         began = CLOCK()
         draft = sketch(*args, **named)
         drafted[0] += CLOCK() - began

@@ -14,7 +14,7 @@ from robot_retarget.retarget.mending import Mender, Passages, beside
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.quadratic import Ahead, Pull
-from robot_retarget.retarget.sketch import sketch
+from robot_retarget.retarget.sketch import Draft, sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.speeds import within_speeds
@@ -41,6 +41,8 @@ class Smoothing:
     """How much more the root is drawn, per rad² and per m² [-]."""
     stiffness: float = 20.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
+    met: float = 0.06
+    """Wishes that cost so little in the sketch are nearly met: half the pull (`doubts`) [-]."""
     windows: Windows = field(default_factory=Windows)
     """How a long clip is cut."""
 
@@ -63,7 +65,7 @@ def clip_passes(
     solver: FrameSolver,
     edges: Edges,
     held: np.ndarray,
-    draft: list[Floats],
+    draft: Draft,
     smoothing: Smoothing,
     fps: float,
     count: Count,
@@ -71,17 +73,19 @@ def clip_passes(
 ) -> list[Pose]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
-    The method of multipliers on  Σ f_t(q_t) + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
-    ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. What the frames keep (ranges and floor exactly,
-    footholds and separation as far as their weights carry) is kept in what is returned: the frames, not the path.
+    The method of multipliers on  Σ f_t(q_t)/σ_t + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
+    σ_t ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y; σ are the `doubts` of the draft. What the frames keep
+    (ranges and floor exactly, footholds and separation as far as their weights carry) is kept in what is returned: the
+    frames, not the path.
     Joint speeds are kept between the frames: the draft is slowed down to them, and no step leads further from a neighbour.
     The first `fixed` frames stay as the draft has them.
     """
-    robot, weight = solver.robot, _pull_weights(solver, smoothing)
-    draft = _paced(solver, draft, fps, fixed)
-    wished = _wished(solver, edges, held, draft, fixed)
-    poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in draft]
-    dual, path = np.zeros((len(poses), robot.model.nv)), draft
+    robot, doubt = solver.robot, doubts(draft, smoothing.met)
+    weights = doubt[:, None] * _pull_weights(solver, smoothing)
+    path = _paced(solver, draft.qpos, fps, fixed)
+    wished = _wished(solver, edges, held, path, doubt, fixed)
+    poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
+    dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
     passages = Passages(solver)
     for number in range(smoothing.passes):
@@ -92,22 +96,30 @@ def clip_passes(
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         dual[:fixed] = 0.0
         for t in range(fixed, len(poses)):
-            poses[t] = _stepped(solver, poses, t, wished[t], Pull(path[t], -dual[t], weight), passages, fps)
+            poses[t] = _stepped(solver, poses, t, wished[t], Pull(path[t], -dual[t], weights[t]), passages, fps)
             count.one()
-    pulls = [Pull(s, -y, weight) for s, y in zip(path, dual, strict=True)]
+    pulls = [Pull(s, -y, weight) for s, y, weight in zip(path, dual, weights, strict=True)]
     mended = Mender(solver, wished, pulls, passages, fixed, fps).mended(poses)
     return [solver.lifted(pose) for pose in mended]
 
 
+def doubts(draft: Draft, met: float) -> Floats:
+    """σ = c²/(c² + m²) (T,): how much each frame is drawn to the smooth path, c being what its wishes cost in the draft.
+
+    Wishes that no pose fulfils, of another body or of a measurement with noise, waver from frame to frame in what they
+    leave, and smoothing takes that away. Where nothing is left, as of a robot's own motion, what is quick is meant.
+    """
+    return draft.cost**2 / (draft.cost**2 + met**2)
+
+
 def _wished(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], fixed: int
+    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], doubt: Floats, fixed: int
 ) -> list[tuple[Floats, ...]]:
     """What is asked of each frame, with the footholds where the draft has them."""
     corners = np.array([solver.corners(q) for q in draft])
     places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
     return [
-        (*frame_parameters(edges, t), *solver.grip.lead(h, p))
-        for t, (h, p) in enumerate(zip(held, places, strict=True))
+        (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t], float(doubt[t]))) for t in range(len(edges))
     ]
 
 

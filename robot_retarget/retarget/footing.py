@@ -35,9 +35,9 @@ class Grip:
         """
         return self._weights(held, near[:, None, None] * [self.landing, self.landing, 0.0]).ravel(), places.ravel()
 
-    def lead(self, held: np.ndarray, places: Floats) -> tuple[Floats, Floats]:
-        """As `land`; feet that stand on no corner are led along the places softly."""
-        return self._weights(held, np.array(self.swing)).ravel(), places.ravel()
+    def lead(self, held: np.ndarray, places: Floats, doubt: float = 1.0) -> tuple[Floats, Floats]:
+        """As `land`; feet that stand on no corner are led along the places softly, by a share `doubt` of `swing`."""
+        return self._weights(held, np.array(doubt * self.swing)).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""

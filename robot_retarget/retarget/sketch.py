@@ -7,6 +7,8 @@ that leaps, ways across at the joints' speed are put beside the others, and the 
 What it then passes by for want of a way there, it comes nearer to by exchanging single limbs.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
@@ -19,6 +21,16 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.model import HINGE
 
 
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """What a sketch found."""
+
+    qpos: list[Floats]
+    """A configuration (nq,) for every frame."""
+    cost: Floats
+    """(T,) what each frame's wishes cost there, straight on between the frames of the sketch."""
+
+
 def sketch(
     solver: FrameSolver,
     edges: Edges,
@@ -26,8 +38,8 @@ def sketch(
     fps: float,
     sketching: Sketching | None = None,
     known: list[Floats] | None = None,
-) -> list[Floats]:
-    """A configuration (nq,) for every frame of the clip: the cheapest path through the ways that were found.
+) -> Draft:
+    """The cheapest path through the ways that were found, carried to every frame of the clip.
 
     Standing soles `held` (T, F, 4) lie on the floor; where they do is left open. The first frames are `known` already,
     and the path sets out from the last of them.
@@ -49,8 +61,11 @@ def sketch(
         if not pool.mix(pool.cheapest(chosen.hurry), stride):
             break
         pool.cross(pool.cheapest(hurry=0.0))
-    path = [pose.qpos for pose in pool.cheapest(chosen.hurry)]
-    return [*first[:start], *between(solver.robot, frames - start, path, first[max(start - 2, 0) : start])]
+    path, found = pool.cheapest(chosen.hurry), slice(pool.first, None)
+    before = first[max(start - 2, 0) : start]
+    later = between(solver.robot, frames - start, [pose.qpos for pose in path], before)
+    cost = np.interp(np.arange(len(edges)), frames[found], [pose.cost for pose in path[found]])
+    return Draft([*first[:start], *later], cost)
 
 
 def between(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:

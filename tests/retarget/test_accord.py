@@ -47,7 +47,7 @@ def standing() -> Standing:
     edges = build_edges(motion, matched)
     solver = FrameSolver(build_problem(robot, matched, edges), Options())
     held = held_corners(edges.stances, solver.problem.feet, len(edges))
-    draft = sketch(solver, edges, held, 15)
+    draft = sketch(solver, edges, held, 15).qpos
     return Standing(solver, edges, held, draft, footholds(held, np.array([solver.corners(q) for q in draft])))
 
 
