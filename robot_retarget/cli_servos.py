@@ -10,6 +10,7 @@ from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.servo.emulator.pace import Pace
+    from robot_retarget.servo.outcome import Outcome
 
 servos_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated.")
 
@@ -199,16 +200,20 @@ def play(
     require_writable(log)
     say = (lambda text: None) if json else console.say
     outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace=grace), log, say)
-    facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
-    if json:
-        console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})
-    else:
-        for sentence in outcome.warnings:
-            console.note(sentence)
-        rows = [(k, str(v)) for k, v in outcome.figures.items()]
-        console.table("Played", ("figure", "value"), rows)
-        console.say(f"{outcome.sentence}; log in {log}")
+    _tell(outcome, log, json)
     raise typer.Exit(outcome.exit_code)
+
+
+def _tell(outcome: "Outcome", log: Path, json: bool) -> None:
+    """How a playback ended."""
+    if json:
+        facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
+        console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})
+        return
+    for sentence in outcome.warnings:
+        console.note(sentence)
+    console.table("Played", ("figure", "value"), [(k, str(v)) for k, v in outcome.figures.items()])
+    console.say(f"{outcome.sentence}; log in {log}")
 
 
 def _write(path: Path, text: str) -> None:
