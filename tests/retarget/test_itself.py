@@ -28,6 +28,9 @@ UNSEEN = {"head_pan", "l_ank_roll", "r_ank_roll"}
 """What no joint centre of the OP3 shows: turns about the line to a head, and about the line to a toe."""
 
 
+BOTH = pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["frame by frame", "whole"])
+
+
 @cache
 def played(clip: str) -> Floats:
     """The OP3's configurations for a sample clip, three seconds of it (T, nq)."""
@@ -74,13 +77,13 @@ def missed(qpos: Floats, rotations: bool, smoothing: Smoothing) -> Floats:
     return np.abs(back - qpos)[:, robot.qpos_index]
 
 
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["frame by frame", "whole"])
+@BOTH
 @pytest.mark.parametrize("clip", ["walk", "wave"])
 def test_with_rotations_every_joint_comes_back_within_a_hundredth(clip: str, smoothing: Smoothing) -> None:
     assert missed(played(clip), True, smoothing).max() < 0.01
 
 
-@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["frame by frame", "whole"])
+@BOTH
 @pytest.mark.parametrize("hertz", [0.5, 1.0, 1.5])
 def test_what_swings_by_a_formula_comes_back_within_a_thousandth(hertz: float, smoothing: Smoothing) -> None:
     assert missed(swung(hertz), True, smoothing).max() < 0.001
@@ -111,8 +114,9 @@ def test_what_a_human_does_is_smoothed_in_full(clip: str) -> None:
     assert doubts(sketch(solver, edges, held, FPS), WHOLE.met).min() > 0.995
 
 
-def test_without_rotations_those_come_back_that_positions_show() -> None:
+@BOTH
+def test_without_rotations_those_come_back_that_positions_show(smoothing: Smoothing) -> None:
     shown = [name not in UNSEEN for name in load_robot("op3").joint_names]
-    worst = missed(played("walk"), False, CAUSAL)[:, shown].max(axis=1)
+    worst = missed(played("walk"), False, smoothing)[:, shown].max(axis=1)
     assert np.median(worst) < 0.01
-    assert worst.max() < 0.05  # while a foot swings, its roll is guessed, and its leg gives way a little
+    assert worst.max() < 0.03  # while a foot swings, its roll is guessed, and its leg gives way a little
