@@ -3,8 +3,8 @@
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (a head faces as the chest on the whole, a foot is flat where its ankle is lowest). The file's rest pose is
-consulted for hands alone, and only where the motion bears it out: many exporters' rest poses are nonsense.
+over the clip (a foot is flat where its ankle is lowest). A head may hang and a hand be bent throughout: for these the
+file's rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense.
 """
 
 import numpy as np
@@ -22,8 +22,8 @@ LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STRAIGHT = 1.0
 """Fingers further from where a hand points on the whole are a placeholder of the file [rad]."""
-LIKELY = np.pi / 2
-"""A rest pose further from how a hand is turned on the whole is none [rad]."""
+LIKELY = {"head": 1.2, "hand": np.pi / 2}
+"""A rest pose further from how a segment is turned on the whole is none [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -31,10 +31,15 @@ STANDING_SHARE = 0.1
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
-    frames = _trunk_frames(x)
-    for segment, lean in _leans(match).items():
+    frames, leans = _trunk_frames(x), _leans(match)
+    for segment, lean in leans.items():
         built, own = frames[segment] @ lean, _own_rotation(motion, match, segment)
-        frames[segment] = built if own is None else own @ levelled(_constant(own, built), LEVEL[segment])
+        if own is not None:
+            constant = _constant(own, built)
+            if segment == "head":  # at rest it faces as the chest does
+                constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
+            built = own @ levelled(constant, LEVEL[segment])
+        frames[segment] = built
     for side in "lr":
         if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
             frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
@@ -108,24 +113,30 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
         return None
     fingers = motion.skeleton.outward(_own_joint(motion, match, f"{side}_hand"))
     constant = pointed(_constant(own * bend[:, None, None] ** 2, straight), fingers)
-    modelled = _modelled(motion, match, fingers)
-    if modelled is not None and Rotation.from_matrix(constant.T @ modelled).magnitude() < LIKELY:
-        constant = modelled
+    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers), "hand")
     return own @ levelled(constant, LEVEL["hand"])
 
 
-def _modelled(motion: Motion, match: Match, fingers: Floats) -> Floats | None:
-    """(3, 3) forward, left and up of a hand in the rest pose: to the fingers, elbows back, whether arms are out or down.
-
-    Many a file's rest pose is nonsense (arms straight up, both to one side): the motion has to bear it out.
-    """
+def _resting(motion: Motion, match: Match) -> dict[str, Floats]:
+    """(1, 3, 3) of pelvis, chest and head as the keypoints of the rest pose show them; zeros where the file has none."""
     rest = match.recognition.place(motion.skeleton.rest()[None])
-    at = {k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints}
-    back, ahead = -facing(_trunk_frames(at))[0, :, 0], unit(fingers)
+    return _trunk_frames({k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints})
+
+
+def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
+    """(3, 3) forward, left and up of a hand in the rest pose: to the fingers, elbows back, whether arms are out or down."""
+    back, ahead = -body[:, 0], unit(fingers)
     across = np.cross(back, ahead)
     if np.linalg.norm(across) < BENT:
-        return None
+        return np.zeros((3, 3))
     return np.stack([ahead, unit(across), np.cross(ahead, unit(across))], axis=1)
+
+
+def _likelier(fitted: Floats, rest: Floats, segment: str) -> Floats:
+    """The constant (3, 3) of the rest pose, if there is one and what fits over the clip bears it out, else that."""
+    if not np.allclose(rest.T @ rest, np.eye(3), atol=1e-6):
+        return fitted
+    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < LIKELY[segment] else fitted
 
 
 def pointed(constant: Floats, fingers: Floats) -> Floats:
