@@ -24,6 +24,8 @@ STRAIGHT = 1.0
 """Fingers further from where a hand points on the whole are a placeholder of the file [rad]."""
 LIKELY = {"head": 1.2, "hand": np.pi / 2}
 """A rest pose further from how a segment is turned on the whole is none [rad]."""
+LEANT = 0.2
+"""A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -39,6 +41,8 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
             if segment == "head":  # at rest it faces as the chest does
                 constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
             built = own @ levelled(constant, LEVEL[segment])
+        elif segment == "head":
+            built = built @ _nod(built, frames["chest"])
         frames[segment] = built
     for side in "lr":
         if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
@@ -67,6 +71,12 @@ def _leans(match: Match) -> dict[str, Floats]:
     upright = np.stack([forward, np.cross(UP, forward), UP], axis=1)
     built = _trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
     return {segment: frames[0].T @ upright for segment, frames in built.items()}
+
+
+def _nod(head: Floats, chest: Floats) -> Floats:
+    """(3, 3) that levels a head whose neck leans otherwise than the robot's on the whole: it faces as the chest then."""
+    constant = _constant(head, chest)
+    return constant if Rotation.from_matrix(constant).magnitude() > LEANT else np.eye(3)
 
 
 def facing(frames: dict[str, Floats]) -> Floats:

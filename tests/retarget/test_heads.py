@@ -51,8 +51,7 @@ def test_clips_of_one_exporter_have_heads_of_one_kind() -> None:
     assert np.allclose(*constants, atol=1e-6)
 
 
-@needs_shared
-@pytest.mark.parametrize(
+EVERYONE = pytest.mark.parametrize(
     "clip",
     [
         "mixamo/test_freebvh_walk",
@@ -61,9 +60,25 @@ def test_clips_of_one_exporter_have_heads_of_one_kind() -> None:
         "fair1_zup/dab",
     ],
 )
+
+
+@needs_shared
+@EVERYONE
 @pytest.mark.parametrize("name", ["booster_t1", "toddlerbot_2xc"])
 def test_where_a_human_looks_is_the_same_for_every_robot(clip: str, name: str) -> None:
     """However far before its neck a robot has its head."""
     motion = read_motion(SHARED / f"motions/bvh/{clip}.bvh")
     looks = [own_and_frame(motion, robot)[1][:, :, 0] for robot in ("op3", str(SHARED / f"robots/{name}/{name}.xml"))]
     assert (np.einsum("ti,ti->t", *looks) > np.cos(0.05)).all()
+
+
+@needs_shared
+@EVERYONE
+@pytest.mark.parametrize("name", ["op3", "booster_t1", "toddlerbot_2xc"])
+def test_a_head_of_positions_alone_looks_neither_up_nor_down_on_the_whole(clip: str, name: str) -> None:
+    """A neck leans as its skeleton is built, and another skeleton's otherwise."""
+    motion = replace(read_motion(SHARED / f"motions/bvh/{clip}.bvh"), rotations=None)
+    robot = load_robot(name if name == "op3" else str(SHARED / f"robots/{name}/{name}.xml"))
+    frames = human_frames(motion, match(motion, robot))
+    nod = np.einsum("ti,ti->t", frames["head"][:, :, 0], frames["chest"][:, :, 2])
+    assert abs(np.median(nod)) < 0.25
