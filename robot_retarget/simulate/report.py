@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.files import replacing
@@ -48,8 +50,8 @@ class Report:
     robot: str
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
-    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `plain`, `error` (F, n) [rad]; `torque` (F, n) and
-    `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode `free`, else as planned, for a robot with feet:
+    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `plain`, `error` (F, n) [rad], NaN where plain
+    playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode `free`, else as planned, for a robot with feet:
     `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`, `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
     `down` (N, K)."""
 
@@ -144,11 +146,18 @@ def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floa
         "time": tracking.times,
         "wanted": tracking.wanted,
         "measured": tracking.measured,
-        "plain": plain.measured,
+        "plain": _so_far(plain.measured, len(tracking.times)),
         "error": tracking.error,
         "torque": tracking.torque,
         "bounds": plant.bounds,
     }
+
+
+def _so_far(values: Floats, frames: int) -> Floats:
+    """(F, n) values of so many frames: one of two simulations may have broken down before the other."""
+    reached = np.full((frames, values.shape[1]), np.nan)
+    reached[: len(values)] = values[:frames]
+    return reached
 
 
 def _stands(stance: Stance | None) -> dict[str, Floats]:

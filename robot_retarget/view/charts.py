@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.retarget.warn import Warnings
 from robot_retarget.simulate.report import Report
 
@@ -42,8 +43,7 @@ PAIRS = 14
 def tracking(report: Report) -> str:
     """Wanted, plain and measured angles of the joints that were worst without compensation."""
     series, names = report.series, report.joint_names
-    rms = np.sqrt(((series["plain"] - series["wanted"]) ** 2).mean(0))
-    worst = np.argsort(-rms)[: min(JOINTS, len(names))]
+    worst = np.argsort(-_plain_rms(report))[: min(JOINTS, len(names))]
 
     def draw(figure: Any) -> None:
         rows = (len(worst) + 1) // 2
@@ -64,11 +64,17 @@ def tracking(report: Report) -> str:
     return _svg("tracking", 1.45 * ((len(worst) + 1) // 2) + 0.6, draw)
 
 
+def _plain_rms(report: Report) -> Floats:
+    """(n,) rms errors [rad] without compensation, over the frames that were reached."""
+    error = report.series["plain"] - report.series["wanted"]
+    return np.sqrt(np.nansum(error**2, axis=0) / max(int(np.isfinite(error).all(axis=1).sum()), 1))
+
+
 def errors(report: Report) -> str:
     """The rms error of every joint, with and without compensation."""
     joints = report.figures["joints"]
     names = list(joints)
-    plain = np.sqrt(((report.series["plain"] - report.series["wanted"]) ** 2).mean(0))
+    plain = _plain_rms(report)
     order = {name: k for k, name in enumerate(report.joint_names)}
 
     def draw(figure: Any) -> None:

@@ -13,7 +13,12 @@ from PIL import Image
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.retarget.warn import warnings_of
 from robot_retarget.robot import load_robot
-from robot_retarget.simulate.rollout import simulate
+from robot_retarget.simulate.contacts import replay_contacts
+from robot_retarget.simulate.report import Played, build_report
+from robot_retarget.simulate.rollout import plant_of, simulate
+from robot_retarget.simulate.stepping import roll_out
+from robot_retarget.simulate.thresholds import Thresholds
+from robot_retarget.trajectory import fingerprint
 from robot_retarget.view.charts import MEASURED, PLAIN, WANTED
 from robot_retarget.view.page import save_page
 
@@ -118,3 +123,17 @@ def test_a_simulation_that_broke_down_at_once_still_has_a_page(tmp_path: Path) -
     bare = replace(report, verdict="fail", reasons=("the simulation broke down at -1 s",), series={})
     save_page(bare, moved, tmp_path / "report.html")
     assert "broke down" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("reached", "plainly"), [(0.3, 0.6), (0.6, 0.3)])
+def test_a_simulation_that_broke_down_before_the_other_has_a_page(
+    tmp_path: Path, reached: float, plainly: float
+) -> None:
+    moved, plant = hold(OP3, 0.6), plant_of(OP3, "pinned")
+    rollout, plain = (roll_out(plant, hold(OP3, seconds), "pinned") for seconds in (reached, plainly))
+    played = Played(moved, plant, "pinned", replay_contacts(OP3, moved.qpos), rollout, plain)
+    report = build_report(played, fingerprint(moved), Thresholds())
+    assert report.series["plain"].shape == report.series["wanted"].shape
+    assert np.isnan(report.series["plain"]).any() == (plainly < reached)
+    save_page(report, moved, tmp_path / "report.html")
+    assert "Tracking" in (tmp_path / "report.html").read_text(encoding="utf-8")
