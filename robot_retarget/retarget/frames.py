@@ -4,7 +4,8 @@ A segment's frame has its forward, left and up as columns. Those of pelvis, ches
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
 over the clip (a foot is flat where its ankle is lowest). A head may hang and a hand be bent throughout: for these the
-file's rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense.
+file's rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions
+alone is levelled where its neck is built otherwise than the robot's.
 """
 
 import numpy as np

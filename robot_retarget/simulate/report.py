@@ -50,9 +50,10 @@ class Report:
     robot: str
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
-    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `plain`, `error` (F, n) [rad], NaN where plain
-    playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode `free`, else as planned, for a robot with feet:
-    `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`, `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
+    """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `error` and `plain` (F, n) [rad], the last NaN where
+    plain playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode
+    `free`, else as planned, for a robot with feet: `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`,
+    `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
     `down` (N, K)."""
 
     joint_names: tuple[str, ...] = ()
