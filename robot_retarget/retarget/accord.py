@@ -91,7 +91,7 @@ def _tried(
     seen = solver.corners(draft[t])
     places = seen.copy()
     places[feet] = footholds[one].corners, footholds[other].corners
-    wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places))
+    wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places, np.zeros(len(places))))
     pose = solver.descend(draft[t], wished, iterations=STEPS, tolerance=ROUGHLY)
     missed = np.linalg.norm((solver.corners(pose.qpos) - places)[held[t]][:, :2], axis=1).max()
     kept = bool(missed < KEPT * solver.leg)

@@ -8,7 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.accord import in_accord
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import footholds, led
+from robot_retarget.retarget.footing import LANDING, footholds, led, nearing
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.mending import Mender, Passages, beside
 from robot_retarget.retarget.problem import frame_parameters
@@ -83,7 +83,7 @@ def clip_passes(
     robot, doubt = solver.robot, doubts(draft, smoothing.met)
     weights = doubt[:, None] * _pull_weights(solver, smoothing)
     path = _paced(solver, draft.qpos, fps, fixed)
-    wished = _wished(solver, edges, held, path, doubt, fixed)
+    wished = _wished(solver, edges, held, path, doubt[:, None] * near_footholds(held, fps), fixed)
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
@@ -113,14 +113,18 @@ def doubts(draft: Draft, met: float) -> Floats:
 
 
 def _wished(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], doubt: Floats, fixed: int
+    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], near: Floats, fixed: int
 ) -> list[tuple[Floats, ...]]:
     """What is asked of each frame, with the footholds where the draft has them."""
     corners = np.array([solver.corners(q) for q in draft])
     places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
-    return [
-        (*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t], float(doubt[t]))) for t in range(len(edges))
-    ]
+    return [(*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t], near[t])) for t in range(len(edges))]
+
+
+def near_footholds(held: np.ndarray, fps: float) -> Floats:
+    """(T, F) how near feet are to standing (`footing.nearing`), coming or going."""
+    stands, lead = np.asarray(held.any(axis=2)), round(LANDING * fps)
+    return np.maximum(nearing(stands, lead), nearing(stands[::-1], lead)[::-1])
 
 
 def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> list[Floats]:

@@ -11,6 +11,8 @@ from robot_retarget.robot.kinematics import carrying
 
 HOLD = 1e4
 """Weight of a held coordinate, over the squared leg length: it gives way by a tenth of a millimetre."""
+LANDING = 0.1
+"""A foot is led to its foothold for so long before it stands, as a touch is [s]."""
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
 _TOE, _HEEL = [0, 1], [2, 3]
@@ -23,8 +25,8 @@ class Grip:
 
     along: float = HOLD
     across: float = HOLD
-    swing: float = 10.0
-    """Of a foot in the air on its way between footholds."""
+    swing: float = 40.0
+    """Of a foot in the air that has just stood or is about to."""
     landing: float = 400.0
     """Along the floor, of a foot in the air that is about to stand."""
 
@@ -35,9 +37,9 @@ class Grip:
         """
         return self._weights(held, near[:, None, None] * [self.landing, self.landing, 0.0]).ravel(), places.ravel()
 
-    def lead(self, held: np.ndarray, places: Floats, doubt: float = 1.0) -> tuple[Floats, Floats]:
-        """As `land`; feet that stand on no corner are led along the places softly, by a share `doubt` of `swing`."""
-        return self._weights(held, np.array(doubt * self.swing)).ravel(), places.ravel()
+    def lead(self, held: np.ndarray, places: Floats, near: Floats) -> tuple[Floats, Floats]:
+        """As `land`, but softly, and in height too: feet that have stood or will are led along the places."""
+        return self._weights(held, near[:, None, None] * self.swing).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""
@@ -107,6 +109,17 @@ def flattened(corners: Floats) -> Floats:
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     flat = middle[..., :2] + signs[:, :1] * length * ahead + signs[:, 1:] * width * left
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
+
+
+def nearing(stands: np.ndarray, frames: int) -> Floats:
+    """(T, F) how near feet are to standing: 1 while they do, rising to that by squares from 0 so many frames before."""
+    near = stands.astype(float)
+    rise = np.square(np.arange(1, frames + 1) / (frames + 1))
+    for foot in range(stands.shape[1]):
+        for start, _ in intervals(stands[:, foot]):
+            first = max(start - frames, 0)
+            near[first:start, foot] = rise[frames - (start - first) :]
+    return near
 
 
 @dataclass(frozen=True, eq=False)

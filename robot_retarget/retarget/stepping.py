@@ -9,13 +9,10 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints, leftward, unit
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import CORNERS, laid, lengths, sole_corners
+from robot_retarget.retarget.footing import CORNERS, LANDING, laid, lengths, nearing, sole_corners
 from robot_retarget.retarget.frames import heading
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.robot import Points, world_points
-
-LANDING = 0.1
-"""A foot is led to its foothold for so long before it stands, as a touch is; so long after it has settled there [s]."""
 
 
 class Stepping:
@@ -28,8 +25,9 @@ class Stepping:
         tilted; not finite where nobody knows.
         """
         self.held, self.known = held, np.asarray(np.isfinite(flat).all(axis=(2, 3)))
-        self.near, settled = landings(np.asarray(held.any(axis=2)), round(LANDING * fps))
-        self.settled = np.take_along_axis(flat, settled[:, :, None, None], axis=0)
+        stands, lead = np.asarray(held.any(axis=2)), round(LANDING * fps)
+        self.near = nearing(stands, lead)
+        self.settled = np.take_along_axis(flat, settling(stands, lead)[:, :, None, None], axis=0)
         # The tilt goes at the very last: a sole that is wished flat in the air makes an ankle roll to and fro.
         self.coming = tilted + self.near[:, :, None, None] ** 2 * (self.settled - tilted)
         self.places = np.zeros(flat.shape[1:])
@@ -56,17 +54,13 @@ class Stepping:
         return now, self.places, np.where(known, self.near[frame], 0.0)
 
 
-def landings(stands: np.ndarray, lead: int) -> tuple[Floats, Ints]:
-    """(T, F) how near feet are to standing, rising by squares from 0 `lead` frames before to 1; and the frame by which
-    those that begin to stand have settled, as many after.
-    """
-    near, settled = stands.astype(float), np.repeat(np.arange(len(stands))[:, None], stands.shape[1], axis=1)
+def settling(stands: np.ndarray, lead: int) -> Ints:
+    """(T, F) the frame by which feet that begin to stand have settled: `lead` after, as seen from so many before."""
+    settled = np.repeat(np.arange(len(stands))[:, None], stands.shape[1], axis=1)
     for foot in range(stands.shape[1]):
         for start, stop in intervals(stands[:, foot]):
-            first = max(start - lead, 0)
-            near[first:start, foot] = (1 - np.arange(start - first, 0, -1) / (lead + 1)) ** 2
-            settled[first : start + 1, foot] = min(start + lead, stop - 1)
-    return near, settled
+            settled[max(start - lead, 0) : start + 1, foot] = min(start + lead, stop - 1)
+    return settled
 
 
 def reckoned_soles(problem: Problem, edges: Edges) -> tuple[Floats, Floats]:

@@ -34,7 +34,7 @@ class Standing:
     def missed(self, asked: list[Foothold]) -> float:
         """How far the robot's soles stay from footholds that it is sent to, over the leg length."""
         places = np.stack([hold.corners for hold in asked])
-        wished = (*frame_parameters(self.edges, 4), *self.solver.grip.lead(self.held[4], places))
+        wished = (*frame_parameters(self.edges, 4), *self.solver.grip.lead(self.held[4], places, np.zeros(2)))
         pose = self.solver.descend(self.draft[4], wished, iterations=40)
         off = np.linalg.norm((self.solver.corners(pose.qpos) - places)[..., :2], axis=-1)
         return float(off.max()) / self.solver.leg

@@ -8,10 +8,11 @@ from robot_retarget.motion import read_motion
 from robot_retarget.retarget.clip import Smoothing
 from robot_retarget.retarget.contacts import intervals
 from robot_retarget.retarget.edges import build_edges
+from robot_retarget.retarget.footing import nearing
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem
 from robot_retarget.retarget.solve import solve
-from robot_retarget.retarget.stepping import landings
+from robot_retarget.retarget.stepping import settling
 from robot_retarget.retarget.transfer import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.shipped import SAMPLES
@@ -67,7 +68,7 @@ def test_the_same_edges_lead_to_the_same_poses_wherever_they_begin(name: str, cl
 def test_feet_near_their_footholds_before_they_stand_and_settle_after() -> None:
     stands = np.zeros((30, 2), dtype=bool)
     stands[8:20, 0] = stands[:5, 1] = stands[28:, 1] = True
-    near, settled = landings(stands, 3)
+    near, settled = nearing(stands, 3), settling(stands, 3)
     assert (near[stands] == 1).all() and near[:5, 0].max() == 0 == near[5:25, 1].max()
     assert (np.diff(near[5:9, 0]) > 0).all() and (settled[5:9, 0] == 11).all()
     assert settled[0, 1] == 3 and settled[28, 1] == 29  # never beyond the stance itself
