@@ -1,14 +1,20 @@
 """Stances and footholds: when a foot stands, where it stands, and how it goes from one place to the next."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from robot_retarget.motion import Motion, read_motion
+from robot_retarget.retarget.clip import Smoothing, clip_poses, near_footholds
 from robot_retarget.retarget.contacts import intervals, stances
 from robot_retarget.retarget.edges import build_edges
-from robot_retarget.retarget.footing import flattened, footholds, held_corners, laid, led, sole_corners
+from robot_retarget.retarget.footing import flattened, footholds, held_corners, laid, led, nearing, sole_corners
+from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match, match
+from robot_retarget.retarget.problem import build_problem
+from robot_retarget.retarget.progress import Count
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.shipped import SAMPLES
 
@@ -109,6 +115,33 @@ def test_a_foot_in_the_air_goes_on_from_where_the_known_frames_have_it() -> None
     places = led(footholds(held, draft, fixed=4), held, draft, fixed=4)
     assert np.allclose(places[:4], draft[:4]) and np.allclose(places[9:], places[9])
     assert np.linalg.norm(np.diff((places - draft)[:10, 0, 0], axis=0), axis=1).max() < 0.02
+
+
+def test_feet_are_near_their_footholds_a_moment_before_and_after_alike() -> None:
+    held = np.zeros((20, 2, 4), dtype=bool)
+    held[8:12, 0] = held[:3, 1, :2] = True
+    near = near_footholds(held, 30.0)
+    assert np.allclose(near[5:15, 0], [1 / 16, 4 / 16, 9 / 16, 1, 1, 1, 1, 9 / 16, 4 / 16, 1 / 16])
+    assert near[:5, 0].max() == near[15:, 0].max() == 0 and np.allclose(near[:7, 1], near[9:16, 0])
+    stands = np.asarray(held.any(axis=2))
+    assert np.array_equal(nearing(stands, 3)[8:], stands[8:])
+
+
+def test_feet_land_and_leave_more_softly_than_if_nothing_led_them(walk: tuple[Motion, Match]) -> None:
+    """By their speed along the floor in the last step before a stance and the first after it."""
+    motion, robot = walk[0].resample(30.0).frames(0, 90), load_robot("op3")
+    matched = match(motion, robot)
+    edges = build_edges(motion, matched)
+    solver = FrameSolver(build_problem(robot, matched, edges), Options())
+    held = held_corners(edges.stances, solver.problem.feet, len(edges))
+    stands = np.asarray(held.any(axis=2))
+    speeds = []
+    for grip in (solver.grip, replace(solver.grip, swing=0.0)):
+        solver.grip = grip
+        poses = clip_poses(solver, edges, held, Smoothing(), 30.0, Count(None, 1))
+        steps = np.diff([solver.corners(pose.qpos).mean(axis=1)[:, :2] for pose in poses], axis=0)
+        speeds.append(np.linalg.norm(steps, axis=2)[stands[1:] != stands[:-1]].mean())
+    assert speeds[0] < 0.5 * speeds[1]
 
 
 def test_drifting_heights_are_levelled_and_level_ones_kept(walk: tuple[Motion, Match]) -> None:
