@@ -35,22 +35,25 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
     frames, leans = _trunk_frames(x), _leans(match)
-    for segment, lean in leans.items():
-        built, own = frames[segment] @ lean, _own_rotation(motion, match, segment)
-        if own is not None:
-            constant = _constant(own, built)
-            if segment == "head":  # at rest it faces as the chest does
-                constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
-            built = own @ levelled(constant, LEVEL[segment])
-        elif segment == "head":
-            built = built @ _nod(built, frames["chest"])
-        frames[segment] = built
+    for segment in leans:
+        frames[segment] = _turned(motion, match, segment, frames, leans)
     for side in "lr":
         if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys():
             frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
         if (hand := _hand(motion, match, side, x)) is not None:
             frames[f"{side}_hand"] = hand
     return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+
+
+def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:
+    """(T, 3, 3) of pelvis, chest or head, from what keypoints show and, where the source has them, rotations."""
+    built, own = frames[segment] @ leans[segment], _own_rotation(motion, match, segment)
+    if own is None:
+        return built @ _nod(built, frames["chest"]) if segment == "head" else built
+    constant = _constant(own, built)
+    if segment == "head":  # at rest it faces as the chest does
+        constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
+    return own @ levelled(constant, LEVEL[segment])
 
 
 def _trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
