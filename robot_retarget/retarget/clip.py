@@ -83,7 +83,7 @@ def clip_passes(
     robot, doubt = solver.robot, doubts(draft, smoothing.met)
     weights = doubt[:, None] * _pull_weights(solver, smoothing)
     path = _paced(solver, draft.qpos, fps, fixed)
-    wished = _wished(solver, edges, held, path, doubt[:, None] * near_footholds(held, fps), fixed)
+    wished = _wished(solver, edges, held, path, doubt, fps, fixed)
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
     stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
@@ -113,12 +113,13 @@ def doubts(draft: Draft, met: float) -> Floats:
 
 
 def _wished(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], near: Floats, fixed: int
+    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], doubt: Floats, fps: float, fixed: int
 ) -> list[tuple[Floats, ...]]:
     """What is asked of each frame, with the footholds where the draft has them."""
-    corners = np.array([solver.corners(q) for q in draft])
+    corners, near = np.array([solver.corners(q) for q in draft]), near_footholds(held, fps)
     places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
-    return [(*frame_parameters(edges, t), *solver.grip.lead(held[t], places[t], near[t])) for t in range(len(edges))]
+    leads = [solver.grip.lead(*frame) for frame in zip(held, places, near, doubt, strict=True)]
+    return [(*frame_parameters(edges, t), *lead) for t, lead in enumerate(leads)]
 
 
 def near_footholds(held: np.ndarray, fps: float) -> Floats:

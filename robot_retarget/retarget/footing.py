@@ -25,8 +25,10 @@ class Grip:
 
     along: float = HOLD
     across: float = HOLD
-    swing: float = 40.0
-    """Of a foot in the air that has just stood or is about to."""
+    swing: float = 4.0
+    """Of a foot in the air on its way between footholds ..."""
+    step: float = 40.0
+    """... and of one that has just stood or is about to."""
     landing: float = 400.0
     """Along the floor, of a foot in the air that is about to stand."""
 
@@ -37,9 +39,10 @@ class Grip:
         """
         return self._weights(held, near[:, None, None] * [self.landing, self.landing, 0.0]).ravel(), places.ravel()
 
-    def lead(self, held: np.ndarray, places: Floats, near: Floats) -> tuple[Floats, Floats]:
-        """As `land`, but softly, and in height too: feet that have stood or will are led along the places."""
-        return self._weights(held, near[:, None, None] * self.swing).ravel(), places.ravel()
+    def lead(self, held: np.ndarray, places: Floats, near: Floats, doubt: float = 1.0) -> tuple[Floats, Floats]:
+        """As `land`, but softly, by a share `doubt`, in height too, and all the way between two stances."""
+        free = doubt * np.maximum(self.step * near, self.swing)
+        return self._weights(held, free[:, None, None]).ravel(), places.ravel()
 
     def lay_down(self, held: np.ndarray) -> tuple[Floats, Floats]:
         """h and p by which held corners (F, 4) touch the floor, wherever that is."""

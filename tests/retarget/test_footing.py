@@ -136,7 +136,7 @@ def test_feet_land_and_leave_more_softly_than_if_nothing_led_them(walk: tuple[Mo
     held = held_corners(edges.stances, solver.problem.feet, len(edges))
     stands = np.asarray(held.any(axis=2))
     speeds = []
-    for grip in (solver.grip, replace(solver.grip, swing=0.0)):
+    for grip in (solver.grip, replace(solver.grip, swing=0.0, step=0.0)):
         solver.grip = grip
         poses = clip_poses(solver, edges, held, Smoothing(), 30.0, Count(None, 1))
         steps = np.diff([solver.corners(pose.qpos).mean(axis=1)[:, :2] for pose in poses], axis=0)
