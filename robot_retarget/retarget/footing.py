@@ -121,7 +121,7 @@ def nearing(stands: np.ndarray, frames: int) -> Floats:
     for foot in range(stands.shape[1]):
         for start, _ in intervals(stands[:, foot]):
             first = max(start - frames, 0)
-            near[first:start, foot] = rise[frames - (start - first) :]
+            near[first:start, foot] = np.maximum(near[first:start, foot], rise[frames - (start - first) :])
     return near
 
 

@@ -125,6 +125,8 @@ def test_feet_are_near_their_footholds_a_moment_before_and_after_alike() -> None
     assert near[:5, 0].max() == near[15:, 0].max() == 0 and np.allclose(near[:7, 1], near[9:16, 0])
     stands = np.asarray(held.any(axis=2))
     assert np.array_equal(nearing(stands, 3)[8:], stands[8:])
+    stands[13:15, 0] = True  # so soon after that the one stance is near the other
+    assert (nearing(stands, 3)[stands] == 1).all()
 
 
 def test_feet_land_and_leave_more_softly_than_if_nothing_led_them(walk: tuple[Motion, Match]) -> None:
