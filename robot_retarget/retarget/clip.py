@@ -8,7 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.accord import in_accord
 from robot_retarget.retarget.edges import Edges
-from robot_retarget.retarget.footing import LANDING, footholds, led, nearing
+from robot_retarget.retarget.footing import footholds, led, near_footholds
 from robot_retarget.retarget.frame import FrameSolver, Options, Pose
 from robot_retarget.retarget.mending import Mender, Passages, beside
 from robot_retarget.retarget.problem import frame_parameters
@@ -120,12 +120,6 @@ def _wished(
     places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
     leads = [solver.grip.lead(*frame) for frame in zip(held, places, near, doubt, strict=True)]
     return [(*frame_parameters(edges, t), *lead) for t, lead in enumerate(leads)]
-
-
-def near_footholds(held: np.ndarray, fps: float) -> Floats:
-    """(T, F) how near feet are to standing (`footing.nearing`), coming or going."""
-    stands, lead = np.asarray(held.any(axis=2)), round(LANDING * fps)
-    return np.maximum(nearing(stands, lead), nearing(stands[::-1], lead)[::-1])
 
 
 def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> list[Floats]:

@@ -12,7 +12,8 @@ from robot_retarget.robot.kinematics import carrying
 HOLD = 1e4
 """Weight of a held coordinate, over the squared leg length: it gives way by a tenth of a millimetre."""
 LANDING = 0.1
-"""A foot is led to its foothold for so long before it stands, as a touch is [s]."""
+"""A foot is led to its foothold for so long before it stands, as a touch is; away from it, and until it has settled there, as
+long after [s]."""
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
 _TOE, _HEEL = [0, 1], [2, 3]
@@ -123,6 +124,12 @@ def nearing(stands: np.ndarray, frames: int) -> Floats:
             first = max(start - frames, 0)
             near[first:start, foot] = np.maximum(near[first:start, foot], rise[frames - (start - first) :])
     return near
+
+
+def near_footholds(held: np.ndarray, fps: float) -> Floats:
+    """(T, F) how near feet are to standing (`nearing`), coming or going."""
+    stands, lead = np.asarray(held.any(axis=2)), round(LANDING * fps)
+    return np.maximum(nearing(stands, lead), nearing(stands[::-1], lead)[::-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 
 from robot_retarget.motion import Motion, read_motion
-from robot_retarget.retarget.clip import Smoothing, clip_poses, near_footholds
+from robot_retarget.retarget.clip import Smoothing, clip_poses
 from robot_retarget.retarget.contacts import intervals, stances
 from robot_retarget.retarget.edges import build_edges
-from robot_retarget.retarget.footing import flattened, footholds, held_corners, laid, led, nearing, sole_corners
+from robot_retarget.retarget.footing import (
+    flattened,
+    footholds,
+    held_corners,
+    laid,
+    led,
+    near_footholds,
+    nearing,
+    sole_corners,
+)
 from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match, match
