@@ -79,7 +79,7 @@ class Box:
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
 
     def outside(self, angles: Floats) -> float:
-        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs."""
+        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs, unless links meet there."""
         return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
 
 
@@ -158,7 +158,7 @@ class FrameSolver:
         here, pace = self._drawn(base, q, pull, ahead), _Pace(self.options)
         strayed = even = True
         while pace.taken < most and pace.refused < REFUSALS:
-            # Steps lead into the box and never out of it, and away from evenness for good.
+            # Steps lead into the box and never out of it, but not into other links, and away from evenness for good.
             strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
             even, forced = even and self.symmetry.even(q), here.sunk or strayed
             step, gain = self._step(q, here, pace, box)
@@ -172,7 +172,8 @@ class FrameSolver:
             trial = integrate(self.robot, q, step)
             there = self.landscape.around(trial, wished, between)
             pulled = self._drawn(there, trial, pull, ahead)
-            if pulled.cost < here.cost or forced:
+            entering = strayed and there.missing <= here.missing
+            if pulled.cost < here.cost or entering or here.sunk:
                 q, base, here = trial, there, pulled.after(step, here) if learning else pulled
                 pace.take()
             else:

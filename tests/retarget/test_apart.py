@@ -107,6 +107,21 @@ def test_separation_keeps_links_from_entering_each_other() -> None:
     assert deepest(Options()) < 0.001
 
 
+def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> None:
+    """Each pose of hands on hips is sent to where it may only be as it is a third of a second later."""
+    motion, robot = read_motion(SAMPLES / "hips_and_bow.bvh").resample(30), load_robot("op3")
+    result = retarget(motion, robot)
+    qpos, hinges = result.trajectory.qpos, robot.qpos_index
+    edges = build_edges(motion, result.match)
+    solver = FrameSolver(build_problem(robot, result.match, edges), Options())
+    aground, ahead = solver.grip.lay_down(np.zeros((2, 4), dtype=bool)), 10
+    for t in range(0, len(qpos) - ahead, 3):
+        box = solver.ranges.around([qpos[t + ahead][hinges]], np.full(len(hinges), 0.02))
+        after = solver.descend(qpos[t], (*frame_parameters(edges, t), *aground), box=box, iterations=1).qpos
+        assert box.outside(after[hinges]) <= box.outside(qpos[t][hinges]) + 1e-9
+        assert not solver.overlapping(after)
+
+
 @needs_shared
 def test_frame_by_frame_links_stay_out_of_each_other_however_far_a_frame_leaps() -> None:
     robot = load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml")
