@@ -41,7 +41,7 @@ class Smoothing:
     """How much more the root is drawn, per rad² and per m² [-]."""
     stiffness: float = 20.0
     """Weight of squared second differences, at 30 frames a second [1/rad²]."""
-    met: float = 0.06
+    met: float = 0.05
     """Wishes that cost so little in the sketch are nearly met: half the pull (`doubts`) [-]."""
     windows: Windows = field(default_factory=Windows)
     """How a long clip is cut."""
@@ -104,12 +104,12 @@ def clip_passes(
 
 
 def doubts(draft: Draft, met: float) -> Floats:
-    """σ = c²/(c² + m²) (T,): how much each frame is drawn to the smooth path, c being what its wishes cost in the draft.
+    """σ = c⁴/(c⁴ + m⁴) (T,): how much each frame is drawn to the smooth path, c being what its wishes cost in the draft.
 
     Wishes that no pose fulfils, of another body or of a measurement with noise, waver from frame to frame in what they
     leave, and smoothing takes that away. Where nothing is left, as of a robot's own motion, what is quick is meant.
     """
-    return draft.cost**2 / (draft.cost**2 + met**2)
+    return draft.cost**4 / (draft.cost**4 + met**4)
 
 
 def _wished(
