@@ -50,13 +50,16 @@ class Smoothing:
 def clip_poses(
     solver: FrameSolver, edges: Edges, held: np.ndarray, smoothing: Smoothing, fps: float, count: Count
 ) -> list[Pose]:
-    """Sketch and smooth every window after the one before."""
+    """Sketch and smooth every window after the one before, with bones as long as the first sketch has them."""
     poses: list[Pose] = []
+    paths: Floats | None = None
     for window in smoothing.windows.cut(len(edges), fps):
         span = slice(window.first, window.last)
         part, known = edges.window(span), poses[window.first :]
         draft = sketch(solver, part, held[span], fps, known=[pose.qpos for pose in known])
-        solved = clip_passes(solver, part, held[span], draft, smoothing, fps, count, fixed=window.fixed)
+        if paths is None:
+            paths = solver.problem.match.paths_in(solver.robot, np.array(draft.qpos))
+        solved = clip_passes(solver, part.over(paths), held[span], draft, smoothing, fps, count, fixed=window.fixed)
         poses += solved[window.fixed : window.final - window.first]
     return poses
 

@@ -109,6 +109,11 @@ class Edges:
         feet = {name: {foot: of[span] for foot, of in getattr(self, name).items()} for name in ("stances", "tracks")}
         return replace(self, **cut, **feet)
 
+    def over(self, paths: Floats) -> "Edges":
+        """The edges with their distances wished over paths τ (K, K) of another length [m]."""
+        share = paths[self.pairs[:, 0], self.pairs[:, 1]] / self.path_length
+        return replace(self, distance=self.distance * share)
+
     @cached_property
     def labels(self) -> list[str]:
         """Names of the posture edges, `a – b`."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
@@ -75,6 +76,13 @@ class Match:
     def leg_ratio(self) -> float:
         """Robot leg over human leg."""
         return self.robot_leg / self.human_leg
+
+    def paths_in(self, robot: Robot, qpos: Floats) -> Floats:
+        """τ (K, K) of the robot with every bone as long as it is in the middle of configurations (T, nq) [m].
+
+        A shoulder's point turns with hinges of the arm that do not meet in it, and is nearer to the neck or farther from it.
+        """
+        return path_weights(self.parents, _bones(world_points(robot, self.points, qpos), self.parents))
 
     @property
     def notes(self) -> tuple[str, ...]:

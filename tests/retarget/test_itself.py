@@ -77,10 +77,15 @@ def missed(qpos: Floats, rotations: bool, smoothing: Smoothing) -> Floats:
     return np.abs(back - qpos)[:, robot.qpos_index]
 
 
-@BOTH
-@pytest.mark.parametrize("clip", ["walk", "wave"])
-def test_with_rotations_every_joint_comes_back_within_a_hundredth(clip: str, smoothing: Smoothing) -> None:
-    assert missed(played(clip), True, smoothing).max() < 0.01
+@pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat"])
+def test_with_rotations_every_joint_comes_back_within_a_hundredth(clip: str) -> None:
+    assert missed(played(clip), True, WHOLE).max() < 0.01
+
+
+@pytest.mark.parametrize("clip", ["walk", "wave", "hips_and_bow"])
+def test_frame_by_frame_it_does_where_no_shoulder_moves_far(clip: str) -> None:
+    """Robot bones are as long as at rest there: nothing has been seen of the clip."""
+    assert missed(played(clip), True, CAUSAL).max() < 0.01
 
 
 @BOTH
