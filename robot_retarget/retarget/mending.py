@@ -83,16 +83,22 @@ class Mender:
                 poses[t] = self.solver.held_back(poses[t - 1].qpos, poses[t], self.wished[t])
 
     def _between(self, poses: list[Pose]) -> None:
-        """Where links still pass through each other, the frames to both sides make way."""
-        last = len(poses) - 1
+        """Where links still pass through each other, the frames to both sides make way; those that did in vain come back."""
+        last, lost = len(poses) - 1, set(self.passages.lost)
         passing = self.passages.look(poses, range(max(self.fixed - 1, 0), last))
+        for t in self._around(self.passages.lost - lost):
+            poses[t] = self._sought(poses, t)
         for _ in range(ROUNDS):
-            frames = sorted({t + k for t in passing for k in (0, 1) if t + k >= self.fixed})
+            frames = self._around(passing)
             for t in frames:
                 made_way = self._sought(poses, t)
                 if not self.solver.overlapping(made_way.qpos):
                     poses[t] = made_way
             passing = self.passages.look(poses, {k for t in frames for k in (t - 1, t) if 0 <= k < last})
+
+    def _around(self, passing: set[int]) -> list[int]:
+        """The frames before and after passages that may change."""
+        return sorted({t + k for t in passing for k in (0, 1) if t + k >= self.fixed})
 
     def _sought(self, poses: list[Pose], t: int) -> Pose:
         box, ways = self.solver.reachable(beside(poses, t), 1 / self.fps), self.passages.between(poses, t)

@@ -13,9 +13,10 @@ from robot_retarget.retarget.edges import build_edges
 from robot_retarget.retarget.footing import HOLD
 from robot_retarget.retarget.frame import OVERLAP, FrameSolver, Options, Pose
 from robot_retarget.retarget.match import match
-from robot_retarget.retarget.mending import Passages
+from robot_retarget.retarget.mending import Mender, Passages
 from robot_retarget.retarget.planting import Planter
 from robot_retarget.retarget.problem import build_problem, frame_parameters
+from robot_retarget.retarget.quadratic import Pull
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.stand import balanced_stand, stand_places
 from robot_retarget.retarget.transfer import retarget
@@ -93,6 +94,20 @@ def test_links_that_are_drawn_right_through_each_other_are_given_up_and_those_th
     assert passages.look([there, through, beside], [0, 1]) == set()
     assert passages.lost == {0} and passages.met == {1}
     assert passages.between([there, through, beside], 0) == ()
+
+
+def test_frames_that_made_way_in_vain_come_back_to_what_is_asked_of_them(asked: Asked) -> None:
+    solver, wished = asked
+    front, back = (arms(solver.robot, pitch, 1.57, -1.2) for pitch in (-0.8, 0.9))
+    poses = [Pose(q, Status.CONVERGED, np.inf, 1) for q in (front, back, front)]
+    free = Pull(front, np.zeros(solver.robot.model.nv), np.zeros(solver.robot.model.nv))
+    passages = Passages(solver)
+    assert passages.look(poses, [0, 1]) == {0, 1}
+    mended = Mender(solver, [wished] * 3, [free] * 3, passages, fixed=0, fps=0.1).mended(poses)
+    assert passages.lost == {0, 1}
+    for before, after in zip(poses, mended, strict=True):
+        cost = [solver.landscape.around(pose.qpos, wished).cost for pose in (before, after)]
+        assert cost[1] < 0.5 * cost[0]
 
 
 @pytest.mark.parametrize("fps", [15, 30])
