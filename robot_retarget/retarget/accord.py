@@ -2,8 +2,8 @@
 
 Each foothold alone is where the draft put a foot on the whole. Two such may lie nearer than soles come, or turned further
 from each other than hips turn, above all where a human turns on the spot, and then no pose keeps both. So the robot is
-sent to every two that are held at once; where it cannot keep them they give way to how it stood to them in the draft, by
-least squares over all footholds, turned first and then shifted. Along the floor, places are complex numbers x + iy.
+sent to every two that are held at once; where it cannot keep them they give way to how it then stands to them, by least
+squares over all footholds, turned first and then shifted. Along the floor, places are complex numbers x + iy.
 """
 
 from dataclasses import dataclass, replace
@@ -42,7 +42,8 @@ class Pair:
     kept: bool
     """Whether a pose keeps both."""
     corners: Floats
-    """(2, 4, 3) of the two feet as they can stand [m]: where they are held if that is kept, else as in the draft."""
+    """(2, 4, 3) of the two feet as they can stand [m]: where they are held if that is kept, else where they were on the way
+    there, or in the draft if links were inside each other by then."""
     held: np.ndarray
     """(2, 4)."""
 
@@ -93,9 +94,11 @@ def _tried(
     places[feet] = footholds[one].corners, footholds[other].corners
     wished = (*frame_parameters(edges, t), *solver.grip.lead(held[t], places, np.zeros(len(places))))
     pose = solver.descend(draft[t], wished, iterations=STEPS, tolerance=ROUGHLY)
-    missed = np.linalg.norm((solver.corners(pose.qpos) - places)[held[t]][:, :2], axis=1).max()
+    reached = solver.corners(pose.qpos)
+    missed = np.linalg.norm((reached - places)[held[t]][:, :2], axis=1).max()
     kept = bool(missed < KEPT * solver.leg)
-    return Pair(one, other, len(both), kept, (places if kept else seen)[feet], held[t, feet])
+    able = places if kept else seen if solver.overlapping(pose.qpos) else reached
+    return Pair(one, other, len(both), kept, able[feet], held[t, feet])
 
 
 def _turned(footholds: list[Foothold], pairs: list[Pair]) -> list[Foothold]:

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.motion import read_motion
 from robot_retarget.retarget.accord import KEPT, KNOWN, TOGETHER, Pair, given_way, in_accord
 from robot_retarget.retarget.edges import Edges, build_edges
-from robot_retarget.retarget.footing import Foothold, footholds, held_corners
+from robot_retarget.retarget.footing import Foothold, footholds, held_corners, lengths
 from robot_retarget.retarget.frame import FrameSolver, Options
 from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem, frame_parameters
@@ -70,6 +70,16 @@ def test_footholds_that_no_pose_keeps_give_way_until_one_does(standing: Standing
     asked = [left, moved(right, turn, across)]
     assert standing.missed(asked) > 2 * KEPT
     assert standing.missed(standing.agreed(asked)) < KEPT
+
+
+@pytest.mark.parametrize("turn", [-1.2, 1.2])
+def test_footholds_that_stand_too_near_for_how_they_are_turned_keep_their_turn(standing: Standing, turn: float) -> None:
+    left, right = standing.footholds
+    asked = [left, moved(right, turn)]
+    agreed = standing.agreed(asked)
+    ahead, turned = (lengths(np.array([hold.corners for hold in holds])) @ [1.0, 1.0j] for holds in (asked, agreed))
+    assert standing.missed(asked) > KEPT
+    assert np.abs(np.angle((turned[1] / turned[0]) / (ahead[1] / ahead[0]))) < 0.02
 
 
 def test_a_foothold_that_is_known_does_not_give_way(standing: Standing) -> None:
