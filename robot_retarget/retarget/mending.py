@@ -86,15 +86,18 @@ class Mender:
         """Where links still pass through each other, the frames to both sides make way; those that did in vain come back."""
         last, lost = len(poses) - 1, set(self.passages.lost)
         passing = self.passages.look(poses, range(max(self.fixed - 1, 0), last))
-        for t in self._around(self.passages.lost - lost):
-            poses[t] = self._sought(poses, t)
+        self._seek_again(poses, self._around(self.passages.lost - lost))
         for _ in range(ROUNDS):
             frames = self._around(passing)
-            for t in frames:
-                made_way = self._sought(poses, t)
-                if not self.solver.overlapping(made_way.qpos):
-                    poses[t] = made_way
+            self._seek_again(poses, frames)
             passing = self.passages.look(poses, {k for t in frames for k in (t - 1, t) if 0 <= k < last})
+
+    def _seek_again(self, poses: list[Pose], frames: list[int]) -> None:
+        """A full descent for some frames, kept where links are not inside each other."""
+        for t in frames:
+            found = self._sought(poses, t)
+            if not self.solver.overlapping(found.qpos):
+                poses[t] = found
 
     def _around(self, passing: set[int]) -> list[int]:
         """The frames before and after passages that may change."""
