@@ -14,7 +14,7 @@ from robot_retarget.retarget.mending import Mender, Passages, beside
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.quadratic import Ahead, Pull
-from robot_retarget.retarget.sketch import Draft, sketch
+from robot_retarget.retarget.sketch import Draft, settled, sketch
 from robot_retarget.retarget.smooth import smooth_offsets
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.speeds import within_speeds
@@ -83,7 +83,8 @@ def clip_passes(
     Joint speeds are kept between the frames: the draft is slowed down to them, and no step leads further from a neighbour.
     The first `fixed` frames stay as the draft has them.
     """
-    robot, doubt = solver.robot, doubts(draft, smoothing.met)
+    robot, draft = solver.robot, settled(solver, edges, held, draft, fixed)
+    doubt = doubts(draft.cost, smoothing.met)
     weights = doubt[:, None] * _pull_weights(solver, smoothing)
     path = _paced(solver, draft.qpos, fps, fixed)
     wished = _wished(solver, edges, held, path, doubt, fps, fixed)
@@ -106,13 +107,13 @@ def clip_passes(
     return [solver.lifted(pose) for pose in mended]
 
 
-def doubts(draft: Draft, met: float) -> Floats:
+def doubts(cost: Floats, met: float) -> Floats:
     """σ = c⁴/(c⁴ + m⁴) (T,): how much each frame is drawn to the smooth path, c being what its wishes cost in the draft.
 
     Wishes that no pose fulfils, of another body or of a measurement with noise, waver from frame to frame in what they
     leave, and smoothing takes that away. Where nothing is left, as of a robot's own motion, what is quick is meant.
     """
-    return draft.cost**4 / (draft.cost**4 + met**4)
+    return cost**4 / (cost**4 + met**4)
 
 
 def _wished(

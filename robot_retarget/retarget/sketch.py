@@ -17,8 +17,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.pool import Pool, Sketching
+from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.robot import Robot
 from robot_retarget.robot.model import HINGE
+
+LITTLE = 1.0
+"""Frames whose wishes cost less in a sketch are sought once more [-]; those of another body cost more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,7 @@ class Draft:
     qpos: list[Floats]
     """A configuration (nq,) for every frame."""
     cost: Floats
-    """(T,) what each frame's wishes cost there, straight on between the frames of the sketch."""
+    """(T,) what each frame's wishes cost there; between the frames of the sketch, straight on."""
 
 
 def sketch(
@@ -66,6 +70,21 @@ def sketch(
     later = between(solver.robot, frames - start, [pose.qpos for pose in path], before)
     cost = np.interp(np.arange(len(edges)), frames[found], [pose.cost for pose in path[found]])
     return Draft([*first[:start], *later], cost)
+
+
+def settled(solver: FrameSolver, edges: Edges, held: np.ndarray, draft: Draft, fixed: int = 0) -> Draft:
+    """The draft, but frames whose wishes cost little there led to their ends, from where they are or from the one before.
+
+    Of a robot's own motion a sketch is too rough: sought over bones as they are at rest, and every tenth of a second only.
+    On the wrong side of an edge of a link a frame costs ten times what it must, and what it does is taken for noise.
+    """
+    qpos, cost = list(draft.qpos), draft.cost.copy()
+    for t in (t for t in range(fixed, len(edges)) if draft.cost[t] < LITTLE):
+        wished = (*frame_parameters(edges, t), *solver.grip.lay_down(held[t]))
+        starts = (qpos[t], qpos[max(t - 1, 0)])
+        pose = min((solver.descend(q, wished, learning=True) for q in starts), key=lambda pose: pose.cost)
+        qpos[t], cost[t] = pose.qpos, pose.cost
+    return Draft(qpos, cost)
 
 
 def between(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:
