@@ -9,7 +9,7 @@ from robot_retarget.retarget.frame import Box, FrameSolver, Pose
 from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.progress import Count
 from robot_retarget.retarget.solution import Status
-from robot_retarget.retarget.starts import ways
+from robot_retarget.retarget.starts import lying, ways
 from robot_retarget.retarget.stepping import Stepping, reckoned_soles
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
@@ -28,7 +28,7 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
     """
     robot, crossing, poses = solver.robot, Crossing(solver, fps), []
     stepping = Stepping(held, *reckoned_soles(solver.problem, edges), fps)
-    before = ways(solver, (*frame_parameters(edges, 0), *solver.grip.lay_down(held[0])), edges, 0, ALIKE)[0].qpos
+    before = ways(solver, lying(solver, edges, held, 0), edges, 0, ALIKE)[0].qpos
     for t in range(len(edges)):
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
         box = solver.reachable([before] if t else [], 1 / fps)

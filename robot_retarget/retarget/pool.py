@@ -10,10 +10,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import Box, FrameSolver, Pose
-from robot_retarget.retarget.problem import frame_parameters
 from robot_retarget.retarget.solution import Status
 from robot_retarget.retarget.speeds import within_speeds
-from robot_retarget.retarget.starts import drawn_limbs, ways
+from robot_retarget.retarget.starts import drawn_limbs, lying, ways
 from robot_retarget.robot.kinematics import difference
 
 
@@ -187,5 +186,4 @@ class Pool:
         return True
 
     def _wished(self, moment: int) -> tuple[Floats, ...]:
-        frame = int(self.frames[moment])
-        return (*frame_parameters(self.edges, frame), *self.solver.grip.lay_down(self.held[frame]))
+        return lying(self.solver, self.edges, self.held, int(self.frames[moment]))

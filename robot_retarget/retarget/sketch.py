@@ -5,6 +5,7 @@ way it began. Here several ways are sought at moments spread over the clip, each
 low frame rate until it meets another, and the cheapest path through all of them is chosen by dynamic programming. Where
 that leaps, ways across at the joints' speed are put beside the others, and the path is chosen anew: a leap then costs dear.
 What it then passes by for want of a way there, it comes nearer to by exchanging single limbs.
+Frames that then cost next to nothing, as of a robot's own motion, are sought once more each (`settled`).
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver
 from robot_retarget.retarget.pool import Pool, Sketching
-from robot_retarget.retarget.problem import frame_parameters
+from robot_retarget.retarget.starts import lying
 from robot_retarget.robot import Robot
 from robot_retarget.robot.model import HINGE
 
@@ -32,7 +33,7 @@ class Draft:
     qpos: list[Floats]
     """A configuration (nq,) for every frame."""
     cost: Floats
-    """(T,) what each frame's wishes cost there; between the frames of the sketch, straight on."""
+    """(T,) what each frame's wishes cost there; between those that were sought, straight on."""
 
 
 def sketch(
@@ -79,9 +80,8 @@ def settled(solver: FrameSolver, edges: Edges, held: np.ndarray, draft: Draft, f
     On the wrong side of an edge of a link a frame costs ten times what it must, and what it does is taken for noise.
     """
     qpos, cost = list(draft.qpos), draft.cost.copy()
-    for t in (t for t in range(fixed, len(edges)) if draft.cost[t] < LITTLE):
-        wished = (*frame_parameters(edges, t), *solver.grip.lay_down(held[t]))
-        starts = (qpos[t], qpos[max(t - 1, 0)])
+    for t in [t for t in range(fixed, len(edges)) if cost[t] < LITTLE]:
+        wished, starts = lying(solver, edges, held, t), (qpos[t], qpos[max(t - 1, 0)])
         pose = min((solver.descend(q, wished, learning=True) for q in starts), key=lambda pose: pose.cost)
         qpos[t], cost[t] = pose.qpos, pose.cost
     return Draft(qpos, cost)

@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
-from robot_retarget.retarget.problem import Problem
+from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
@@ -37,6 +37,11 @@ def ways(
     ends = [_descended(solver, q, wished, 2 * solver.options.iterations) for q in placed]
     least = min(end.cost for end in ends)
     return sorted(ends, key=lambda end: max(end.cost, (1 + alike) * least))
+
+
+def lying(solver: FrameSolver, edges: Edges, held: np.ndarray, frame: int) -> tuple[Floats, ...]:
+    """What is asked of a frame for which no footholds are known yet: standing soles `held` (T, F, 4) lie on the floor."""
+    return (*frame_parameters(edges, frame), *solver.grip.lay_down(held[frame]))
 
 
 def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], iterations: int) -> Pose:
