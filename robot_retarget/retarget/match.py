@@ -16,6 +16,10 @@ from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, wo
 from robot_retarget.robot import recognise as recognise_robot
 
 TABLES = ("human", "robot")
+OWN = 0.003
+"""A source whose bones are all within this of what the robot's can be is the robot itself [-]."""
+POSES = 64
+"""Drawn within the joints' ranges to see how long bones can be."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Match:
     """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
     """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
+    itself: bool
+    """Whether the source is the robot itself: its bones are all what the robot's can be."""
 
     @property
     def points(self) -> Points:
@@ -81,7 +87,10 @@ class Match:
         """τ (K, K) of the robot with every bone as long as it is in the middle of configurations (T, nq) [m].
 
         A shoulder's point turns with hinges of the arm that do not meet in it, and is nearer to the neck or farther from it.
+        How long bones were where the robot itself was the source, the source has shown.
         """
+        if self.itself:
+            return path_weights(self.parents, self.robot_bones)
         return path_weights(self.parents, _bones(world_points(robot, self.points, qpos), self.parents))
 
     @property
@@ -123,10 +132,13 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
     human = _human_positions(motion, recognition, shared)
-    rest = world_points(robot, anatomy.points_of(shared), robot.neutral()[None])
-    lengths = _bones(human, parents), _bones(rest, parents)
+    points = anatomy.points_of(shared)
+    rest = world_points(robot, points, robot.neutral()[None])
+    source = _bones(human, parents)
+    scaled, itself = _as_own(robot, points, parents, source)
+    lengths = source, scaled if itself else _bones(rest, parents)
     height = _ankle_height(robot, anatomy)
-    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height)
+    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height, itself)
 
 
 def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
@@ -135,8 +147,27 @@ def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[
 
 
 def _bones(positions: Floats, parents: Ints) -> Floats:
-    lengths = np.median(np.linalg.norm(positions - positions[:, parents], axis=2), axis=0)
-    return frozen(np.where(parents >= 0, lengths, 0.0))
+    return frozen(np.median(_lengths(positions, parents), axis=0))
+
+
+def _lengths(positions: Floats, parents: Ints) -> Floats:
+    """(T, K) of the bones to the parents, 0 at the root [m]."""
+    return np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
+
+
+def _as_own(robot: Robot, points: Points, parents: Ints, source: Floats) -> tuple[Floats, bool]:
+    """The source's bones (K,), scaled to the robot [m], and whether the robot could have them all.
+
+    Some bones are longer in one pose than in another, as a shoulder's that turns with the arm. No human's are all what a
+    robot's can be; where a source's are, it is the robot itself that moved, and shows how long they were.
+    """
+    rise = np.random.default_rng(0).uniform(size=(POSES, len(robot.lower)))
+    poses = np.tile(robot.neutral(), (POSES + 1, 1))
+    poses[1:, robot.qpos_index] = robot.lower + rise * (robot.upper - robot.lower)
+    lengths, joined = _lengths(world_points(robot, points, poses), parents), parents >= 0
+    scaled = source * np.median(lengths[0, joined] / np.maximum(source[joined], 1e-9))
+    could = (scaled >= lengths.min(axis=0) * (1 - OWN)) & (scaled <= lengths.max(axis=0) * (1 + OWN))
+    return frozen(scaled), bool(could.all())
 
 
 def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
