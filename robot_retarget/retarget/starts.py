@@ -8,12 +8,15 @@ from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.problem import Problem, frame_parameters
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
 
 ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""
+AT_BOUND = 0.01
+"""A hinge this near to its bound stands at it [rad]."""
 UNLIKE = 1.0
 """Draws of a limb are unlike each other when a hinge differs by more [rad]."""
 
@@ -45,9 +48,27 @@ def lying(solver: FrameSolver, edges: Edges, held: np.ndarray, frame: int) -> tu
 
 
 def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], iterations: int) -> Pose:
-    """Where a rough descent ends, and what it costs there: closing its chains may have moved it much."""
+    """Where a rough descent ends, and what it costs there: closing its chains may have moved it much.
+
+    Where it is stopped by the bound of a hinge that turns in full, a robot's own motion may go on from the other. (With a
+    human's, which is met exactly on neither side, that would only give more ways, some of them rougher.)
+    """
     end = solver.descend(start, wished, iterations=iterations, tolerance=ROUGHLY)
+    beyond = _turned_on(solver.robot, end.qpos)
+    if solver.problem.match.itself and (beyond != end.qpos).any():
+        other = solver.descend(beyond, wished, iterations=iterations, tolerance=ROUGHLY)
+        end = min(end, other, key=lambda pose: pose.cost)
     return replace(end, cost=solver.landscape.around(end.qpos, wished).cost)
+
+
+def _turned_on(robot: Robot, qpos: Floats) -> Floats:
+    """The same configuration, with hinges that turn in full put from the bound at which they stand to the other."""
+    lower, upper, angles = robot.lower, robot.upper, qpos[robot.qpos_index]
+    sense = 1 * (angles < lower + AT_BOUND) - 1 * (angles > upper - AT_BOUND)
+    full = upper - lower > 2 * np.pi - AT_BOUND
+    turned = qpos.copy()
+    turned[robot.qpos_index] = np.clip(angles + 2 * np.pi * sense * full, lower, upper)
+    return turned
 
 
 def _limbs_drawn(solver: FrameSolver, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
 from robot_retarget.keypoints import parents_within
@@ -18,11 +19,12 @@ from robot_retarget.retarget.match import match
 from robot_retarget.retarget.problem import build_problem
 from robot_retarget.retarget.sketch import settled, sketch
 from robot_retarget.retarget.transfer import retarget
-from robot_retarget.robot import load_robot, recognise, world_points
+from robot_retarget.robot import Robot, load_robot, recognise, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.shipped import SAMPLES
 
 FPS = 30.0
+OP3 = load_robot("op3")
 CAUSAL, WHOLE = Smoothing(passes=0), Smoothing()
 UNSEEN = {"head_pan", "l_ank_roll", "r_ank_roll"}
 """What no joint centre of the OP3 shows: turns about the line to a head, and about the line to a toe."""
@@ -35,12 +37,12 @@ BOTH = pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["frame by fram
 def played(clip: str) -> Floats:
     """The OP3's configurations for a sample clip, three seconds of it (T, nq)."""
     motion = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS)
-    return retarget(motion.frames(0, 90), load_robot("op3")).trajectory.qpos
+    return retarget(motion.frames(0, 90), OP3).trajectory.qpos
 
 
 def swung(hertz: float) -> Floats:
     """Four seconds of the OP3 swinging arms and head by a formula, limbs clear of each other, and bending its knees (T, nq)."""
-    robot, turns = load_robot("op3"), 2 * np.pi * hertz * np.arange(120) / FPS
+    robot, turns = OP3, 2 * np.pi * hertz * np.arange(120) / FPS
     qpos = np.tile(robot.standing(), (len(turns), 1))
     bend = 0.5 + 0.15 * np.cos(turns / 2)
     for side, sign in (("l", 1), ("r", -1)):
@@ -58,9 +60,8 @@ def swung(hertz: float) -> Floats:
     return qpos
 
 
-def as_source(qpos: Floats, rotations: bool) -> Motion:
+def as_source(qpos: Floats, rotations: bool, robot: Robot = OP3) -> Motion:
     """What a motion capture of the robot's own keypoints would record, by MuJoCo's kinematics."""
-    robot = load_robot("op3")
     anatomy = recognise(robot)
     tree = parents_within(anatomy.names)
     parents = np.array([anatomy.names.index(tree[k]) if k in tree else -1 for k in anatomy.names])
@@ -70,10 +71,9 @@ def as_source(qpos: Floats, rotations: bool) -> Motion:
     return Motion(skeleton, world_points(robot, anatomy.points, qpos), wxyz if rotations else None, FPS, "itself")
 
 
-def missed(qpos: Floats, rotations: bool, smoothing: Smoothing) -> Floats:
+def missed(qpos: Floats, rotations: bool, smoothing: Smoothing, robot: Robot = OP3) -> Floats:
     """(T, n) by how much every hinge comes back elsewhere [rad]."""
-    robot = load_robot("op3")
-    back = retarget(as_source(qpos, rotations), robot, smoothing=smoothing).trajectory.qpos
+    back = retarget(as_source(qpos, rotations, robot), robot, smoothing=smoothing).trajectory.qpos
     return np.abs(back - qpos)[:, robot.qpos_index]
 
 
@@ -86,7 +86,7 @@ def test_with_rotations_every_joint_comes_back_within_a_hundredth(clip: str, smo
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_the_robot_is_known_by_its_bones_and_they_are_as_long_as_it_shows(scale: float) -> None:
     """The clap's shoulders are a fiftieth further from the neck than those of the reference pose."""
-    source, robot = as_source(played("clap"), True), load_robot("op3")
+    source, robot = as_source(played("clap"), True), OP3
     matched = match(replace(source, positions=scale * source.positions), robot)
     rest = np.linalg.norm(matched.rest - matched.rest[matched.parents], axis=1)
     off = {k: own / at_rest - 1 for k, own, at_rest in zip(matched.keypoints, matched.robot_bones, rest, strict=True)}
@@ -94,9 +94,18 @@ def test_the_robot_is_known_by_its_bones_and_they_are_as_long_as_it_shows(scale:
     assert 0.01 < off["l_shoulder"] < 0.03 and abs(off["l_knee"]) < 1e-6
 
 
+@needs_shared
+@BOTH
+def test_a_hinge_that_turns_in_full_is_not_stopped_at_its_bound(smoothing: Smoothing) -> None:
+    """This model gives every hinge the whole turn, and its arms hang near the bound of two of them."""
+    robot = load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml")
+    clap = read_motion(SAMPLES / "clap.bvh").resample(FPS).frames(0, 60)
+    assert missed(retarget(clap, robot).trajectory.qpos, True, smoothing, robot).max() < 0.01
+
+
 @pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat", "hips_and_bow"])
 def test_no_human_is_taken_for_a_robot(clip: str) -> None:
-    matched = match(read_motion(SAMPLES / f"{clip}.bvh"), load_robot("op3"))
+    matched = match(read_motion(SAMPLES / f"{clip}.bvh"), OP3)
     rest = np.linalg.norm(matched.rest - matched.rest[matched.parents], axis=1)
     assert not matched.itself and np.allclose(matched.robot_bones[1:], rest[1:])
 
@@ -109,7 +118,7 @@ def test_what_swings_by_a_formula_comes_back_within_a_thousandth(hertz: float, s
 
 def test_noise_on_a_motion_of_its_own_is_smoothed() -> None:
     """A millimetre on every keypoint: the solver that cannot smooth is twice as far off, and jerks ten times as much."""
-    robot, true = load_robot("op3"), swung(0.7)
+    robot, true = OP3, swung(0.7)
     clean = as_source(true, True)
     noise = 0.001 * np.random.default_rng(0).normal(size=clean.positions.shape)
     noisy = replace(clean, positions=clean.positions + noise)
@@ -124,7 +133,7 @@ def test_noise_on_a_motion_of_its_own_is_smoothed() -> None:
 @pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat", "hips_and_bow"])
 def test_what_a_human_does_is_smoothed_in_full(clip: str) -> None:
     """No other body moves as this robot could to the millimetre."""
-    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS).frames(0, 90), load_robot("op3")
+    motion, robot = read_motion(SAMPLES / f"{clip}.bvh").resample(FPS).frames(0, 90), OP3
     matched = match(motion, robot)
     edges = build_edges(motion, matched)
     solver = FrameSolver(build_problem(robot, matched, edges), Options())
@@ -134,7 +143,7 @@ def test_what_a_human_does_is_smoothed_in_full(clip: str) -> None:
 
 @BOTH
 def test_without_rotations_those_come_back_that_positions_show(smoothing: Smoothing) -> None:
-    shown = [name not in UNSEEN for name in load_robot("op3").joint_names]
+    shown = [name not in UNSEEN for name in OP3.joint_names]
     worst = missed(played("walk"), False, smoothing)[:, shown].max(axis=1)
     assert np.median(worst) < 0.01
     assert worst.max() < 0.03  # while a foot swings, its roll is guessed, and its leg gives way a little
