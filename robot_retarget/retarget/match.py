@@ -134,9 +134,9 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     human = _human_positions(motion, recognition, shared)
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
-    source = _bones(human, parents)
-    scaled, itself = _as_own(robot, points, parents, source)
-    lengths = source, scaled if itself else _bones(rest, parents)
+    source, at_rest = _bones(human, parents), _bones(rest, parents)
+    scaled, itself = _as_own(_as_posed(robot, points, shared), at_rest, parents, source)
+    lengths = source, scaled if itself else at_rest
     height = _ankle_height(robot, anatomy)
     return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height, itself)
 
@@ -155,19 +155,33 @@ def _lengths(positions: Floats, parents: Ints) -> Floats:
     return np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
 
 
-def _as_own(robot: Robot, points: Points, parents: Ints, source: Floats) -> tuple[Floats, bool]:
-    """The source's bones (K,), scaled to the robot [m], and whether the robot could have them all.
+def _as_own(x: Floats, rest: Floats, parents: Ints, source: Floats) -> tuple[Floats, bool]:
+    """The source's bones (K,), scaled to the robot's at rest [m], and whether the robot could have them all.
 
     Some bones are longer in one pose than in another, as a shoulder's that turns with the arm. No human's are all what a
     robot's can be; where a source's are, it is the robot itself that moved, and shows how long they were.
+
+    Args:
+        x: (P, K, 3) the robot's keypoints in many poses, as the source has them [m].
     """
-    rise = np.random.default_rng(0).uniform(size=(POSES, len(robot.lower)))
-    poses = np.tile(robot.neutral(), (POSES + 1, 1))
-    poses[1:, robot.qpos_index] = robot.lower + rise * (robot.upper - robot.lower)
-    lengths, joined = _lengths(world_points(robot, points, poses), parents), parents >= 0
-    scaled = source * np.median(lengths[0, joined] / np.maximum(source[joined], 1e-9))
+    lengths, joined = _lengths(x, parents), parents >= 0
+    scaled = source * np.median(rest[joined] / np.maximum(source[joined], 1e-9))
     could = (scaled >= lengths.min(axis=0) * (1 - OWN)) & (scaled <= lengths.max(axis=0) * (1 + OWN))
     return frozen(scaled), bool(could.all())
+
+
+def _as_posed(robot: Robot, points: Points, keypoints: tuple[str, ...]) -> Floats:
+    """(P, K, 3) where a capture of the robot would find keypoints, at rest, standing and in drawn poses: its pelvis is in the
+    middle of the hips, which swing about it on robots whose hinges of the hip do not meet [m].
+    """
+    rise = np.random.default_rng(0).uniform(size=(POSES, len(robot.lower)))
+    drawn = np.tile(robot.neutral(), (POSES, 1))
+    drawn[:, robot.qpos_index] = robot.lower + rise * (robot.upper - robot.lower)
+    x = world_points(robot, points, np.vstack([robot.neutral(), robot.standing(), drawn]))
+    hips = [keypoints.index(k) for k in ("l_hip", "r_hip") if k in keypoints]
+    if "pelvis" in keypoints and len(hips) == 2:
+        x[:, keypoints.index("pelvis")] = x[:, hips].mean(axis=1)
+    return x
 
 
 def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
