@@ -12,14 +12,11 @@ from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
+from robot_retarget.retarget.bones import bone_lengths, own_bones
 from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
 from robot_retarget.robot import recognise as recognise_robot
 
 TABLES = ("human", "robot")
-OWN = 0.003
-"""A source whose bones are all within this of what the robot's can be is the robot itself [-]."""
-POSES = 64
-"""Drawn within the joints' ranges to see how long bones can be."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class Match:
     """(K,) index of each keypoint's parent among them, −1 at the root."""
     human_bones: Floats
     robot_bones: Floats
-    """(K,) length of the bone to the parent, 0 at the root [m]."""
+    """(K,) length of the bone to the parent, 0 at the root [m]; the robot's at rest, or as the source shows (`itself`)."""
     rest: Floats
     """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
@@ -91,7 +88,7 @@ class Match:
         """
         if self.itself:
             return path_weights(self.parents, self.robot_bones)
-        return path_weights(self.parents, _bones(world_points(robot, self.points, qpos), self.parents))
+        return path_weights(self.parents, bone_lengths(world_points(robot, self.points, qpos), self.parents))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -134,54 +131,24 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     human = _human_positions(motion, recognition, shared)
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
-    source, at_rest = _bones(human, parents), _bones(rest, parents)
-    scaled, itself = _as_own(_as_posed(robot, points, shared), at_rest, parents, source)
-    lengths = source, scaled if itself else at_rest
-    height = _ankle_height(robot, anatomy)
-    return Match(recognition, anatomy, shared, frozen(parents, np.int64), *lengths, frozen(rest[0]), height, itself)
+    source = bone_lengths(human, parents)
+    own = own_bones(robot, points, shared, parents, source)
+    return Match(
+        recognition,
+        anatomy,
+        shared,
+        frozen(parents, np.int64),
+        human_bones=source,
+        robot_bones=bone_lengths(rest, parents) if own is None else own,
+        rest=frozen(rest[0]),
+        ankle_height=_ankle_height(robot, anatomy),
+        itself=own is not None,
+    )
 
 
 def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
     columns = [recognition.keypoints.index(k) for k in keypoints]
     return recognition.place(motion.positions)[:, columns]
-
-
-def _bones(positions: Floats, parents: Ints) -> Floats:
-    return frozen(np.median(_lengths(positions, parents), axis=0))
-
-
-def _lengths(positions: Floats, parents: Ints) -> Floats:
-    """(T, K) of the bones to the parents, 0 at the root [m]."""
-    return np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
-
-
-def _as_own(x: Floats, rest: Floats, parents: Ints, source: Floats) -> tuple[Floats, bool]:
-    """The source's bones (K,), scaled to the robot's at rest [m], and whether the robot could have them all.
-
-    Some bones are longer in one pose than in another, as a shoulder's that turns with the arm. No human's are all what a
-    robot's can be; where a source's are, it is the robot itself that moved, and shows how long they were.
-
-    Args:
-        x: (P, K, 3) the robot's keypoints in many poses, as the source has them [m].
-    """
-    lengths, joined = _lengths(x, parents), parents >= 0
-    scaled = source * np.median(rest[joined] / np.maximum(source[joined], 1e-9))
-    could = (scaled >= lengths.min(axis=0) * (1 - OWN)) & (scaled <= lengths.max(axis=0) * (1 + OWN))
-    return frozen(scaled), bool(could.all())
-
-
-def _as_posed(robot: Robot, points: Points, keypoints: tuple[str, ...]) -> Floats:
-    """(P, K, 3) where a capture of the robot would find keypoints, at rest, standing and in drawn poses: its pelvis is in the
-    middle of the hips, which swing about it on robots whose hinges of the hip do not meet [m].
-    """
-    rise = np.random.default_rng(0).uniform(size=(POSES, len(robot.lower)))
-    drawn = np.tile(robot.neutral(), (POSES, 1))
-    drawn[:, robot.qpos_index] = robot.lower + rise * (robot.upper - robot.lower)
-    x = world_points(robot, points, np.vstack([robot.neutral(), robot.standing(), drawn]))
-    hips = [keypoints.index(k) for k in ("l_hip", "r_hip") if k in keypoints]
-    if "pelvis" in keypoints and len(hips) == 2:
-        x[:, keypoints.index("pelvis")] = x[:, hips].mean(axis=1)
-    return x
 
 
 def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
