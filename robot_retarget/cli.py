@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from robot_retarget import console
+from robot_retarget import __version__, console
 from robot_retarget.cli_servos import play, servos_app
 from robot_retarget.cli_stages import (
     Wishes,
@@ -35,6 +35,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
 )
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
 
 MotionFile = Annotated[Path, typer.Argument(help="BVH file, or joint positions as .npy or .npz.")]
 TrajectoryFile = Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")]

@@ -4,6 +4,7 @@ import json
 import resource
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,11 @@ def test_a_servo_robot_gets_a_stand_before_and_after_unless_balance_is_off(tmp_p
     assert done.returncode == 0 and "with a stand before and after" in done.stderr
     with np.load(path, allow_pickle=False) as archive:
         assert len(archive["qpos"]) > 12 + 2 * 30
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    done = run("--version")
+    assert done.returncode == 0 and done.stdout == f"{version('robot-retarget')}\n" and not done.stderr
 
 
 def test_info_prints_the_map_of_a_motion_and_of_a_robot() -> None:
