@@ -49,7 +49,7 @@ def _options(
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    pass
+    pass  # the option has done its work by then
 
 
 MotionFile = Annotated[Path, typer.Argument(help="BVH file, or joint positions as .npy or .npz.")]

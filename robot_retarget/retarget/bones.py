@@ -37,9 +37,8 @@ def _captured(robot: Robot, points: Points, keypoints: tuple[str, ...]) -> Float
 
     Its pelvis would be the middle of the hips, which swings about the robot's where hinges of the hip do not meet.
     """
-    rise = np.random.default_rng(0).uniform(size=(POSES, len(robot.lower)))
     drawn = np.tile(robot.neutral(), (POSES, 1))
-    drawn[:, robot.qpos_index] = robot.lower + rise * (robot.upper - robot.lower)
+    drawn[:, robot.qpos_index] = np.random.default_rng(0).uniform(robot.lower, robot.upper, (POSES, len(robot.lower)))
     x = world_points(robot, points, np.vstack([robot.neutral(), robot.standing(), drawn]))
     hips = [keypoints.index(k) for k in ("l_hip", "r_hip") if k in keypoints]
     if "pelvis" in keypoints and len(hips) == 2:

@@ -76,7 +76,7 @@ def sketch(
 def settled(solver: FrameSolver, edges: Edges, held: np.ndarray, draft: Draft, fixed: int = 0) -> Draft:
     """The draft, but frames whose wishes cost little there led to their ends, from where they are or from the one before.
 
-    Of a robot's own motion a sketch is too rough: sought over bones as they are at rest, and every tenth of a second only.
+    Of a robot's own motion a sketch is too rough: sought every tenth of a second only, and not to the end.
     On the wrong side of an edge of a link a frame costs ten times what it must, and what it does is taken for noise.
     """
     qpos, cost = list(draft.qpos), draft.cost.copy()

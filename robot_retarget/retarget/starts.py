@@ -54,8 +54,7 @@ def _descended(solver: FrameSolver, start: Floats, wished: tuple[Floats, ...], i
     human's, which is met exactly on neither side, that would only give more ways, some of them rougher.)
     """
     end = solver.descend(start, wished, iterations=iterations, tolerance=ROUGHLY)
-    beyond = _turned_on(solver.robot, end.qpos)
-    if solver.problem.match.itself and (beyond != end.qpos).any():
+    if solver.problem.match.itself and ((beyond := _turned_on(solver.robot, end.qpos)) != end.qpos).any():
         other = solver.descend(beyond, wished, iterations=iterations, tolerance=ROUGHLY)
         end = min(end, other, key=lambda pose: pose.cost)
     return replace(end, cost=solver.landscape.around(end.qpos, wished).cost)
