@@ -78,7 +78,7 @@ class Case:
         return f"{self.problem.robot.name}, {Path(self.motion.source).stem} ({len(self.edges)} frames)"
 
 
-def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None, native: bool = False) -> Case:
+def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None, native: bool = True) -> Case:
     """Match, describe by edges and compile, for `native` to machine code; not part of any figure."""
     motion = motion.resample(fps or min(motion.fps, MOST_FPS))
     matched = rr.match(motion, robot)
@@ -306,11 +306,11 @@ def main() -> None:
     ask.add_argument("--clips", nargs="+", type=Path, default=[WALK] if there else sorted(SAMPLES.glob("*.bvh")))
     ask.add_argument("--fps", type=float, default=None, help="frames per second of the trajectories")
     ask.add_argument("--repeats", type=int, default=5, help="runs of which the median counts")
-    ask.add_argument("--native", action="store_true", help="machine code, as long clips get it")
+    ask.add_argument("--interpreted", action="store_true", help="CasADi's virtual machine, as without a C compiler")
     given = ask.parse_args()
     peer = has_mink()
     cases = [
-        prepare(rr.read_motion(clip), rr.load_robot(robot), given.fps, given.native)
+        prepare(rr.read_motion(clip), rr.load_robot(robot), given.fps, not given.interpreted)
         for robot in given.robots
         for clip in given.clips
     ]

@@ -26,8 +26,8 @@ from robot_retarget.trajectory import Trajectory
 MOST_FPS = 30.0
 """Motions of a higher rate are solved at this one unless told otherwise, as reference motions are by custom [1/s]."""
 
-LONG = 4000
-"""Clips of as many frames are worth the seconds that a C compiler takes, once per robot (`native.py`)."""
+WORTH_COMPILING = 60
+"""Clips of as many frames are worth the two seconds that a C compiler takes, once per robot (`native.py`): others follow."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def retarget(
     if mode != "off" and legs == "follow":
         require_own_feet(activity_of(motion, matched))
     edges = build_edges(motion, matched, weights)
-    problem = build_problem(robot, matched, edges, weights, native=len(edges) >= LONG)
+    problem = build_problem(robot, matched, edges, weights, native=len(edges) >= WORTH_COMPILING)
     prepared = time.perf_counter() - began
     solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
     timed = replace(solution, timings={"prepare": prepared, **solution.timings})

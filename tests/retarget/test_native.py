@@ -71,13 +71,13 @@ def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, ca
 
 
 @needs_compiler
-def test_long_clips_are_solved_by_machine_code(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 20), load_robot("op3")
-    short = retarget(motion, robot).solution
-    monkeypatch.setattr(transfer, "LONG", 10)
-    long = retarget(motion, robot).solution
-    assert (short.native, long.native) == (False, True)
-    assert (short.trajectory.qpos == long.trajectory.qpos).all()
+def test_clips_of_two_seconds_are_solved_by_machine_code(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")
+    compiled = retarget(motion, robot).solution
+    monkeypatch.setattr(transfer, "WORTH_COMPILING", 61)
+    interpreted = retarget(motion, robot).solution
+    assert (compiled.native, interpreted.native) == (True, False)
+    assert (compiled.trajectory.qpos == interpreted.trajectory.qpos).all()
 
 
 @needs_compiler
