@@ -5,7 +5,8 @@ between keypoints, in the same way on both bodies. A head's yaw and a foot's rol
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
 over the clip (a foot is flat where its ankle is lowest). A head may hang and a hand be bent throughout: for these the
 file's rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions
-alone is levelled where its neck is built otherwise than the robot's.
+alone is levelled where its neck is built otherwise than the robot's. Nothing is fitted where the robot itself is the
+source and its joints are turned as its bodies are.
 """
 
 import numpy as np
@@ -27,6 +28,8 @@ LIKELY = {"head": 1.2, "hand": np.pi / 2}
 """A rest pose further from how a segment is turned on the whole is none [rad]."""
 LEANT = 0.2
 """A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
+OWN_AXES = 0.1
+"""The robot's own trunk is turned as its bodies are when what its keypoints show is no further off on the whole [rad]."""
 STANDING_SHARE = 0.1
 """A foot is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 
@@ -42,7 +45,17 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
             frames[f"{side}_foot"] = _foot(motion, match, side, *(x[f"{side}_{k}"] for k in ("knee", "ankle", "toe")))
         if (hand := _hand(motion, match, side, x)) is not None:
             frames[f"{side}_hand"] = hand
-    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+    frames = {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+    return _as_bodies(motion, match, frames) if match.itself else frames
+
+
+def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[str, Floats]:
+    """Frames (T, 3, 3) of a source that is the robot itself: as its bodies have them, if the trunk bears that out."""
+    own = {segment: _own_rotation(motion, match, segment.replace("foot", "ankle")) for segment in fitted}
+    frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
+    trunk = [_constant(frames[segment], fitted[segment]) for segment in ("pelvis", "chest") if segment in frames]
+    off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
+    return fitted | frames if off < OWN_AXES else fitted
 
 
 def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:
