@@ -33,7 +33,9 @@ def solve(
     began = time.perf_counter()
     chosen, smoothly = options or Options(), smoothing or Smoothing()
     solver = FrameSolver(problem, chosen)
-    held = held_corners(edges.stances if chosen.footholds else {}, problem.feet, len(edges))
+    # The robot itself as a source stands in the motion already, and its feet may turn where a human's would be taken to stand.
+    stances = edges.stances if chosen.footholds and not problem.match.itself else {}
+    held = held_corners(stances, problem.feet, len(edges))
     count = Count(progress, len(edges) * max(smoothly.passes, 1))
     if smoothly.passes == 0 or len(edges) < 3:
         poses = causal_pass(solver, edges, held, fps, count)
