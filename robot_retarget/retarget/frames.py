@@ -51,11 +51,12 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
 
 def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[str, Floats]:
     """Frames (T, 3, 3) of a source that is the robot itself: as its bodies have them, if the trunk bears that out."""
-    own = {segment: _own_rotation(motion, match, segment.replace("foot", "ankle")) for segment in fitted}
+    bearers = {segment: segment.replace("foot", "ankle").removesuffix("_link") for segment in match.anatomy.frames}
+    own = {s: _own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
     frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
     trunk = [_constant(frames[segment], fitted[segment]) for segment in ("pelvis", "chest") if segment in frames]
     off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
-    return fitted | frames if off < OWN_AXES else fitted
+    return frames if off < OWN_AXES else fitted
 
 
 def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:

@@ -1,7 +1,7 @@
 """Human and robot in the same words: the keypoints both have, the tree over them, and both bodies' bone lengths."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import KEYPOINTS, parents_within
+from robot_retarget.keypoints import ARM, KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
 from robot_retarget.retarget.bones import bone_lengths, own_bones
 from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
@@ -135,7 +135,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     own = own_bones(robot, points, shared, parents, source)
     return Match(
         recognition,
-        anatomy,
+        anatomy if own is None else _arms_framed(anatomy, shared),
         shared,
         frozen(parents, np.int64),
         human_bones=source,
@@ -144,6 +144,16 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         ankle_height=_ankle_height(robot, anatomy),
         itself=own is not None,
     )
+
+
+def _arms_framed(anatomy: Anatomy, keypoints: tuple[str, ...]) -> Anatomy:
+    """With frames for the links of arms (`l_elbow_link`), along their bodies' axes: the robot turned them, so it can.
+
+    They tell what no joint centre does: the twist of a straight arm, which way an elbow bends, a wrist of two hinges.
+    """
+    arms = [f"{side}_{k}" for side in "lr" for k in ARM if f"{side}_{k}" in keypoints]
+    links = {f"{keypoint}_link": (anatomy.spots[keypoint].body, frozen(np.eye(3))) for keypoint in arms}
+    return replace(anatomy, frames={**anatomy.frames, **links})
 
 
 def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:

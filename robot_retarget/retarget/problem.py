@@ -151,6 +151,7 @@ def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
 
 def _unled(robot: Robot, match: Match, edges: Edges) -> np.ndarray:
     """(n,) the wrists without markers: the hinges that move a hand and no other keypoint."""
-    moves = carrying(robot.model)[match.points.bodies][:, robot.dof_index]
-    hands = {f"{side}_hand" for side in "lr"} & set(match.keypoints) - set(edges.segments)
-    return (moves.sum(axis=0) == 1) & moves[[match.index(hand) for hand in hands]].any(axis=0)
+    moves, bodies = carrying(robot.model)[match.points.bodies][:, robot.dof_index], match.points.bodies
+    marked = [match.anatomy.frames[segment][0] for segment in edges.segments]
+    hands = [k for k, keypoint in enumerate(match.keypoints) if keypoint[2:] == "hand" and bodies[k] not in marked]
+    return (moves.sum(axis=0) == 1) & moves[hands].any(axis=0)
