@@ -128,11 +128,11 @@ def _upright(left: Floats, up: Floats) -> Floats:
 
 def _feet(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
     """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
-    stands = stances(grounded(match.human_positions(motion), match, motion.fps), match, motion.fps)
+    level = grounded(match.human_positions(motion), match, motion.fps)
+    top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
+    stands, upright = stances(level, match, motion.fps), np.asarray(top >= UPRIGHT * top.max())
     sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
     toes = {side: stands[side][:, 0] for side in sides}
-    highest = x[next(k for k in ("head", "chest", "pelvis", *x) if k in x)][:, 2]
-    upright = np.asarray(highest >= UPRIGHT * highest.max())
     flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}
     drops = {side: _drop((x[f"{side}_toe"] - x[f"{side}_ankle"])[flat[side]]) for side in sides}
     least = min((drops[side] for side in sides if toes[side].any()), default=np.inf)

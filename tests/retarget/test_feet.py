@@ -1,5 +1,6 @@
 """How feet are turned: level where they bear who stands upright, and never farther about the shin than an ankle goes."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -42,6 +43,15 @@ def test_who_lies_with_the_toes_up_does_not_tell_how_a_foot_stands() -> None:
     frames, _, _ = shown(str(FALL))
     for side in "lr":
         assert frames[f"{side}_foot"][[0, 1, -2, -1], 2, 2].min() > 0.98
+
+
+@needs_shared
+def test_it_does_not_matter_how_high_the_floor_of_a_file_is() -> None:
+    motion, robot = read_motion(FALL).resample(15), load_robot("op3")
+    raised = replace(motion, positions=np.add(motion.positions, [0.0, 0.0, 50.0]))
+    for side in "lr":
+        here, there = (human_frames(m, match(m, robot))[f"{side}_foot"] for m in (motion, raised))
+        assert np.allclose(here, there, atol=1e-6)
 
 
 @needs_shared
