@@ -3,10 +3,10 @@
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (a foot is flat where it bears who stands upright, with its ankle lowest). A head may hang and a hand be bent throughout: for these the
-file's rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions
-alone is levelled where its neck is built otherwise than the robot's. Nothing is fitted where the robot itself is the
-source and its joints are turned as its bodies are.
+over the clip (a foot is flat where it bears who stands upright, with its ankle lowest). A head may hang and a hand be
+bent throughout: for these the file's rest pose tells, where the motion bears it out, for many exporters' rest poses are
+nonsense. A head of positions alone is levelled where its neck is built otherwise than the robot's. Nothing is fitted
+where the robot itself is the source and its joints are turned as its bodies are.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[
     bearers = {segment: segment.replace("foot", "ankle").removesuffix("_link") for segment in match.anatomy.frames}
     own = {s: _own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
     frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
-    trunk = [_constant(frames[segment], fitted[segment]) for segment in ("pelvis", "chest") if segment in frames]
+    trunk = [_constant(frames[s], fitted[s]) for s in ("pelvis", "chest") if s in frames.keys() & fitted.keys()]
     off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
     return frames if off < OWN_AXES else fitted
 

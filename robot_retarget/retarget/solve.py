@@ -33,7 +33,7 @@ def solve(
     began = time.perf_counter()
     chosen, smoothly = options or Options(), smoothing or Smoothing()
     solver = FrameSolver(problem, chosen)
-    # The robot itself as a source stands in the motion already, and its feet may turn where a human's would be taken to stand.
+    # The robot itself as a source stands in the motion already; its feet may turn where a human's would be taken to stand.
     stances = edges.stances if chosen.footholds and not problem.match.itself else {}
     held = held_corners(stances, problem.feet, len(edges))
     count = Count(progress, len(edges) * max(smoothly.passes, 1))

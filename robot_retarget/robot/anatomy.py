@@ -33,7 +33,8 @@ class Anatomy:
     spots: Mapping[str, Spot]
     """Keypoints by name; those the robot lacks are absent."""
     frames: Mapping[str, tuple[int, Floats]]
-    """Segments (pelvis, chest, head, feet, hands that turn any way, arms' links where a source shows them): body, and (3, 3) its local forward, left and up as columns."""
+    """Segments (pelvis, chest, head, feet, hands that turn any way, arms' links where a source shows them): body, and (3, 3)
+    its local forward, left and up as columns."""
     soles: Mapping[str, Points]
     """Per foot (`l`, `r`) the points, seen or felt, that can be its lowest."""
     treads: Mapping[str, Points]
