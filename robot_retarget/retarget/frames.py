@@ -3,10 +3,10 @@
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
 between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (a foot is flat where it bears who stands upright, with its ankle lowest). A head may hang and a hand be
-bent throughout: for these the file's rest pose tells, where the motion bears it out, for many exporters' rest poses are
-nonsense. A head of positions alone is levelled where its neck is built otherwise than the robot's. Nothing is fitted
-where the robot itself is the source and its joints are turned as its bodies are.
+over the clip (that of feet is found in `feet.py`). A head may hang and a hand be bent throughout: for these the file's
+rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions alone is
+levelled where its neck is built otherwise than the robot's. Nothing is fitted where the robot itself is the source and
+its joints are turned as its bodies are.
 """
 
 import numpy as np
@@ -15,13 +15,12 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
-from robot_retarget.retarget.contacts import stances
-from robot_retarget.retarget.ground import grounded
+from robot_retarget.retarget.feet import feet_frames
 from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.turns import UP, constant_between, own_joint, own_rotation
 from robot_retarget.robot.axes import levelled
 from robot_retarget.robot.hands import BENT, hand_frames
 
-UP = np.array([0.0, 0.0, 1.0])
 LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
 STRAIGHT = 1.0
@@ -32,14 +31,6 @@ LEANT = 0.2
 """A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
 OWN_AXES = 0.1
 """The robot's own trunk is turned as its bodies are when what its keypoints show is no further off on the whole [rad]."""
-FLAT_SHARE = 0.1
-"""A foot that stands is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
-UPRIGHT = 0.9
-"""The head of who stands upright is over the floor by this share of the most it is."""
-ANKLE_TURN = 1.3
-"""An ankle and a shin turn the left of a foot no further from the axis of the bent knee [rad]."""
-ON_TOES = 0.25
-"""It stands on its toes when these lie further under the ankle than those of the other one where that is flat [rad]."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -48,7 +39,7 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     frames, leans = _trunk_frames(x), _leans(match)
     for segment in leans:
         frames[segment] = _turned(motion, match, segment, frames, leans)
-    feet = _feet(motion, match, x)
+    feet = feet_frames(motion, match, x)
     for side in "lr":
         if side in feet:
             frames[f"{side}_foot"] = feet[side]
@@ -61,19 +52,19 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
 def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[str, Floats]:
     """Frames (T, 3, 3) of a source that is the robot itself: as its bodies have them, if the trunk bears that out."""
     bearers = {segment: segment.replace("foot", "ankle").removesuffix("_link") for segment in match.anatomy.frames}
-    own = {s: _own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
+    own = {s: own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
     frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
-    trunk = [_constant(frames[s], fitted[s]) for s in ("pelvis", "chest") if s in frames.keys() & fitted.keys()]
+    trunk = [constant_between(frames[s], fitted[s]) for s in ("pelvis", "chest") if s in frames.keys() & fitted.keys()]
     off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
     return frames if off < OWN_AXES else fitted
 
 
 def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:
     """(T, 3, 3) of pelvis, chest or head, from what keypoints show and, where the source has them, rotations."""
-    built, own = frames[segment] @ leans[segment], _own_rotation(motion, match, segment)
+    built, own = frames[segment] @ leans[segment], own_rotation(motion, match, segment)
     if own is None:
         return built @ _nod(built, frames["chest"]) if segment == "head" else built
-    constant = _constant(own, built)
+    constant = constant_between(own, built)
     if segment == "head":  # at rest it faces as the chest does
         constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
     return own @ levelled(constant, LEVEL[segment])
@@ -102,7 +93,7 @@ def _leans(match: Match) -> dict[str, Floats]:
 
 def _nod(head: Floats, chest: Floats) -> Floats:
     """(3, 3) that levels a head whose neck leans otherwise than the robot's on the whole: it faces as the chest then."""
-    constant = _constant(head, chest)
+    constant = constant_between(head, chest)
     return constant if Rotation.from_matrix(constant).magnitude() > LEANT else np.eye(3)
 
 
@@ -126,82 +117,17 @@ def _upright(left: Floats, up: Floats) -> Floats:
     return np.stack([np.cross(y, z), y, z], axis=2)
 
 
-def _feet(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
-    """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
-    level = grounded(match.human_positions(motion), match, motion.fps)
-    top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
-    stands, upright = stances(level, match, motion.fps), np.asarray(top >= UPRIGHT * top.max())
-    sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
-    toes = {side: stands[side][:, 0] for side in sides}
-    flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}
-    drops = {side: _drop((x[f"{side}_toe"] - x[f"{side}_ankle"])[flat[side]]) for side in sides}
-    least = min((drops[side] for side in sides if toes[side].any()), default=np.inf)
-    feet = {}
-    for side in sides:
-        knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
-        foot = _foot(motion, match, side, knee, ankle, toe, flat[side])
-        if drops[side] - least > ON_TOES:
-            foot = foot @ Rotation.from_euler("y", drops[side] - least).as_matrix()
-        hip = x.get(f"{side}_hip")
-        feet[side] = foot if hip is None else _untwisted(foot, hip, knee, ankle)
-    return feet
-
-
-def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats:
-    """A foot's frames; where no ankle could turn it so far from the way the knee bends, its left is the knee's axis.
-
-    Captures lose the roll of a foot that points along its shin, and some turn it right over.
-    """
-    across = np.cross(unit(knee - hip), unit(ankle - knee))
-    y = unit(across)
-    ahead = foot[:, :, 0] - (foot[:, :, 0] * y).sum(1, keepdims=True) * y
-    along = np.stack([unit(ahead), y, np.cross(unit(ahead), y)], axis=2)
-    turned = (foot[:, :, 1] * y).sum(1) < np.cos(ANKLE_TURN)
-    return np.where((turned & (np.linalg.norm(across, axis=1) > BENT))[:, None, None], along, foot)
-
-
-def _flat(height: Floats, stands: np.ndarray, upright: np.ndarray) -> np.ndarray:
-    """(T,) when a foot is taken to be flat: with its ankle lowest, if its toes mostly bear who is upright then.
-
-    Who lies may have the ankles lowest of all, with the toes up; then those frames tell in which toes bear who is upright.
-    """
-    low, bears = height <= np.quantile(height, FLAT_SHARE), stands & upright
-    if bears[low].mean() > 0.5:
-        return low
-    frames = next(some for some in (bears, stands, np.ones_like(stands)) if some.any())
-    return frames & (height <= np.quantile(height[frames], FLAT_SHARE))
-
-
-def _drop(along: Floats) -> float:
-    """How far the toes are under the ankle, along (N, 3) from this to those, in the middle [rad]."""
-    return float(np.median(np.arcsin(-unit(along)[:, 2])))
-
-
-def _foot(
-    motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats, flat: np.ndarray
-) -> Floats:
-    """A foot's frame; it is level, and its toes lie straight ahead, in the frames (T,) in which it is flat."""
-    along, shin = toe - ankle, knee - ankle
-    y = unit(np.cross(shin, along))
-    raw = np.stack([unit(along), y, np.cross(unit(along), y)], axis=2)
-    ahead = unit(along[flat] * [1, 1, 0])
-    level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
-    own = _own_rotation(motion, match, f"{side}_ankle")
-    seen = raw if own is None else own
-    return seen @ _constant(seen[flat], level)
-
-
 def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
     """A hand's own rotation, turned by a constant: the rest pose's, if bent elbows show on the whole that it may be so."""
     arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
-    own = _own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
+    own = own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
     if own is None:
         return None
     straight, bend = hand_frames(*arm)
     if bend.max() < BENT:
         return None
-    fingers = motion.skeleton.outward(_own_joint(motion, match, f"{side}_hand"))
-    constant = pointed(_constant(own * bend[:, None, None] ** 2, straight), fingers)
+    fingers = motion.skeleton.outward(own_joint(motion, match, f"{side}_hand"))
+    constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
     constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers), "hand")
     return own @ levelled(constant, LEVEL["hand"])
 
@@ -240,24 +166,3 @@ def pointed(constant: Floats, fingers: Floats) -> Floats:
     if ahead @ constant[:, 0] < np.cos(STRAIGHT):
         return constant
     return Rotation.align_vectors(ahead, constant[:, 0])[0].as_matrix() @ constant
-
-
-def _own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
-    """(T, 3, 3) of the joint that stands for a keypoint, where the source has rotations."""
-    if motion.rotations is None:
-        return None
-    joint = _own_joint(motion, match, keypoint)
-    return Rotation.from_quat(motion.rotations[:, joint], scalar_first=True).as_matrix()
-
-
-def _own_joint(motion: Motion, match: Match, keypoint: str) -> int:
-    """The joint that stands for a keypoint, or carries those that do."""
-    joints = match.recognition.marks[keypoint].joints
-    carriers = [set(motion.skeleton.above(joint)[1:]) for joint in joints]
-    return joints[0] if len(joints) == 1 else max(set.intersection(*carriers), default=0)
-
-
-def _constant(own: Floats, wanted: Floats) -> Floats:
-    """The rotation C that minimises Σ ‖own C − wanted‖² over the frames (orthogonal Procrustes). (3, 3)"""
-    u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", own, wanted))
-    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
