@@ -17,12 +17,14 @@ from robot_retarget.robot.kinematics import difference, integrate
 ALIKE = 0.05
 """Of ways that cost so little more [-] a stream begins with the first: a nearly straight arm costs as much bent either way,
 and the one that comes from the reference pose has its elbow bent as it will go on."""
+CLOSING = 1 / 6
+"""Links that leading on draws together by more than this share of their margin may go one way or another."""
 
 
 def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float, count: Count) -> list[Pose]:
     """Each frame from the ones before; a foot that begins to stand stays where it was led to.
 
-    Where leading on would draw links together, a frame sets out from the one before, where they were apart.
+    Where leading on would draw links together, a frame sets out from the one before, where they were apart, or from both.
     When a much cheaper way is found, the robot goes over to it (`Crossing`): no jump, and no staying where the first frame
     happened to begin.
     """
@@ -33,8 +35,10 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
         box = solver.reachable([before] if t else [], 1 / fps)
         leads_on = t > 2 and crossing.aim is None
-        start = _set_out(solver, _onward(robot, poses, box), before, wished) if leads_on else before
-        pose = solver.descend(start, wished, pull=crossing.pull(wished), box=box, learning=True)
+        starts = _set_out(solver, _onward(robot, poses, box), before, wished) if leads_on else [before]
+        pull = crossing.pull(wished)
+        ends = [solver.descend(start, wished, pull=pull, box=box, learning=True) for start in starts]
+        pose = min(ends, key=lambda end: end.cost)
         if pose.missing > 0:
             pose = solver.held_back(before, pose, wished)
         poses.append(solver.lifted(pose))
@@ -44,14 +48,18 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
     return poses
 
 
-def _set_out(solver: FrameSolver, onward: Floats, before: Floats, wished: tuple[Floats, ...]) -> Pose | Floats:
+def _set_out(solver: FrameSolver, onward: Floats, before: Floats, wished: tuple[Floats, ...]) -> list[Pose | Floats]:
     """From where to descend: where leading on has come to, and what is known there; the configuration before, if links have
     come within half the margin on the way, for they may then go around each other on the wrong side.
+
+    Where they have hardly come within it, from both: as links slide along each other, their nearest places leap, and a
+    hair decides in which of two hollows one descent ends.
     """
-    here = solver.landscape.around(onward, wished)
-    if here.missing > solver.options.margin / 2:
-        return before
-    return Pose(onward, Status.OUT_OF_ITERATIONS, here.cost, 0, here, here.missing)
+    here, margin = solver.landscape.around(onward, wished), solver.options.margin
+    led = Pose(onward, Status.OUT_OF_ITERATIONS, here.cost, 0, here, here.missing)
+    if here.missing > margin / 2:
+        return [before]
+    return [led, before] if here.missing > CLOSING * margin else [led]
 
 
 def _onward(robot: Robot, poses: list[Pose], box: Box) -> Floats:

@@ -161,10 +161,9 @@ class FrameSolver:
             # Steps lead into the box and never out of it, but not into other links, and away from evenness for good.
             strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
             even, forced = even and self.symmetry.even(q), here.sunk or strayed
-            step, gain = self._step(q, here, pace, box)
+            step, gain = self._even_step(q, here, pace, box) if even else self._step(q, here, pace, box)
             if step is None:
                 return self._closed(self._left(q, Status.BLOCKED, base, pace, between))
-            step = self.symmetry.kept(q, here, step) if even else step
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
             if gain <= least_gain * here.cost + 1e-12 and not forced and small:
                 last = integrate(self.robot, q, step)
@@ -199,6 +198,13 @@ class FrameSolver:
         program.gradient[:nv] = here.gradient
         found = program.solve(here.rows, here.least)
         return (None, 0.0) if found is None else (found[:nv], here.decrease(found[:nv], float(found[nv]) / self.leg))
+
+    def _even_step(self, q: Floats, here: Quadratic, pace: "_Pace", box: Box) -> tuple[Floats | None, float]:
+        """The same from an even configuration: without a side where nothing pulls to one."""
+        if not self.symmetry.pulls_evenly(q, here):
+            return self._step(q, here, pace, box)
+        step, gain = self._step(q, self.symmetry.doubled(q, here, self.problem.soles), pace, box)
+        return (step, gain) if step is None else (self.symmetry.kept(q, step), gain)
 
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
         """The model, with what a refused short step has met."""

@@ -75,6 +75,17 @@ def test_hands_that_meet_in_the_middle_meet_evenly_and_stay_on_their_sides(name:
 
 
 @needs_shared
+@pytest.mark.parametrize("clip", ["clap", "hips_and_bow", "squat"])
+@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
+def test_hulls_that_differ_from_side_to_side_give_a_motion_no_side(clip: str, smoothing: Smoothing) -> None:
+    """Those of this robot's hips do by a millimetre and a half, and its wrists rest on them."""
+    motion = read_motion(SAMPLES / f"{clip}.bvh").resample(30)
+    robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
+    angles = retarget(motion, robot, smoothing=smoothing).trajectory.qpos[:, robot.qpos_index]
+    assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 1e-3
+
+
+@needs_shared
 @pytest.mark.parametrize(
     ("name", "clip", "smoothing"),
     [
