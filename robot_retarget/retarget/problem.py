@@ -12,7 +12,8 @@ The sum with h holds the corners c of a standing sole at their places p; its wei
 tenth of a millimetre where the leg has six hinges to reach them, and never makes the rest infeasible.
 
 What edges measure and its Jacobian F are scalar instructions (`measures.py`); with weights W, wishes and residuals r the
-quadratic model is Fᵀ W r and Fᵀ W F, two sparse products.
+quadratic model is Fᵀ W r and Fᵀ W F, two sparse products; machine code has them as scalar instructions too, of what is
+not zero, and of Fᵀ W F one half.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from robot_retarget.retarget.compiled import Compiled, dense_function
 from robot_retarget.retarget.edges import Edges, Weights
 from robot_retarget.retarget.footing import CORNERS
 from robot_retarget.retarget.match import Match
-from robot_retarget.retarget.measures import build_measures
+from robot_retarget.retarget.measures import Measures, build_measures
 from robot_retarget.retarget.native import machine_code
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import carrying
@@ -51,7 +52,7 @@ class Problem:
     soles: int
     """F, how many sole points stay above the floor."""
     native: bool = False
-    """Whether `model` measures by machine code."""
+    """Whether `model` is machine code."""
 
 
 def build_problem(
@@ -62,25 +63,33 @@ def build_problem(
     Args:
         native: take machine code where it can be had (`native.py`): seconds once, kept for later.
     """
-    measures, q = build_measures(robot, match, edges), ca.MX.sym("q", robot.model.nq)
-    compiled = machine_code(measures.slopes) if native else None
+    measures = build_measures(robot, match, edges)
     terms = _Terms(robot, match, edges, weights or Weights(), _Wished(edges, CORNERS * len(measures.feet)))
-    values, slopes, heights, height_slopes = (compiled or measures.slopes)(q)
-    cost, residual, weight = terms.around(values)
-    weighted, given, alone = ca.diag(weight) @ slopes, [q, *terms.wished.all], measures.values(q)
-    model = [cost, weighted.T @ residual, weighted.T @ slopes, heights, height_slopes]
+    q, wished = ca.MX.sym("q", robot.model.nq), terms.wished
+    model, alone = _model(measures, terms, q), measures.values(q)
+    compiled = machine_code(model.expand()) if native else None
     return Problem(
         robot,
         match,
-        dense_function("model", given, model),
-        dense_function("cost", given, [terms.around(alone)[0]]),
-        dense_function("stress", [q, terms.wished.delta], [terms.stretch(alone)]),
+        Compiled(compiled or model),
+        dense_function("cost", [q, *wished.all], [terms.around(alone)[0]]),
+        dense_function("stress", [q, wished.delta], [terms.stretch(alone)]),
         Compiled(measures.heights),
         Compiled(measures.corners),
         measures.feet,
-        heights.numel(),
+        measures.heights.numel_out(0),
         compiled is not None,
     )
+
+
+def _model(measures: Measures, terms: "_Terms", q: ca.MX) -> ca.Function:
+    """q and all that is wished ↦ `Problem.model`."""
+    values, slopes, heights, height_slopes = measures.slopes(q)
+    cost, residual, weight = terms.around(values)
+    weighted = ca.diag(weight) @ slopes
+    normal = ca.triu2symm(ca.triu(weighted.T @ slopes))
+    found = [cost, weighted.T @ residual, normal, heights, height_slopes]
+    return ca.Function("model", [q, *terms.wished.all], [ca.densify(each) for each in found])
 
 
 @dataclass(frozen=True)

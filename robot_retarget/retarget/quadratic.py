@@ -148,7 +148,7 @@ class Landscape:
         wanted = self.separation.lacking(distance, rest)
         near, grace = len(distance), GRACE * self.leg
         rows[:near, :-1], rows[:near, -1] = slope, 1.0
-        least[:near] = np.where((wanted > 0) & (wanted <= grace), 0.0, wanted)
+        least[:near] = np.where(wanted > grace, wanted, np.minimum(wanted, 0.0))
         return max(float(wanted.max(initial=0.0)) - grace, 0.0) / self.leg
 
     def _around(self, q: Floats, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:

@@ -7,9 +7,8 @@ aside, all around.
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Near
 from robot_retarget.robot.capsules import collision_geoms
 from robot_retarget.robot.links import local_points
@@ -77,11 +76,20 @@ def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:
         return np.zeros((1, 3)), float(size[0])
     if kind == _GEOM.mjGEOM_CAPSULE:
         return np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), float(size[0])
-    points = _rims(size) if kind == _GEOM.mjGEOM_CYLINDER else local_points(model, geom)
-    try:
-        return points[ConvexHull(points).vertices], 0.0
-    except QhullError:  # flat, or a point
-        return points, 0.0
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return _rims(size), 0.0
+    points = local_points(model, geom)
+    return points if kind != _GEOM.mjGEOM_MESH else points[_on_hull(model, int(model.geom_dataid[geom]))], 0.0
+
+
+def _on_hull(model: mujoco.MjModel, mesh: int) -> Ints:
+    """Which vertices of a mesh are on its convex hull, as MuJoCo found it to collide with; all where it did not."""
+    start = int(model.mesh_graphadr[mesh])
+    if start < 0:
+        return np.arange(model.mesh_vertnum[mesh])
+    # A graph begins with how many vertices and faces there are; then come, per vertex, its edges' place and its number.
+    count = int(model.mesh_graph[start])
+    return np.sort(model.mesh_graph[start + 2 + count : start + 2 + 2 * count])
 
 
 def _rims(size: Floats) -> Floats:

@@ -52,9 +52,12 @@ class Separation:
         self.margin, self.most = margin, most
         self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
+        self.trees = np.asarray(self.model.body_rootid)[self.bodies]
         carried = carrying(self.model).astype(float)
-        self.between = carried[None] - carried[:, None]
-        """(B, B, nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
+        self.between = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
+        """(B², nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
+        # Views are kept: to ask for one takes as long as to use it.
+        self._centres, self._dofs = self.data.subtree_com, self.data.cdof
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
         self.rest = np.full(self.counts.shape, np.inf)
@@ -75,14 +78,19 @@ class Separation:
         if self.floor is not None and (low := self.floor.near()) is not None:
             found, rest = found + low, np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
         kept = self.foremost(found.distance, rest)
-        found, rest = found[kept], rest[kept]
-        first, second = self.bodies[found.geoms].T
-        arm, along = found.place - self.data.subtree_com[self.model.body_rootid[second]], found.normal
-        # Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
+        found = found[kept]
+        return found.distance, self._slopes(found), rest[kept]
+
+    def _slopes(self, found: Near) -> Floats:
+        """(C, nv) how distances change by v: along the normal n, a point moves by n·(travel + turn × arm) with every dof that
+        carries its body.
+        """
+        first, second = found.geoms.T
+        arm, along = found.place - self._centres.take(self.trees.take(second), axis=0), found.normal
         moment = (arm * along.take(_YZX, 1) - arm.take(_YZX, 1) * along).take(_YZX, 1)
-        slope = moment @ self.data.cdof[:, :3].T + along @ self.data.cdof[:, 3:].T
-        slope *= self.between[first, second]
-        return found.distance, slope, rest
+        slope = np.concatenate([moment, along], axis=1) @ self._dofs.T
+        slope *= self.between.take(self.bodies.take(first) * self.model.nbody + self.bodies.take(second), axis=0)
+        return slope
 
     def lacking(self, distance: Floats, rest: Floats) -> Floats:
         """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so."""
