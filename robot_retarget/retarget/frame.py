@@ -11,7 +11,7 @@ from robot_retarget.retarget.footing import CORNERS, grip_of
 from robot_retarget.retarget.problem import Problem
 from robot_retarget.retarget.quadratic import SEPARATION_COST, Ahead, Landscape, Pull, Quadratic
 from robot_retarget.retarget.solution import Status
-from robot_retarget.retarget.symmetry import symmetry_of
+from robot_retarget.retarget.symmetry import doubled, pulls_evenly, symmetry_of
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raised
 
@@ -201,10 +201,11 @@ class FrameSolver:
 
     def _even_step(self, q: Floats, here: Quadratic, pace: "_Pace", box: Box) -> tuple[Floats | None, float]:
         """The same from an even configuration: without a side where nothing pulls to one."""
-        if not self.symmetry.pulls_evenly(q, here):
+        reflection = self.symmetry.reflection(q)
+        if not pulls_evenly(reflection, here):
             return self._step(q, here, pace, box)
-        step, gain = self._step(q, self.symmetry.doubled(q, here, self.problem.soles), pace, box)
-        return (step, gain) if step is None else (self.symmetry.kept(q, step), gain)
+        step, gain = self._step(q, doubled(reflection, here, self.problem.soles), pace, box)
+        return (step, gain) if step is None else ((step + reflection @ step) / 2, gain)
 
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
         """The model, with what a refused short step has met."""

@@ -7,7 +7,9 @@ that solves it too, and (v + S v)/2 costs no more than either. Motions of a huma
 """
 
 from dataclasses import replace
+from functools import cached_property
 
+import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
@@ -28,27 +30,6 @@ class Symmetry:
         self.robot, self.mirror = robot, mirror
         self.present = mirror.whole and (robot.floating or not robot.root_joints.size)
 
-    def pulls_evenly(self, qpos: Floats, here: Quadratic) -> bool:
-        """Whether the gradient at an even configuration (nq,) would move no joint to one side."""
-        uneven = np.abs(self.reflected(qpos, here.gradient) - here.gradient)
-        return bool((uneven <= EVEN * (1 + here.normal.diagonal())).all())
-
-    def doubled(self, qpos: Floats, here: Quadratic, soles: int) -> Quadratic:
-        """The model whose links keep apart as mirror images of each other do: the half of the rows that demands most, and its
-        reflections in place of the others. Hulls of meshes differ from side to side by a millimetre and more.
-        """
-        rows, least = here.rows.copy(order="F"), here.least.copy()
-        order = soles + np.argsort(-least[soles:], kind="stable")
-        half = len(order) // 2
-        demanding, others = order[:half], order[half : 2 * half]
-        rows[others, :-1] = self.reflected(qpos, rows[demanding, :-1])
-        rows[others, -1], least[others] = rows[demanding, -1], least[demanding]
-        return replace(here, rows=rows, least=least)
-
-    def kept(self, qpos: Floats, step: Floats) -> Floats:
-        """A step (nv,) from an even configuration (nq,) without its uneven part."""
-        return (step + self.reflected(qpos, step)) / 2
-
     def both_sides(self, qpos: Floats, start: Floats) -> Floats:
         """A start that was made from an even configuration by moving one limb, with the other moved likewise."""
         if not self.even(qpos):
@@ -63,21 +44,46 @@ class Symmetry:
         angles = qpos[self.robot.qpos_index]
         return self.present and bool(np.abs(self.mirror.angles(angles) - angles).max() < EVEN)
 
-    def reflected(self, qpos: Floats, tangent: Floats) -> Floats:
-        """S v (…, nv): tangent vectors, or gradients, seen in the sagittal plane of the root at a configuration (nq,).
+    def reflection(self, qpos: Floats) -> Floats:
+        """S (nv, nv) = Sᵀ = S⁻¹: what tangent vectors and gradients at a configuration (nq,) are in the root's sagittal plane.
 
         The root travels in world axes, by M v with M = 1 − 2 n nᵀ, and turns in its own, by −(1 − 2 ℓ ℓᵀ) ω.
         """
-        seen, hinges = np.zeros_like(tangent), self.robot.dof_index
-        seen[..., hinges] = self.mirror.angles(tangent[..., hinges])
+        seen = self._of_hinges.copy()
         if self.robot.floating:
-            first = int(self.robot.model.jnt_dofadr[self.robot.root_joints[0]])
-            travel, turn = tangent[..., first : first + 3], tangent[..., first + 3 : first + 6]
-            own = self.mirror.left
-            left = _turned(qpos[self.robot.root_address + 3 : self.robot.root_address + 7], own)
-            seen[..., first : first + 3] = travel - 2 * (travel @ left)[..., None] * left
-            seen[..., first + 3 : first + 6] = 2 * (turn @ own)[..., None] * own - turn
+            first, left = int(self.robot.model.jnt_dofadr[self.robot.root_joints[0]]), np.empty(3)
+            mujoco.mju_rotVecQuat(left, self.mirror.left, qpos[self.robot.root_address + 3 :][:4])
+            seen[first : first + 3, first : first + 3] = np.eye(3) - 2 * np.outer(left, left)
+            seen[first + 3 : first + 6, first + 3 : first + 6] = 2 * np.outer(
+                self.mirror.left, self.mirror.left
+            ) - np.eye(3)
         return seen
+
+    @cached_property
+    def _of_hinges(self) -> Floats:
+        """The same of the hinges alone."""
+        seen, hinges = np.zeros((self.robot.model.nv, self.robot.model.nv)), self.robot.dof_index
+        seen[np.ix_(hinges, hinges)] = self.mirror.angles(np.eye(len(hinges))).T
+        return seen
+
+
+def pulls_evenly(reflection: Floats, here: Quadratic) -> bool:
+    """Whether the gradient at an even configuration would move no joint to one side."""
+    uneven = np.abs(reflection @ here.gradient - here.gradient)
+    return bool((uneven <= EVEN * (1 + here.normal.diagonal())).all())
+
+
+def doubled(reflection: Floats, here: Quadratic, soles: int) -> Quadratic:
+    """The model whose links keep apart as mirror images of each other do: the half of the rows that demands most, and its
+    reflections in place of the others. Hulls of meshes differ from side to side by a millimetre and more.
+    """
+    rows, least = here.rows.copy(order="F"), here.least.copy()
+    order = soles + np.argsort(-least[soles:], kind="stable")
+    half = len(order) // 2
+    demanding, others = order[:half], order[half : 2 * half]
+    rows[others, :-1] = rows[demanding, :-1] @ reflection
+    rows[others, -1], least[others] = rows[demanding, -1], least[demanding]
+    return replace(here, rows=rows, least=least)
 
 
 def symmetry_of(robot: Robot, anatomy: Anatomy) -> Symmetry:
@@ -86,10 +92,3 @@ def symmetry_of(robot: Robot, anatomy: Anatomy) -> Symmetry:
     body, axes = next((frames[segment] for segment in ("pelvis", "chest") if segment in frames), (0, np.eye(3)))
     left = body_frames(robot, np.array(robot.model.qpos0)[None])[1][0, body] @ axes[:, 1]
     return Symmetry(robot, mirror_of(robot, left))
-
-
-def _turned(quaternion: Floats, vector: Floats) -> Floats:
-    """A vector (3,) turned by a unit quaternion wxyz."""
-    w, u = quaternion[0], quaternion[1:]
-    across = 2 * np.cross(u, vector)
-    return vector + w * across + np.cross(u, across)

@@ -118,7 +118,7 @@ def test_reflecting_is_what_the_mirror_does_to_small_motions(seed: int) -> None:
     names = matched.anatomy.names
     order = [names.index({"l_": "r_", "r_": "l_"}.get(k[:2], k[:2]) + k[2:]) for k in names]
     here = world_points(robot, matched.anatomy.points, np.array([even, integrate(robot, even, step)]))
-    there = world_points(robot, matched.anatomy.points, integrate(robot, even, sides.reflected(even, step))[None])[0]
+    there = world_points(robot, matched.anatomy.points, integrate(robot, even, sides.reflection(even) @ step)[None])[0]
     across = here[0, names.index("l_hip")] - here[0, names.index("r_hip")]
     left, middle = across / np.linalg.norm(across), here[0, names.index("pelvis")]
     seen = here[1, order] - 2 * ((here[1, order] - middle) @ left)[:, None] * left
