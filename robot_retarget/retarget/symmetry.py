@@ -49,21 +49,26 @@ class Symmetry:
 
         The root travels in world axes, by M v with M = 1 − 2 n nᵀ, and turns in its own, by −(1 − 2 ℓ ℓᵀ) ω.
         """
-        seen = self._of_hinges.copy()
+        seen = self._own.copy()
         if self.robot.floating:
-            first, left = int(self.robot.model.jnt_dofadr[self.robot.root_joints[0]]), np.empty(3)
+            left, travel = np.empty(3), slice(self._root, self._root + 3)
             mujoco.mju_rotVecQuat(left, self.mirror.left, qpos[self.robot.root_address + 3 :][:4])
-            seen[first : first + 3, first : first + 3] = np.eye(3) - 2 * np.outer(left, left)
-            seen[first + 3 : first + 6, first + 3 : first + 6] = 2 * np.outer(
-                self.mirror.left, self.mirror.left
-            ) - np.eye(3)
+            seen[travel, travel] = np.eye(3) - 2 * np.outer(left, left)
         return seen
 
+    @property
+    def _root(self) -> int:
+        """Where a free root begins among the tangent directions."""
+        return int(self.robot.model.jnt_dofadr[self.robot.root_joints[0]])
+
     @cached_property
-    def _of_hinges(self) -> Floats:
-        """The same of the hinges alone."""
+    def _own(self) -> Floats:
+        """What of S does not depend on the configuration: all but how the root travels."""
         seen, hinges = np.zeros((self.robot.model.nv, self.robot.model.nv)), self.robot.dof_index
         seen[np.ix_(hinges, hinges)] = self.mirror.angles(np.eye(len(hinges))).T
+        if self.robot.floating:
+            turn = slice(self._root + 3, self._root + 6)
+            seen[turn, turn] = 2 * np.outer(self.mirror.left, self.mirror.left) - np.eye(3)
         return seen
 
 
