@@ -17,6 +17,8 @@ ROUGHLY = 1e-2
 """As `Options.tolerance`: the ways are told apart long before they are exact."""
 AT_BOUND = 0.01
 """A hinge this near to its bound stands at it [rad]."""
+OWN = 4
+"""So many times as many starts for a robot's own motion: only one way meets it, and some others nearly do."""
 UNLIKE = 1.0
 """Draws of a limb are unlike each other when a hinge differs by more [rad]."""
 
@@ -71,7 +73,8 @@ def _turned_on(robot: Robot, qpos: Floats) -> Floats:
 
 
 def _limbs_drawn(solver: FrameSolver, base: Floats, wished: tuple[Floats, ...]) -> list[Floats]:
-    best = [base.copy() for _ in range(solver.options.starts)]
+    count = solver.options.starts * (OWN if solver.problem.match.itself else 1)
+    best = [base.copy() for _ in range(count)]
     for limb, angles in drawn_limbs(solver).items():
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)

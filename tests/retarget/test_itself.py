@@ -119,6 +119,7 @@ def test_a_hinge_that_turns_in_full_is_not_stopped_at_its_bound(smoothing: Smoot
         ),  # what a capture takes for the pelvis, the middle of the hips, is two centimetres off it
         ("toddlerbot_2xc", "walk"),
         ("toddlerbot_2xc", "squat"),
+        ("toddlerbot_2xc", "clap"),  # another way of its arms costs a hundredth of a human's and lies a turn away
         ("unitree_g1", "walk"),
         ("unitree_g1", "hips_and_bow"),  # hands that are bent and turned in throughout
         ("unitree_h1", "walk"),  # feet that do not roll, and lie on an edge; elbows that bend both ways
