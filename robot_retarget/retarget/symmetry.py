@@ -9,7 +9,6 @@ that solves it too, and (v + S v)/2 costs no more than either. Motions of a huma
 from dataclasses import replace
 from functools import cached_property
 
-import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
@@ -51,8 +50,8 @@ class Symmetry:
         """
         seen = self._own.copy()
         if self.robot.floating:
-            left, travel = np.empty(3), slice(self._root, self._root + 3)
-            mujoco.mju_rotVecQuat(left, self.mirror.left, qpos[self.robot.root_address + 3 :][:4])
+            left = self.mirror.left_in_world(qpos[self.robot.root_address + 3 :][:4])
+            travel = slice(self._root, self._root + 3)
             seen[travel, travel] = np.eye(3) - 2 * np.outer(left, left)
         return seen
 
