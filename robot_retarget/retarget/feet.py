@@ -13,9 +13,8 @@ from robot_retarget.retarget.contacts import stances
 from robot_retarget.retarget.ground import grounded
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.turns import UP, constant_between, own_rotation
+from robot_retarget.robot.axes import BENT
 
-BENT = 0.2
-"""A knee whose bones enclose an angle with a smaller sine shows no axis."""
 FLAT_SHARE = 0.1
 """A foot that stands is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
 UPRIGHT = 0.9

@@ -200,7 +200,7 @@ class FrameSolver:
         return (None, 0.0) if found is None else (found[:nv], here.decrease(found[:nv], float(found[nv]) / self.leg))
 
     def _even_step(self, q: Floats, here: Quadratic, pace: "_Pace", box: Box) -> tuple[Floats | None, float]:
-        """The same from an even configuration: without a side where nothing pulls to one."""
+        """The same from an even configuration: a step without a side, where nothing pulls to one."""
         reflection = self.symmetry.reflection(q)
         if not pulls_evenly(reflection, here):
             return self._step(q, here, pace, box)

@@ -18,8 +18,8 @@ from robot_retarget.motion import Motion
 from robot_retarget.retarget.feet import feet_frames
 from robot_retarget.retarget.match import Match
 from robot_retarget.retarget.turns import UP, constant_between, own_joint, own_rotation
-from robot_retarget.robot.axes import levelled
-from robot_retarget.robot.hands import BENT, hand_frames
+from robot_retarget.robot.axes import BENT, levelled
+from robot_retarget.robot.hands import hand_frames
 
 LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
 """The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""

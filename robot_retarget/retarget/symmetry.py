@@ -2,8 +2,9 @@
 
 A squat or a clap is a saddle as soon as links touch: either knee may go first, and rounding, or which of two equally deep
 corners is found first, decides. Let S reflect tangent vectors in the robot's own sagittal plane. Where the hinges q and
-the gradient g are their own mirror images, S g = g, whatever step v solves the quadratic program has a mirror image S v
-that solves it too, and (v + S v)/2 costs no more than either. Motions of a human are never so even: they are left alone.
+the gradient g are their own mirror images, S g = g, and with each row of the quadratic program its reflection is one,
+whatever step v solves it has a mirror image S v that solves it too, and (v + S v)/2 costs no more than either. Motions of
+a human are never so even: they are left alone.
 """
 
 from dataclasses import replace

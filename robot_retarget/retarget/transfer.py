@@ -27,7 +27,7 @@ MOST_FPS = 30.0
 """Motions of a higher rate are solved at this one unless told otherwise, as reference motions are by custom [1/s]."""
 
 WORTH_COMPILING = 60
-"""Clips of as many frames are worth the two seconds that a C compiler takes, once per robot (`native.py`): others follow."""
+"""Clips of as many frames are worth the seconds that a C compiler takes, once per robot (`native.py`): others follow."""
 
 
 @dataclass(frozen=True)

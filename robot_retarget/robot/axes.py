@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 
 CUBE = Rotation.create_group("O")
+BENT = 0.2
+"""An elbow or a knee whose bones enclose an angle with a smaller sine shows no axis."""
 
 
 def levelled(turn: Floats, most: float) -> Floats:

@@ -8,15 +8,13 @@ of a robot whose wrist hinges are at zero.
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.robot.axes import levelled
+from robot_retarget.robot.axes import BENT, levelled
 from robot_retarget.robot.links import Links
 
 ANY_WAY = 3
 """Hinges beyond the elbow that turn a hand any way; with fewer the arm would have to bend for it."""
 LEVEL = 0.2
 """A hand's frame this near to the axes of its link is taken to lie along them [rad]."""
-BENT = 0.2
-"""An elbow whose bones enclose an angle with a smaller sine shows no axis."""
 
 
 def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, Floats]:
