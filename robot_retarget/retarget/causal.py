@@ -25,11 +25,13 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
     """Each frame from the ones before; a foot that begins to stand stays where it was led to.
 
     Where leading on would draw links together, a frame sets out from the one before, where they were apart, or from both.
+    A robot's own motion is sought from where its wishes alone lead as well.
     When a much cheaper way is found, the robot goes over to it (`Crossing`): no jump, and no staying where the first frame
     happened to begin.
     """
     robot, crossing, poses = solver.robot, Crossing(solver, fps), []
     stepping = Stepping(held, *reckoned_soles(solver.problem, edges), fps)
+    own = solver.problem.match.itself
     before = ways(solver, lying(solver, edges, held, 0), edges, 0, ALIKE)[0].qpos
     for t in range(len(edges)):
         wished = (*frame_parameters(edges, t), *solver.grip.land(*stepping.at(t, solver.corners(before))))
@@ -37,6 +39,8 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
         leads_on = t > 2 and crossing.aim is None
         starts = _set_out(solver, _onward(robot, poses, box), before, wished) if leads_on else [before]
         pull = crossing.pull(wished)
+        if own:
+            starts.append(solver.unhindered.descend(before, wished, pull=pull, box=box, learning=True).qpos)
         ends = [solver.descend(start, wished, pull=pull, box=box, learning=True) for start in starts]
         pose = min(ends, key=lambda end: end.cost)
         if pose.missing > 0:
@@ -50,14 +54,14 @@ def causal_pass(solver: FrameSolver, edges: Edges, held: np.ndarray, fps: float,
 
 def _set_out(solver: FrameSolver, onward: Floats, before: Floats, wished: tuple[Floats, ...]) -> list[Pose | Floats]:
     """From where to descend: where leading on has come to, and what is known there; the configuration before, if links have
-    come within half the margin on the way, for they may then go around each other on the wrong side.
+    come to touch on the way, for they may then go around each other on the wrong side.
 
-    Where they have hardly come within it, from both: as links slide along each other, their nearest places leap, and a
-    hair decides in which of two hollows one descent ends.
+    Where they have only come within their margin, from both: as links slide along each other, their nearest places leap,
+    and a hair decides in which of two hollows one descent ends.
     """
     here, margin = solver.landscape.around(onward, wished), solver.options.margin
     led = Pose(onward, Status.OUT_OF_ITERATIONS, here.cost, 0, here, here.missing)
-    if here.missing > margin / 2:
+    if here.missing > margin:
         return [before]
     return [led, before] if here.missing > CLOSING * margin else [led]
 

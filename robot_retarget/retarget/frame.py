@@ -1,6 +1,7 @@
 """One frame: a bounded Gauss–Newton method whose steps keep ranges, floor and separation."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -130,6 +131,13 @@ class FrameSolver:
         self.program = QuadraticProgram(self.robot.model.nv + slack, self.landscape.rows)
         self.program.hessian[-1, -1] = SEPARATION_COST / self.leg**2
         self.program.lower[-1], self.program.upper[-1] = 0.0, np.inf
+
+    @cached_property
+    def unhindered(self) -> "FrameSolver":
+        """The same, but links pass through each other: for wishes that a pose with links apart is known to fulfil, as of a
+        robot's own motion. Links that slide along each other may stand in the way to it.
+        """
+        return FrameSolver(self.problem, replace(self.options, separation=False))
 
     def descend(
         self,

@@ -74,14 +74,16 @@ def sketch(
 
 
 def settled(solver: FrameSolver, edges: Edges, held: np.ndarray, draft: Draft, fixed: int = 0) -> Draft:
-    """The draft, but frames whose wishes cost little there led to their ends, from where they are or from the one before.
+    """The draft, but frames whose wishes cost little there led to their ends: from where they are, from the one before, or
+    from where wishes alone lead.
 
     Of a robot's own motion a sketch is too rough: sought every tenth of a second only, and not to the end.
     On the wrong side of an edge of a link a frame costs ten times what it must, and what it does is taken for noise.
     """
     qpos, cost = list(draft.qpos), draft.cost.copy()
     for t in [t for t in range(fixed, len(edges)) if cost[t] < LITTLE]:
-        wished, starts = lying(solver, edges, held, t), (qpos[t], qpos[max(t - 1, 0)])
+        wished = lying(solver, edges, held, t)
+        starts = qpos[t], qpos[max(t - 1, 0)], solver.unhindered.descend(qpos[t], wished, learning=True).qpos
         pose = min((solver.descend(q, wished, learning=True) for q in starts), key=lambda pose: pose.cost)
         qpos[t], cost[t] = pose.qpos, pose.cost
     return Draft(qpos, cost)
