@@ -27,7 +27,7 @@ SHORT = 0.1
 nothing here."""
 REGAIN = 3.0
 """How much longer the step after one that was accepted may be [-]."""
-UNSEEN = 0.1
+UNSEEN = 0.03
 """The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
 
 
@@ -35,7 +35,7 @@ UNSEEN = 0.1
 class Options:
     """How long and how carefully to search."""
 
-    iterations: int = 12
+    iterations: int = 16
     """At most, per frame; twice as many from a start that is no neighbour."""
     tolerance: float = 2e-5
     """Stop when no step would lower the cost by more than this share of it [-]."""
