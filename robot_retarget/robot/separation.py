@@ -1,8 +1,8 @@
 """Surfaces of links that come near each other: their distances and how a step changes them.
 
 MuJoCo finds the pairs, by the model's own contact filter, with margins widened to the reach (it adds those of two geoms),
-but for two boxes and the floor, which have ways of their own. Pairs that overlap where the robot rests are left out: they
-do so by construction.
+and how their distances change, as rows of its constraints; but for two boxes and the floor, which have ways of their own.
+Pairs that overlap where the robot rests are left out: they do so by construction.
 """
 
 import copy
@@ -47,6 +47,7 @@ class Separation:
         self.model.geom_margin[:] = reach / 2
         self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
+        _one_row_a_contact(self.model)
         self.data = mujoco.MjData(self.model)
         self.plain, self.touching = robot.model, mujoco.MjData(robot.model)
         self.margin, self.most = margin, most
@@ -73,17 +74,19 @@ class Separation:
         """Distances (C,) [m], of links to each other and to the floor, negative inside, their slopes by v (C, nv), and how
         far apart each pair rests (C,) [m].
         """
-        found = self.found(qpos)
-        rest = self.rest[found.geoms[:, 0], found.geoms[:, 1]]
+        distance, geoms, slope = self.found(qpos)
+        rest = self.rest[geoms[:, 0], geoms[:, 1]]
         if self.floor is not None and (low := self.floor.near()) is not None:
-            found, rest = found + low, np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
-        kept = self.foremost(found.distance, rest)
-        found = found[kept]
-        return found.distance, self._slopes(found), rest[kept]
+            distance, slope = np.append(distance, low.distance), np.concatenate([slope, self._slopes(low)])
+            rest = np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
+        if len(distance) <= self.most:
+            return distance, slope, rest
+        kept = self.foremost(distance, rest)
+        return distance[kept], slope[kept], rest[kept]
 
     def _slopes(self, found: Near) -> Floats:
-        """(C, nv) how distances change by v: along the normal n, a point moves by n·(travel + turn × arm) with every dof that
-        carries its body.
+        """(C, nv) how distances that MuJoCo has no contacts for change by v: along the normal n, a point moves by
+        n·(travel + turn × arm) with every dof that carries its body.
         """
         first, second = found.geoms.T
         arm, along = found.place - self._centres.take(self.trees.take(second), axis=0), found.normal
@@ -131,21 +134,25 @@ class Separation:
         mujoco.mj_kinematics(self.model, self.data)
         return self.floor.depth()
 
-    def found(self, qpos: Floats) -> Near:
-        """All places that count where surfaces are near each other, at a configuration (nq,)."""
-        self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_collision(self.model, self.data)
-        found = self.data.contact
-        near = Near(found.dist, found.geom, found.pos, found.frame[:, :3])
-        counts = self.counts[near.geoms[:, 0], near.geoms[:, 1]]
-        if not counts.all():
-            near = near[np.flatnonzero(counts)]
+    def found(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
+        """All places that count where links are near each other, at a configuration (nq,): their distances (C,) [m], geoms
+        (C, 2), and slopes by v (C, nv).
+        """
+        data = self.data
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        mujoco.mj_makeConstraint(self.model, data)
+        contact, pairs = data.contact, data.contact.geom
+        seen = np.flatnonzero(self.seen[pairs[:, 0], pairs[:, 1]])
+        slope = data.efc_J.reshape(-1, self.model.nv).take(contact.efc_address.take(seen), axis=0)
+        distance, geoms = contact.dist.take(seen), pairs.take(seen, axis=0)
         if not len(self.boxes.pairs):
-            return near
-        two_boxes = self.is_box[near.geoms].all(axis=1)
-        return near[np.flatnonzero(~two_boxes)] + self.boxes.near(self.data)
+            return distance, geoms, slope
+        boxes = self.boxes.near(data)
+        distance, geoms = np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
+        return distance, geoms, np.concatenate([slope, self._slopes(boxes)])
 
     def let_near(self, links: np.ndarray, distance: float) -> None:
         """Let links of one set (B,) come as near to each other as links that rest at a distance [m]."""
@@ -157,10 +164,19 @@ class Separation:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
         two_boxes = self.is_box[pairs].all(axis=1) & self.counts[pairs[:, 0], pairs[:, 1]]
         self.boxes = Boxes(self.model, pairs[two_boxes], self.reach)
+        self.seen = self.counts & ~np.logical_and.outer(self.is_box, self.is_box)
 
     def _learn(self, rest: Floats) -> None:
         """Leave out pairs that overlap at rest; remember how near the others are."""
-        found = self.found(rest)
-        for gap, (a, b) in zip(found.distance, found.geoms, strict=True):
+        for gap, (a, b) in zip(*self.found(rest)[:2], strict=True):
             self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -OVERLAP
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
+
+
+def _one_row_a_contact(model: mujoco.MjModel) -> None:
+    """Let a contact be one row of the constraints' Jacobian, along its normal, and let nothing else be one."""
+    model.geom_condim[:] = model.pair_dim[:] = 1
+    model.geom_gap[:] = model.pair_gap[:] = 0.0
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    off = mujoco.mjtDisableBit
+    model.opt.disableflags |= off.mjDSBL_EQUALITY | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT

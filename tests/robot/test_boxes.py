@@ -84,9 +84,9 @@ def test_nothing_that_is_near_goes_unseen() -> None:
     qpos, compared = robot.neutral(), 0
     for _ in range(20):
         qpos[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
-        found = separation.found(qpos)
+        gaps, geoms, _ = separation.found(qpos)
         least = dict.fromkeys(pairs, np.inf)
-        for pair, gap in zip(map(tuple, np.sort(found.geoms, axis=1).tolist()), found.distance, strict=True):
+        for pair, gap in zip(map(tuple, np.sort(geoms, axis=1).tolist()), gaps, strict=True):
             least[pair] = min(least[pair], gap)
         for (a, b), gap in least.items():
             distance = mujoco.mj_geomDistance(separation.model, separation.data, a, b, reach, None)
