@@ -28,6 +28,8 @@ TOUCH_REACH = {"head": 0.22, "hand": 0.14, "knee": 0.14}
 
 FEET_REACH = 0.045
 """The same for two feet: nearer than they pass each other in a walk [-]."""
+FAINT = 0.02
+"""What touches by no more does not touch [-]: a hand that swings past a hip."""
 TOUCH_LEAD = 0.1
 """A touch begins to count this long before it is there, and ends this long after [s]."""
 
@@ -60,6 +62,8 @@ class Weights:
 # Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
 # built and are left to the girdles.
 _BONES = {"chest": 0.4, "elbow": 0.25, "hand": 0.25, "toe": 0.08, "neck": 0.03, "head": 0.03, "shoulder": 0, "hip": 0}
+_TIED = {"elbow": 0.06, "hand": 0.11}
+"""Of arms that cannot point both bones any way: these would bend each other for no direction in the end."""
 _GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.07))
 
 
@@ -166,6 +170,7 @@ def _posture(x: Floats, match: Match, w: Weights, fps: float) -> tuple[Ints, Flo
     pi = 1 + NEAR_GAIN * near
     reach = np.array([_touch_reach(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)])
     touching = np.exp(-((near_or_far / np.maximum(reach, 1e-9)) ** 8)) * (reach > 0)
+    touching = np.maximum(touching - FAINT, 0.0)
     mean = len(match.keypoints) / max(int(keep.sum()), 1)
     pi = w.posture * mean * pi
     can = np.flatnonzero(reach[keep] > 0)
@@ -201,7 +206,8 @@ def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
     """Bones and girdles, and what their directions count."""
     lines: list[tuple[int, int, float]] = []
     for k, keypoint in enumerate(match.keypoints):
-        share = _BONES.get(keypoint.split("_")[-1], 1.0)
+        bones = _BONES | _TIED if keypoint in match.tied else _BONES
+        share = bones.get(keypoint.split("_")[-1], 1.0)
         if match.parents[k] >= 0 and share and match.robot_bones[k] > 1e-6:
             lines.append((k, int(match.parents[k]), w.compass * share))
     for left, right, share in _GIRDLES:

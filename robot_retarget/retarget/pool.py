@@ -24,12 +24,16 @@ class Sketching:
     """Frames per second of the sketch [1/s]."""
     every: float = 1.0
     """Time between the moments at which ways are sought [s]."""
-    iterations: int = 6
+    iterations: int = 10
     """At most, per frame that is followed: the fine solution comes later."""
     tolerance: float = 1e-3
     """As `Options.tolerance`, for the same reason."""
     ways: int = 3
-    """At most, per moment."""
+    """At most, per moment ..."""
+    ways_tied: int = 5
+    """... and with arms that are `Match.tied`, which have more of nearly one cost ..."""
+    worth: float = 1.3
+    """... if they cost less than so many times the least."""
     same: float = 0.15
     """Poses whose hinges all lie nearer than this are one [rad]."""
     caught: float = 2.0
@@ -72,10 +76,12 @@ class Pool:
 
     def seek(self, moment: int) -> None:
         """Find ways at a moment and follow each to both sides, to the ends if it meets no other: it may be cheap far off."""
-        frame = int(self.frames[moment])
+        frame, chosen = int(self.frames[moment]), self.sketching
         found = ways(self.solver, self._wished(moment), self.edges, frame)
-        for pose in found[: self.sketching.ways]:
-            self._go_on(pose, moment)
+        most = chosen.ways_tied if self.solver.problem.match.tied else chosen.ways
+        for pose in found[:most]:
+            if pose.cost < chosen.worth * found[0].cost:
+                self._go_on(pose, moment)
 
     def dearest(self, path: list[Pose], stride: int) -> list[int]:
         """The moments at which a path costs most, one of every `stride`, if much more than where ways were sought.

@@ -7,9 +7,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
+from robot_retarget.retarget.match import limb_hinges
 from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
 
@@ -96,26 +96,19 @@ def unlike(costs: Floats, angles: Floats, most: int) -> list[int]:
 
 def drawn_limbs(solver: FrameSolver) -> dict[tuple[int, ...], Floats]:
     """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
-    problem, robot, spots = solver.problem, solver.robot, solver.problem.match.anatomy.spots
+    robot, anatomy = solver.robot, solver.problem.match.anatomy
     draw, sides = np.random.default_rng(solver.options.seed), solver.symmetry.mirror
     every = draw.uniform(robot.lower, robot.upper, (solver.options.drawn, len(robot.lower)))
     other = np.clip(sides.angles(every), robot.lower, robot.upper)
     straight = (every + other) / 2  # a motion that is its own mirror image should not begin with a side
     chosen = {"l_hand": every, "r_hand": other, "head": straight}
-    paired = {limb: table for end, table in chosen.items() if end in spots and (limb := _limb(problem, end))}
+    limbs = {end: tuple(limb_hinges(robot, anatomy, end).tolist()) for end in chosen if end in anatomy.spots}
+    paired = {limb: chosen[end] for end, limb in limbs.items() if limb}
     return {limb: (table if _mirrored(sides, limb) else every)[:, list(limb)] for limb, table in paired.items()}
 
 
 def _mirrored(sides: Mirror, limb: tuple[int, ...]) -> bool:
     return bool((sides.partner[list(limb)] >= 0).all())
-
-
-def _limb(problem: Problem, end: str) -> tuple[int, ...]:
-    """The hinges of an arm or of the neck: those that move the hand or head and not the chest."""
-    robot, spots, moves = problem.robot, problem.match.anatomy.spots, carrying(problem.robot.model)
-    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(robot.model.nv, dtype=bool)
-    own = np.logical_and(moves[spots[end].body], np.logical_not(still))
-    return tuple(np.flatnonzero(own[robot.dof_index]).tolist())
 
 
 def place_root(problem: Problem, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
