@@ -52,7 +52,7 @@ class Problem:
     soles: int
     """F, how many sole points stay above the floor."""
     native: bool = False
-    """Whether `model` is machine code."""
+    """Whether `model` and `cost` are machine code."""
 
 
 def build_problem(
@@ -67,18 +67,19 @@ def build_problem(
     terms = _Terms(robot, match, edges, weights or Weights(), _Wished(edges, CORNERS * len(measures.feet)))
     q, wished = ca.MX.sym("q", robot.model.nq), terms.wished
     model, alone = _model(measures, terms, q), measures.values(q)
-    compiled = machine_code(model.expand()) if native else None
+    cost = ca.Function("cost", [q, *wished.all], [ca.densify(terms.around(alone)[0])])
+    compiled = [machine_code(function.expand()) if native else None for function in (model, cost)]
     return Problem(
         robot,
         match,
-        Compiled(compiled or model),
-        dense_function("cost", [q, *wished.all], [terms.around(alone)[0]]),
+        Compiled(compiled[0] or model),
+        Compiled(compiled[1] or cost),
         dense_function("stress", [q, wished.delta], [terms.stretch(alone)]),
         Compiled(measures.heights),
         Compiled(measures.corners),
         measures.feet,
         measures.heights.numel_out(0),
-        compiled is not None,
+        None not in compiled,
     )
 
 
