@@ -1,8 +1,8 @@
 """A watch for a cheaper way that a pose cannot slide into: the arm that bends the other way round.
 
-Frame by frame nobody sketches a path ahead. So a few drawn limbs are tried on each pose. Where one costs less as it is
-drawn, or when poses have cost more than they did for a round, the cheapest few of every limb, unlike each other, are
-followed downhill, and where one ends well below the pose at hand, that is where the robot should go.
+Frame by frame nobody sketches a path ahead. So when poses begin to cost more than they did, a few drawn limbs are tried
+on each; after a round the cheapest few of every limb, unlike each other, are followed downhill, and where one ends well
+below the pose at hand, that is where the robot should go.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from robot_retarget.retarget.frame import FrameSolver, Pose
 from robot_retarget.retarget.starts import ROUGHLY, drawn_limbs, unlike
 
 ROUND = 0.5
-"""A watch lasts this long, and so long nothing is followed again [s]."""
+"""A watch lasts this long [s]."""
 TRIED = 30
 """Draws of each limb in one round."""
 WORRY = 1.2
@@ -33,7 +33,7 @@ class Lookout:
         robot = solver.robot
         self.limbs = [(robot.qpos_index[list(limb)], t) for limb, t in drawn_limbs(solver).items()]
         self.each = -(-TRIED // self.frames)
-        self.least, self.row, self.since = float("inf"), 0, self.frames
+        self.least, self.row = float("inf"), 0
         self._begin()
 
     def _begin(self) -> None:
@@ -42,16 +42,16 @@ class Lookout:
 
     def better(self, pose: Pose, wished: tuple[Floats, ...]) -> Pose | None:
         """A way that costs much less than a pose does with the same wishes, if one was found at this frame."""
-        self.least, self.since = min(self.least, pose.cost), self.since + 1
+        self.least = min(self.least, pose.cost)
+        if pose.cost <= WORRY * self.least:
+            self._begin()
+            return None
         self._try(pose, wished)
-        if self.frame < self.frames and not (self._struck(pose) and self.since > self.frames):
-            if pose.cost <= WORRY * self.least:
-                self._begin()
+        if self.frame < self.frames:
             return None
         chosen = [self._with(pose, limb, row) for limb in range(len(self.limbs)) for row in self._cheapest(limb)]
         starts = [self.solver.symmetry.both_sides(pose.qpos, q) for q in chosen]
         self._begin()
-        self.since = 0
         ends = [self.solver.descend(q, wished, iterations=ITERATIONS, tolerance=ROUGHLY) for q in starts]
         found = min(ends, key=lambda end: end.cost, default=pose)
         return found if found.cost < CHEAPER * pose.cost else None
@@ -64,10 +64,6 @@ class Lookout:
                 self.tried[limb][row] = float(self.solver.problem.cost(self._with(pose, limb, row), *wished)[0][0])
             self.row += 1
         self.frame += 1
-
-    def _struck(self, pose: Pose) -> bool:
-        """Whether a draw of this round costs less as it is: its way will by far."""
-        return min((cost for costs in self.tried for cost in costs.values()), default=np.inf) < pose.cost
 
     def _cheapest(self, limb: int) -> list[int]:
         """Rows of a limb's draws to follow."""

@@ -47,12 +47,3 @@ def test_going_over_keeps_to_the_joints_speeds() -> None:
     trajectory = retarget(motion, robot, smoothing=Smoothing(passes=0)).trajectory
     steps = np.abs(np.diff(trajectory.qpos[:, robot.qpos_index], axis=0))
     assert (steps <= robot.max_speed / FPS + 1e-6).all()
-
-
-def test_a_cheaper_way_is_found_where_poses_cost_no_more_than_they_did() -> None:
-    """Hanging arms of three hinges cost as much as a raised one on the wrong way, so that no rise tells of it."""
-    robot, motion = load_robot("op3"), read_motion(SAMPLES / "wave.bvh").resample(FPS)
-    stream, whole = (retarget(motion, robot, smoothing=s).solution.cost for s in (Smoothing(passes=0), Smoothing()))
-    raised = slice(75, 125)
-    assert np.median(whole[raised]) < 0.9 * np.median(whole[:20])
-    assert np.median(stream[raised] / whole[raised]) < 1.05
