@@ -15,7 +15,7 @@ from robot_retarget.motion import Motion, Recognition, apply_override, recognise
 from robot_retarget.retarget.bones import bone_lengths, own_bones
 from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
 from robot_retarget.robot import recognise as recognise_robot
-from robot_retarget.robot.kinematics import carrying
+from robot_retarget.robot.anatomy import limb_hinges
 
 TABLES = ("human", "robot")
 FREE = 4
@@ -152,14 +152,8 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     )
 
 
-def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
-    """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest."""
-    spots, moves = anatomy.spots, carrying(robot.model)[:, robot.dof_index]
-    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(moves.shape[1], dtype=bool)
-    return np.flatnonzero(moves[spots[end].body] & ~still)
-
-
 def _tied(robot: Robot, anatomy: Anatomy) -> frozenset[str]:
+    """`Match.tied` of a source that is another body."""
     hands = [f"{side}_hand" for side in "lr" if f"{side}_hand" in anatomy.spots]
     sides = [hand[0] for hand in hands if len(limb_hinges(robot, anatomy, hand)) < FREE]
     return frozenset(f"{side}_{k}" for side in sides for k in ("elbow", "hand"))

@@ -7,9 +7,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.retarget.edges import Edges
 from robot_retarget.retarget.frame import FrameSolver, Pose
-from robot_retarget.retarget.match import limb_hinges
 from robot_retarget.retarget.problem import Problem, frame_parameters
 from robot_retarget.robot import Robot
+from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.mirror import Mirror
 from robot_retarget.robot.root import put
 

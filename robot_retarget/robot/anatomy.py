@@ -6,9 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, frozen
+from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.robot.kinematics import Points
+from robot_retarget.robot.kinematics import Points, carrying
+from robot_retarget.robot.model import Robot
 
 
 @dataclass(frozen=True)
@@ -62,3 +63,10 @@ class Anatomy:
     def missing(self) -> tuple[str, ...]:
         """The keypoints the robot lacks."""
         return tuple(k for k in KEYPOINTS if k not in self.spots)
+
+
+def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
+    """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest."""
+    spots, moves = anatomy.spots, carrying(robot.model)[:, robot.dof_index]
+    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(moves.shape[1], dtype=bool)
+    return np.flatnonzero(moves[spots[end].body] & ~still)
