@@ -26,8 +26,8 @@ LIBRARIES = {
     "casadi": ("robot/kinematics.py", "retarget/", "dgp/"),
     "mujoco": ("robot/", "simulate/", "view/", "servo/twin.py", "servo/window.py"),
     "dynamixel_sdk": ("servo/bus.py",),
-    "typer": ("cli.py", "cli_servos.py"),
-    "rich": ("console.py",),
+    "typer": ("cli/",),
+    "rich": ("cli/console.py",),
     "matplotlib": ("view/",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_retarget import console
+from robot_retarget.cli import console
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:

@@ -1,27 +1,25 @@
-"""The command line of servos: `play`, and the group `servos` (emulate, scan, check, calibrate, import)."""
+"""The group `servos`: emulate, scan, check, calibrate, import."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robot_retarget import console
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Baud, Json, Port
 from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.servo.emulator.pace import Pace
-    from robot_retarget.servo.outcome import Outcome
 
-servos_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated.")
+commands = typer.Typer()
+servos = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated.")
+commands.add_typer(servos, name="servos")
 
 MapName = Annotated[str, typer.Option("--map", "-m", help="A shipped robot's name (op3) or a servo map (.toml).")]
 
-Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
-Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
-
-@servos_app.command(epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
+@servos.command(epilog="Example: robot-retarget servos emulate --map op3 --physics --link /tmp/ttyDXL")
 def emulate(
     map_name: MapName,
     link: Annotated[Path | None, typer.Option(help="A stable name for the port.")] = None,
@@ -47,7 +45,7 @@ def emulate(
     server.run(control)
 
 
-@servos_app.command(epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
+@servos.command(epilog="Example: robot-retarget servos scan --port /dev/ttyUSB0")
 def scan(
     port: Port,
     baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
@@ -75,7 +73,7 @@ def scan(
         raise ServoError(f"no servo answers on {port} (power, cable, --baud)")
 
 
-@servos_app.command(epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
+@servos.command(epilog="Example: robot-retarget servos check --map op3 --port /dev/ttyUSB0")
 def check(
     map_name: MapName,
     port: Port,
@@ -107,7 +105,7 @@ def check(
     raise typer.Exit(1 if any(f.grave for f in findings) else 0)
 
 
-@servos_app.command(epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
+@servos.command(epilog="Example: robot-retarget servos calibrate --map op3 --port /dev/ttyUSB0 -o my_op3.toml")
 def calibrate(
     map_name: MapName,
     port: Port,
@@ -130,9 +128,7 @@ def calibrate(
     console.say(f"wrote {output}")
 
 
-@servos_app.command(
-    "import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml"
-)
+@servos.command("import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
 def import_map(
     file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
@@ -149,71 +145,6 @@ def import_map(
     cut = [servo.joint for servo in servo_map.servos if servo.cut]
     if cut:
         console.note(f"The one turn of position mode cuts the range of {', '.join(cut)}.")
-
-
-def play(
-    trajectory: Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")],
-    servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
-    port: Port = "",
-    report: Annotated[Path | None, typer.Option(help="report.json of the trajectory; beside it by default.")] = None,
-    unsafe: Annotated[bool, typer.Option("--unsafe", help="Play without a passing report.")] = False,
-    rate: Annotated[float, typer.Option(min=10, max=1000, help="Ticks a second.")] = 100.0,
-    speed: Annotated[float, typer.Option(help="Times the trajectory's own speed.")] = 1.0,
-    loop: Annotated[int, typer.Option(help="So many times over.")] = 1,
-    start: Annotated[float, typer.Option("--from", help="Begin here [s].")] = 0.0,
-    stop: Annotated[float | None, typer.Option("--to", help="End here [s].")] = None,
-    baud: Baud = None,
-    log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("play.npz"),
-    end_pose: Annotated[bool, typer.Option(help="Go to the map's stop pose at the end.")] = True,
-    release: Annotated[bool, typer.Option("--release", help="Switch torque off at the end.")] = False,
-    grace: Annotated[
-        float, typer.Option(help="After Ctrl-C: hold so long for a second one, which lets go [s].")
-    ] = 10.0,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
-    json: Json = False,
-) -> None:
-    """Play a trajectory that passed on Dynamixel servos. Exit code 1 when it was stopped."""
-    from dataclasses import replace
-
-    from robot_retarget.files import require_writable
-    from robot_retarget.servo.map import load_map
-    from robot_retarget.servo.outcome import Options
-    from robot_retarget.servo.plan import make_plan, require_pass
-    from robot_retarget.servo.play import play as perform
-    from robot_retarget.servo.play import rehearse
-    from robot_retarget.trajectory import load_trajectory
-
-    servo_map = load_map(servos)
-    servo_map = replace(servo_map, baud=baud) if baud else servo_map
-    plan = make_plan(load_trajectory(trajectory), servo_map, speed, loop, start, stop)
-    if not unsafe and not require_pass(trajectory, report):
-        console.note(
-            "the report is of goals that make up for lag and load; the trajectory is played as it is, "
-            "which simulate --no-compensate judges"
-        )
-    if dry_run:
-        facts = rehearse(plan, servo_map, port or None)
-        console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
-        return
-    if not port:
-        raise UsageError("play needs --port (or --dry-run)")
-    require_writable(log)
-    say = (lambda text: None) if json else console.say
-    outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace=grace), log, say)
-    _tell(outcome, log, json)
-    raise typer.Exit(outcome.exit_code)
-
-
-def _tell(outcome: "Outcome", log: Path, json: bool) -> None:
-    """How a playback ended."""
-    if json:
-        facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
-        console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})
-        return
-    for sentence in outcome.warnings:
-        console.note(sentence)
-    console.table("Played", ("figure", "value"), [(k, str(v)) for k, v in outcome.figures.items()])
-    console.say(f"{outcome.sentence}; log in {log}")
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,0 +1,51 @@
+"""The command line. Every command reads files, calls one stage of the package and says what came of it.
+
+A file of this package holds one group of commands; `GROUPS` lists them in the order of `--help`.
+
+Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stderr, nothing written).
+"""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from robot_retarget import __version__
+from robot_retarget.cli import console, export, info, play, run, servos, simulate, solve, warn
+from robot_retarget.errors import RobotRetargetError
+
+GROUPS = (info, solve, run, simulate, warn, export, play, servos)
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
+)
+for group in GROUPS:
+    app.add_typer(group.commands)
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass  # the option has done its work by then
+
+
+def main() -> None:
+    """Run the command line; a user's mistake ends in a sentence and exit code 2."""
+    try:
+        app()
+    except RobotRetargetError as error:
+        console.err.print(f"error: {error}", markup=False, style="red")
+        sys.exit(2)

@@ -1,0 +1,39 @@
+"""`info`: what a motion or a robot is."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Json, Limits
+from robot_retarget.cli.stages import load, names_robot, read_clip
+from robot_retarget.errors import UsageError
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: robot-retarget info dance.bvh")
+def info(
+    file: Annotated[str | None, typer.Argument(help="A motion, an MJCF file or a robot's name.")] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", "-r", help="A robot, where its name is also a file's.")
+    ] = None,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Say what a motion or a robot is, and what was recognised in it."""
+    from robot_retarget.describe import describe_motion, describe_robot
+
+    if (file is None) == (robot is None):
+        raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
+    if robot is not None or names_robot(str(file)):
+        facts = describe_robot(load(str(robot or file), limits))
+    else:
+        facts = describe_motion(read_clip(Path(str(file)), None))
+    if json:
+        console.dump(facts)
+    elif facts["kind"] == "robot":
+        console.show_robot(facts)
+    else:
+        console.show_motion(facts)

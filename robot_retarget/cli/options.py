@@ -1,0 +1,30 @@
+"""Options and arguments that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MotionFile = Annotated[Path, typer.Argument(help="BVH file, or joint positions as .npy or .npz.")]
+TrajectoryFile = Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")]
+RobotName = Annotated[
+    str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Frames = Annotated[str | None, typer.Option(help="Part of the clip, START:STOP in frames of the file.")]
+Fps = Annotated[
+    float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
+]
+Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
+Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
+Legs = Annotated[str, typer.Option(help="follow the human's, or stand: both feet stay where they are.")]
+Balance = Annotated[
+    str,
+    typer.Option(
+        help="static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
+        "servos.toml and for legs that stand."
+    ),
+]
+Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
+Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
+Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]

@@ -1,0 +1,52 @@
+"""`run` and `demo`: everything from a motion to a judged trajectory with its report."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.stages import Wishes, fill_folder, load, play_on_emulated, read_clip, shipped_clip
+from robot_retarget.shipped import MODELS
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
+def run(
+    motion: MotionFile,
+    robot: RobotName,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    frames: Frames = None,
+    fps: Fps = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+    legs: Legs = "follow",
+    balance: Balance = "auto",
+    json: Json = False,
+) -> None:
+    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png, video.mp4."""
+    wishes = Wishes(fps, map_file, legs, balance)
+    verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, json)
+    raise typer.Exit(0 if verdict == "pass" else 1)
+
+
+@commands.command(epilog="Example: robot-retarget demo --out demo")
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("demo"),
+    clip: Annotated[str, typer.Option(help="A shipped clip.")] = "wave",
+    robot: RobotName = "op3",
+    legs: Legs = "follow",
+    balance: Balance = "auto",
+    json: Json = False,
+) -> None:
+    """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
+    wishes = Wishes(None, None, legs, balance)
+    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, json)
+    if json or not (MODELS / robot / "servos.toml").is_file():
+        return
+    if verdict == "pass":
+        play_on_emulated(robot, out)
+    else:
+        console.say("not played: the verdict is fail")

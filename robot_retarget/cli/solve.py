@@ -1,0 +1,42 @@
+"""`solve`: a motion to a trajectory."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
+def solve(
+    motion: MotionFile,
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    frames: Frames = None,
+    fps: Fps = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+    legs: Legs = "follow",
+    balance: Balance = "auto",
+    explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
+    json: Json = False,
+) -> None:
+    """Retarget a motion: the trajectory only."""
+    from robot_retarget.describe import describe_solution
+    from robot_retarget.files import require_writable
+
+    require_writable(output)
+    wishes = Wishes(fps, map_file, legs, balance)
+    result = carried_over(read_clip(motion, frames), load(robot, limits), wishes, quiet=json)
+    result.trajectory.save(output)
+    facts = describe_solution(result.solution, result.notes)
+    if json:
+        console.dump(facts)
+    else:
+        console.show_solution(facts, explain)
+        console.say(f"wrote {output}")

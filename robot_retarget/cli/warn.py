@@ -1,0 +1,50 @@
+"""`warn`: self-collisions foreseen."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Json, Limits, RobotName, TrajectoryFile
+from robot_retarget.cli.stages import draw_warnings, load
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
+def warn(
+    trajectory: TrajectoryFile,
+    robot: RobotName,
+    horizon: Annotated[float, typer.Option(help="How far ahead to look [s].")] = 0.5,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The table of events to write (.csv).")] = Path(
+        "warnings.csv"
+    ),
+    plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
+    from robot_retarget.files import require_writable
+    from robot_retarget.retarget.events import figures_of, write_csv
+    from robot_retarget.retarget.warn import WarnOptions, surfaces, warnings_of
+    from robot_retarget.trajectory import load_trajectory
+    from robot_retarget.view.approaches import require_drawable
+
+    for path in filter(None, (output, plot)):
+        require_writable(path)
+    if plot is not None:
+        require_drawable(plot)
+    options = WarnOptions(horizon=horizon)
+    model = load(robot, limits)
+    known = surfaces(model)
+    found = warnings_of(load_trajectory(trajectory), model, options, known)
+    write_csv(found.events, output)
+    figures = figures_of(found.events, len(found), found.fps) | {"fit_error_m": known.fit_error}
+    if json:
+        console.dump({"events": [event.contract() for event in found.events], "figures": figures})
+    else:
+        console.show_warnings([event.contract() for event in found.events], figures)
+        console.say(f"wrote {output}")
+    if plot is not None:
+        draw_warnings(found, plot)
