@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.errors import MotionError, UsageError, known
-from robot_retarget.motion.bvh import read_bvh
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.positions import read_positions
+from robot_retarget.motion.formats.bvh import read_bvh
+from robot_retarget.motion.formats.positions import read_positions
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.upright import upright
 

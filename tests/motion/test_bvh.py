@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.motion.bvh import read_bvh
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.bvh import read_bvh
 
 CLIPS = sorted((SHARED / "motions" / "bvh").glob("*/*.bvh"))
 RELATIVE = [clip for clip in CLIPS if clip.stem in ("mh_benchmark_1frame_163j", "mh_tpose_173j")]

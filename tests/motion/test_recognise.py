@@ -17,8 +17,8 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import KEYPOINTS, mirrored
 from robot_retarget.motion import Mark, Recognition, Skeleton, apply_override, recognise
-from robot_retarget.motion.bvh import read_bvh
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.lexicon import sense
 
 ONE_OF_EACH = (

@@ -13,8 +13,8 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import MotionError, UsageError
 from robot_retarget.motion import Motion, leg_length, read_motion, recognise, stature
-from robot_retarget.motion.bvh import read_bvh
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.upright import AXES, UNITS, turn_to_z, upright
 
 VARIED = (

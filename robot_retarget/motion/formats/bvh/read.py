@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
-from robot_retarget.motion.bvh_hierarchy import Hierarchy, parse_hierarchy
-from robot_retarget.motion.bvh_rows import Rows, parse_rows
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.bvh.hierarchy import Hierarchy, parse_hierarchy
+from robot_retarget.motion.formats.bvh.rows import Rows, parse_rows
 from robot_retarget.motion.kinematics import forward
 
 _HIERARCHY = re.compile(r"(?im)^[ \t]*HIERARCHY\b")

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import MotionError, known
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.joint_sets import JOINT_SETS, JointSet
+from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
 from robot_retarget.motion.kinematics import backward
 from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.tree import sorted_tree

@@ -1,0 +1,1 @@
+"""Files of human motion, one reader a format; `table` lists them."""
