@@ -38,7 +38,7 @@ TOUCH_LEAD = 0.1
 class Weights:
     """How much each kind of edge counts; one set for all clips and robots. Every error is relative to a body length."""
 
-    posture: float = 127.0
+    posture: float = 20.0
     """Pairwise distances over their path length."""
     touch: float = 2000.0
     """A hand and what it touches, a foot and the other, on top of their posture edge."""
@@ -46,7 +46,7 @@ class Weights:
     """Bone directions, those of the legs most."""
     give: float = 0.028
     """Relative errors of posture edges well over this count linearly, those under it by their square [-]."""
-    girdle: float = 6.3
+    girdle: float = 20.0
     """Direction of the hip line, which way the body faces; that of the shoulder line a fourteenth of it."""
     marker: float = 0.3
     """Directions of the segments' forward and up; feet a third of it."""
@@ -62,8 +62,6 @@ class Weights:
 # Necks follow weakly; so do toes, whose foot is a segment of its own. Clavicles and hip bones only mirror how a body is
 # built and are left to the girdles.
 _BONES = {"chest": 0.4, "elbow": 0.25, "hand": 0.25, "toe": 0.08, "neck": 0.03, "head": 0.03, "shoulder": 0, "hip": 0}
-_TIED = {"elbow": 0.06, "hand": 0.11}
-"""Of arms that cannot point both bones any way: these would bend each other for no direction in the end."""
 _GIRDLES = (("l_hip", "r_hip", 1.0), ("l_shoulder", "r_shoulder", 0.07))
 
 
@@ -206,8 +204,7 @@ def _lines(match: Match, w: Weights) -> tuple[Ints, Floats]:
     """Bones and girdles, and what their directions count."""
     lines: list[tuple[int, int, float]] = []
     for k, keypoint in enumerate(match.keypoints):
-        bones = _BONES | _TIED if keypoint in match.tied else _BONES
-        share = bones.get(keypoint.split("_")[-1], 1.0)
+        share = _BONES.get(keypoint.split("_")[-1], 1.0)
         if match.parents[k] >= 0 and share and match.robot_bones[k] > 1e-6:
             lines.append((k, int(match.parents[k]), w.compass * share))
     for left, right, share in _GIRDLES:

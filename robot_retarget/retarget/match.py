@@ -15,11 +15,8 @@ from robot_retarget.motion import Motion, Recognition, apply_override, recognise
 from robot_retarget.retarget.bones import bone_lengths, own_bones
 from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
 from robot_retarget.robot import recognise as recognise_robot
-from robot_retarget.robot.anatomy import limb_hinges
 
 TABLES = ("human", "robot")
-FREE = 4
-"""Hinges with which an arm points two bones, each any way."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +38,6 @@ class Match:
     """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
     itself: bool
     """Whether the source is the robot itself: its bones are all what the robot's can be."""
-    tied: frozenset[str]
-    """Elbows and hands of arms that have too few hinges to point upper arm and forearm each any way."""
 
     @property
     def points(self) -> Points:
@@ -148,15 +143,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         rest=frozen(rest[0]),
         ankle_height=_ankle_height(robot, anatomy),
         itself=own is not None,
-        tied=_tied(robot, anatomy) if own is None else frozenset(),
     )
-
-
-def _tied(robot: Robot, anatomy: Anatomy) -> frozenset[str]:
-    """`Match.tied` of a source that is another body."""
-    hands = [f"{side}_hand" for side in "lr" if f"{side}_hand" in anatomy.spots]
-    sides = [hand[0] for hand in hands if len(limb_hinges(robot, anatomy, hand)) < FREE]
-    return frozenset(f"{side}_{k}" for side in sides for k in ("elbow", "hand"))
 
 
 def _arms_framed(anatomy: Anatomy, keypoints: tuple[str, ...]) -> Anatomy:

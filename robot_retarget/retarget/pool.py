@@ -30,8 +30,6 @@ class Sketching:
     """As `Options.tolerance`, for the same reason."""
     ways: int = 3
     """At most, per moment ..."""
-    ways_tied: int = 5
-    """... and with arms that are `Match.tied`, which have more of nearly one cost ..."""
     worth: float = 1.3
     """... if they cost less than so many times the least."""
     same: float = 0.15
@@ -78,8 +76,7 @@ class Pool:
         """Find ways at a moment and follow each to both sides, to the ends if it meets no other: it may be cheap far off."""
         frame, chosen = int(self.frames[moment]), self.sketching
         found = ways(self.solver, self._wished(moment), self.edges, frame)
-        most = chosen.ways_tied if self.solver.problem.match.tied else chosen.ways
-        for pose in found[:most]:
+        for pose in found[: chosen.ways]:
             if pose.cost < chosen.worth * found[0].cost:
                 self._go_on(pose, moment)
 

@@ -26,11 +26,3 @@ def test_what_touches_in_a_sample_clip_and_nothing_else_counts_as_a_touch(
     edges = build_edges(motion, matched)
     pairs = edges.pairs[edges.touching[np.flatnonzero(edges.touch.max(axis=0) > 0)]]
     assert {(matched.keypoints[a], matched.keypoints[b]) for a, b in np.sort(pairs, axis=1)} == touching
-
-
-def test_arms_that_are_tied_follow_directions_less_than_others() -> None:
-    motion = read_motion(SAMPLES / "wave.bvh").resample(10)
-    matched = match(motion, load_robot("op3"))
-    edges = build_edges(motion, matched)
-    weight = {matched.keypoints[end]: w for (end, _), w in zip(edges.lines, edges.line_weight, strict=True)}
-    assert all(weight[f"{side}_{k}"] < 0.5 * weight["chest"] for side in "lr" for k in ("elbow", "hand"))

@@ -28,25 +28,6 @@ def test_bones_are_as_long_as_the_skeleton_says() -> None:
     assert dict(zip(matched.keypoints, matched.robot_bones, strict=True))["l_knee"] == pytest.approx(0.11015, abs=1e-6)
 
 
-def test_arms_are_tied_that_have_too_few_hinges_for_two_bones() -> None:
-    assert match(read_motion(SAMPLES / "wave.bvh"), load_robot("op3")).tied == {
-        "l_elbow",
-        "l_hand",
-        "r_elbow",
-        "r_hand",
-    }
-
-
-@needs_shared
-@pytest.mark.parametrize(
-    ("name", "tied"),
-    [("robotis_op3", 4), ("unitree_g1", 0), ("unitree_h1", 0), ("booster_t1", 0), ("toddlerbot_2xc", 0)],
-)
-def test_arms_of_three_hinges_are_tied_and_those_of_four_or_more_are_not(name: str, tied: int) -> None:
-    robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
-    assert len(match(read_motion(SAMPLES / "wave.bvh"), robot).tied) == tied
-
-
 @needs_shared
 def test_a_robot_without_arms_is_matched_over_what_it_has() -> None:
     robot = load_robot(SHARED / "robots/berkeley_humanoid/berkeley_humanoid.xml")
