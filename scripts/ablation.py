@@ -12,10 +12,10 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
-from robot_retarget.retarget.clip import Smoothing
-from robot_retarget.retarget.edges import Weights
-from robot_retarget.retarget.frame import Options
+from robot_retarget.describe.edges import Weights
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.clip import Smoothing
+from robot_retarget.solve.frame import Options
 
 
 @dataclass(frozen=True)

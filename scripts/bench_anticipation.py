@@ -16,10 +16,10 @@ from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.retarget.frame import Options
-from robot_retarget.retarget.warn import Surfaces, surfaces
+from robot_retarget.collision.warn import Surfaces, surfaces
 from robot_retarget.robot.clearance import Clearance
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.frame import Options
 
 APART = 0.003
 """[m]."""

@@ -21,24 +21,24 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.retarget import causal as causal_module
-from robot_retarget.retarget import clip as clip_module
-from robot_retarget.retarget import frame as frame_module
-from robot_retarget.retarget import quadratic as quadratic_module
-from robot_retarget.retarget.clip import Smoothing
-from robot_retarget.retarget.compiled import Compiled, QuadraticProgram
-from robot_retarget.retarget.edges import Edges, build_edges
-from robot_retarget.retarget.frame import FrameSolver
-from robot_retarget.retarget.match import Match
-from robot_retarget.retarget.problem import Problem, build_problem
-from robot_retarget.retarget.quadratic import Landscape
-from robot_retarget.retarget.sketch import Draft, sketch
-from robot_retarget.retarget.solve import solve
-from robot_retarget.retarget.starts import place_root
-from robot_retarget.retarget.transfer import MOST_FPS
+from robot_retarget.describe.edges import Edges, build_edges
+from robot_retarget.describe.match import Match
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve import causal as causal_module
+from robot_retarget.solve import clip as clip_module
+from robot_retarget.solve import frame as frame_module
+from robot_retarget.solve import quadratic as quadratic_module
+from robot_retarget.solve.clip import Smoothing
+from robot_retarget.solve.compiled import Compiled, QuadraticProgram
+from robot_retarget.solve.frame import FrameSolver
+from robot_retarget.solve.problem import Problem, build_problem
+from robot_retarget.solve.quadratic import Landscape
+from robot_retarget.solve.sketch import Draft, sketch
+from robot_retarget.solve.solve import solve
+from robot_retarget.solve.starts import place_root
+from robot_retarget.transfer import MOST_FPS
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"

@@ -17,15 +17,15 @@ from scipy.ndimage import maximum_filter1d
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
+from robot_retarget.collision.foresight import Joints, strides
+from robot_retarget.collision.guard import Guard
+from robot_retarget.collision.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
 from robot_retarget.dgp.interaction import Interaction
-from robot_retarget.retarget.foresight import Joints, strides
-from robot_retarget.retarget.frame import Options
-from robot_retarget.retarget.guard import Guard
-from robot_retarget.retarget.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
 from robot_retarget.robot import Points, recognise, world_points
 from robot_retarget.robot.clearance import Clearance, Marks
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.contacts import replay_contacts
+from robot_retarget.solve.frame import Options
 from robot_retarget.trajectory import Trajectory
 
 NEAR_MISS = 0.01

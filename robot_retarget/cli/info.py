@@ -23,7 +23,7 @@ def info(
     json: Json = False,
 ) -> None:
     """Say what a motion or a robot is, and what was recognised in it."""
-    from robot_retarget.describe import describe_motion, describe_robot
+    from robot_retarget.summary import describe_motion, describe_robot
 
     if (file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")

@@ -27,8 +27,8 @@ def solve(
     json: Json = False,
 ) -> None:
     """Retarget a motion: the trajectory only."""
-    from robot_retarget.describe import describe_solution
     from robot_retarget.files import require_writable
+    from robot_retarget.summary import describe_solution
 
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance)

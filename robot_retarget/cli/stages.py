@@ -8,12 +8,12 @@ from robot_retarget.cli import console
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
+    from robot_retarget.collision.warn import Warnings
     from robot_retarget.motion import Motion
-    from robot_retarget.retarget.transfer import Result
-    from robot_retarget.retarget.warn import Warnings
     from robot_retarget.robot import Robot
     from robot_retarget.simulate.report import Report
     from robot_retarget.trajectory import Trajectory
+    from robot_retarget.transfer import Result
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Wishes:
 
 def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, json: bool) -> str:
     """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
-    from robot_retarget.describe import describe_solution
+    from robot_retarget.collision.events import write_csv
     from robot_retarget.files import folder
-    from robot_retarget.retarget.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
+    from robot_retarget.summary import describe_solution
 
     target = folder(out)
     result = carried_over(motion, robot, wishes, quiet=json)
@@ -76,7 +76,7 @@ def judged(
 
 def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
     """The warnings of a trajectory; a single frame has no next one to warn of."""
-    from robot_retarget.retarget.warn import warnings_of
+    from robot_retarget.collision.warn import warnings_of
 
     return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
 
@@ -135,7 +135,7 @@ def draw_warnings(warnings: "Warnings", path: Path) -> None:
 
 def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) -> "Result":
     """The motion on the robot, with progress unless it is to be quiet."""
-    from robot_retarget.retarget.transfer import retarget
+    from robot_retarget.transfer import retarget
 
     with console.progress(f"retarget to {robot.name}", quiet) as advance:
         return retarget(

@@ -25,9 +25,9 @@ def warn(
     json: Json = False,
 ) -> None:
     """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
+    from robot_retarget.collision.events import figures_of, write_csv
+    from robot_retarget.collision.warn import WarnOptions, surfaces, warnings_of
     from robot_retarget.files import require_writable
-    from robot_retarget.retarget.events import figures_of, write_csv
-    from robot_retarget.retarget.warn import WarnOptions, surfaces, warnings_of
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view.approaches import require_drawable
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.retarget.warn import Warnings
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.contacts import Contacts
 

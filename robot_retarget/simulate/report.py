@@ -10,8 +10,8 @@ import numpy as np
 
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.files import replacing
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.figures import (
     Tracking,

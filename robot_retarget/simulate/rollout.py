@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast, get_args
 
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.compensate import compensated

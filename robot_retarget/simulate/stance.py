@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from robot_retarget.arrays import Floats
-from robot_retarget.retarget.zmp import GRAVITY, support
+from robot_retarget.balance.zmp import GRAVITY, support
 from robot_retarget.robot.dynamics import momenta, zero_moment_points
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.simulate.feet import Feet, feet_of

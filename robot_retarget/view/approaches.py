@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import OutputError, known
 from robot_retarget.files import replacing
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.view.picture import Unavailable
 
 MOST = 8

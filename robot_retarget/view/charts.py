@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.retarget.warn import Warnings
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.simulate.report import Report
 
 INK, FAINT = "#1f2933", "#9aa5b1"

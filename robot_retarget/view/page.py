@@ -11,9 +11,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.simulate.report import Report
 from robot_retarget.simulate.thresholds import CHECKS
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory

@@ -102,7 +102,7 @@ def test_a_capsule_and_a_sphere_are_their_own_capsules(tmp_path: Path) -> None:
 
 
 def test_capsules_are_never_farther_apart_than_geoms() -> None:
-    from robot_retarget.retarget.approach import REST, CapsulePairs
+    from robot_retarget.collision.approach import REST, CapsulePairs
 
     robot = load_robot("op3")
     capsules, pairs = fit_capsules(robot), collidable(robot)

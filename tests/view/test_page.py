@@ -10,8 +10,8 @@ import pytest
 from made_trajectories import hold, swing
 from PIL import Image
 
+from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.retarget.warn import warnings_of
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.report import Played, build_report

@@ -1,0 +1,51 @@
+"""Two soles beside each other: where they point, how far they are apart, and two that are moved apart.
+
+Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot first.
+"""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.solve.footing import lengths
+
+GAP = 0.6
+"""Between two soles there is at least this share of what is between them in the robot's own stand."""
+
+
+def parted(corners: Floats, own: Floats) -> Floats:
+    """(T, 2, 4, 3) two feet moved apart to either side where they are nearer to each other than in the stand `own`.
+
+    A human sets narrow feet past each other closely; large soles cannot pass.
+    """
+    width = across(own[None])[0]
+    missing = np.maximum(width - across(corners), GAP * gaps(own[None])[0] - gaps(corners))
+    aside = np.maximum(missing, 0.0)[:, None] / 2 * left(corners)
+    apart = corners.copy()
+    apart[:, 0, :, :2] += aside[:, None]
+    apart[:, 1, :, :2] -= aside[:, None]
+    return apart
+
+
+def gaps(corners: Floats) -> Floats:
+    """(T,) between two soles (T, 2, 4, 3), negative where they overlap: the widest along the edges of either [m]."""
+    flat = corners[..., :2]
+    along = unit(lengths(corners))
+    axes = np.concatenate([along, leftward(along)], axis=1)
+    extent = np.einsum("tfci,tai->tafc", flat, axes)
+    least, most = extent.min(axis=3), extent.max(axis=3)
+    return np.maximum(least[..., 0] - most[..., 1], least[..., 1] - most[..., 0]).max(axis=1)
+
+
+def across(corners: Floats) -> Floats:
+    """(T,) how far the first foot is to the left of the second, as both point [m]."""
+    return ((corners[:, 0] - corners[:, 1]).mean(axis=1)[:, :2] * left(corners)).sum(axis=1)
+
+
+def left(corners: Floats) -> Floats:
+    """(T, 2) unit vectors to the left of where both feet (T, F, 4, 3) point."""
+    return leftward(ahead(corners))
+
+
+def ahead(corners: Floats) -> Floats:
+    """(T, 2) unit vectors along which both feet (T, F, 4, 3) point."""
+    return unit(lengths(corners).sum(axis=1))

@@ -1,0 +1,158 @@
+"""A clip laid out in time: from a stand, frame by frame at its pace, into a stand; what is wished and what carries."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.balance.beside import GAP, gaps
+from robot_retarget.balance.planting import Planter
+from robot_retarget.balance.retime import Score
+from robot_retarget.balance.stand import balanced_stand, stand_places
+from robot_retarget.balance.swing import foothold_places
+from robot_retarget.balance.zmp import Plan, Polygon, Steadiness, plan_centre, support
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.timing import sample
+from robot_retarget.solve.footing import flattened
+from robot_retarget.trajectory import Trajectory
+
+LEAD = 1.5
+"""Least time from the stand into the clip's first pose, and from its last one back [s]."""
+LIFT = 0.8
+"""Then, to lift or put down a foot that is in the air in that pose [s]; as much longer as the clip is slowed down there ..."""
+SLOWEST_LIFT = 2.5
+"""... but no more often than this ..."""
+SETTLED = 0.4
+"""... and with the weight on the other foot before [s]."""
+LEAD_SPEED = 1.2
+"""Peak joint speed on the way [rad/s]."""
+ARC = 0.1
+"""Height to which a swinging foot is lifted at least, over the leg length."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What is to be played: T frames."""
+
+    qpos: Floats
+    """(T, nq)."""
+    corners: Floats
+    """(T, F, 4, 3) of the soles [m]."""
+    planted: np.ndarray
+    """(T, F) feet on the floor."""
+    fps: float
+    stride: float = 1.0
+    """By how much the path along the floor was scaled."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is wished at every frame of a playback, and where the centre of mass has to be."""
+
+    score: Score
+    wished: Floats
+    """(K, nq)."""
+    places: Floats
+    """(K, F, 4, 3) of the soles [m]."""
+    supports: list[Polygon]
+    plan: Plan
+    slowdown: float
+    stride: float
+
+    @property
+    def reach(self) -> Floats:
+        """(K,) from the middle of each support to its nearest edge [m]."""
+        return np.array([p.margin(p.middle) for p in self.supports])
+
+
+def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> Outline:
+    """Lay the clip out in time and plan its balance, frame t lasting stretch_t (T − 1,) times as long."""
+    ends = [_end_places(planter, clip, t) for t in (0, -1)]
+    stands = [balanced_stand(planter, places) for places in ends]
+    score = write_score(planter, clip, stands, stretch)
+    wished = _wished(planter, clip, stands, score)
+    places = _places(planter, clip, ends, score)
+    supports = _supports(score, places)
+    centre = planter.centres(wished)
+    over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
+    plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
+    return Outline(score, wished, places, supports, plan, float(stretch.mean()), clip.stride)
+
+
+def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Score:
+    """Lay the clip between its two stands, frame by frame of the playback."""
+    fps, last = clip.fps, len(clip.qpos) - 1
+    times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
+    inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
+    lifts = (0.0 if clip.planted[t].all() else LIFT * min(stretch[t], SLOWEST_LIFT) for t in (0, -1))
+    up, down = (round(lift * fps) for lift in lifts)
+    lead = _lead_shares(planter, stands[0], clip, 0, up)
+    tail = _lead_shares(planter, stands[1], clip, -1, down)
+    at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
+    share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
+    planted = clip.planted[np.round(at).astype(int)]
+    planted[: len(lead) - up] = True
+    planted[len(at) - len(tail) + down :] = True
+    return Score(at, share, planted, fps)
+
+
+def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: int) -> Floats:
+    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then `lift` frames for a foot that is in the air."""
+    index = planter.robot.qpos_index
+    way = np.abs(clip.qpos[frame, index] - stand[index]).max()
+    count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
+    s = np.linspace(0.0, 1.0, count)
+    shares = s**3 * (10 - 15 * s + 6 * s**2)
+    lifting = lift + round(SETTLED * clip.fps) if lift else 0
+    return np.concatenate([shares, np.ones(lifting)])
+
+
+def _wished(planter: Planter, clip: Clip, stands: list[Floats], score: Score) -> Floats:
+    """(K, nq) the draft at the score's times, blended with the stands joint by joint."""
+    robot = planter.robot
+    trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
+    wished = sample(trajectory, robot, score.at / clip.fps)
+    middle = len(score.at) // 2
+    for k in np.flatnonzero(score.share < 1):
+        stand = stands[0] if k < middle else stands[1]
+        wished[k] = integrate(robot, stand, score.share[k] * difference(robot, stand, wished[k]))
+    return wished
+
+
+def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
+    """(F, 4, 3) where the feet stand before the clip or after it; a foot in the air stands beside the other."""
+    corners, planted = clip.corners[frame], clip.planted[frame]
+    own = stand_places(planter)
+    if planted.all() or not planted.any():
+        return flattened(corners)
+    there, here = flattened(corners[planted][0]), own[planted][0]
+    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (here, there))
+    turn = np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])
+    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    return there.mean(axis=0) + (own - here.mean(axis=0)) @ spin.T
+
+
+def _places(planter: Planter, clip: Clip, ends: list[Floats], score: Score) -> Floats:
+    """(K, F, 4, 3) where the soles go."""
+    before = np.minimum(score.at.astype(int), len(clip.corners) - 2)
+    part = (score.at - before)[:, None, None, None]
+    corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
+    first, last = np.flatnonzero(score.at > 0)[0], np.flatnonzero(score.at < score.at[-1])[-1]
+    for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
+        aside = score.planted[frames] & ~clip.planted[frame]
+        corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
+    gap = GAP * float(gaps(stand_places(planter)[None])[0])
+    return foothold_places(score.planted, corners, ARC * planter.leg, gap)
+
+
+def _supports(score: Score, places: Floats) -> list[Polygon]:
+    """K hulls of the planted soles."""
+    known: dict[bytes, Polygon] = {}
+    found = []
+    for planted, corners in zip(score.planted, places, strict=True):
+        standing = corners[planted].reshape(-1, 3)
+        key = standing.tobytes()
+        if key not in known:
+            known[key] = support(standing)
+        found.append(known[key])
+    return found

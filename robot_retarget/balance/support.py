@@ -1,0 +1,111 @@
+"""On which feet the robot stands while it plays a clip: not the human's labels, but what they mean for flat hard soles.
+
+A human lifts a heel, rolls onto the toes, shifts a foot by a centimetre; a small robot with stiff soles keeps such a
+foot flat where it is. Only a foot that is lifted well, or that comes down elsewhere, is taken off the floor.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.contacts import intervals
+from robot_retarget.errors import BalanceError
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """What counts as a step of the robot; lengths in units of its leg."""
+
+    speed: float = 0.6
+    """A sole slower than this [1/s] ..."""
+    height: float = 0.06
+    """... and lower than this stands, whatever the human's label says."""
+    drift: float = 0.6
+    """The lowest sole within this time to either side is on the floor: captures lose their height [s]."""
+    shortest: float = 0.12
+    """A stance or a swing shorter than this is noise; without a foot on the floor for longer, it is a jump [s]."""
+    lift: float = 0.12
+    """A foot lifted less ..."""
+    travel: float = 0.3
+    """... and with all corners put down nearer to where they stood stays planted."""
+
+
+def planted_feet(
+    stances: dict[str, np.ndarray],
+    feet: tuple[str, ...],
+    corners: Floats,
+    leg: float,
+    fps: float,
+    rule: StepRule | None = None,
+) -> np.ndarray:
+    """(T, F) which feet of the robot stand on the floor or nearly so; at least one at every frame.
+
+    Args:
+        stances: the human's, per foot (T, 2) toe and heel (`contacts.stances`).
+        corners: (T, F, 4, 3) of the robot's soles as retargeted [m].
+
+    Raises:
+        BalanceError: the motion leaves the floor.
+    """
+    chosen = rule or StepRule()
+    low, speed = _over_floor(corners, chosen.drift * fps), _speed(corners, fps)
+    _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
+    told = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
+    planted = np.stack(told, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
+    planted = median_filter(planted, (2 * round(chosen.shortest * fps / 2) + 1, 1), mode="nearest")
+    nobody = np.flatnonzero(~planted.any(axis=1))
+    planted[nobody, speed[nobody].argmin(axis=1)] = True
+    return planted
+
+
+def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None) -> np.ndarray:
+    """(T, F) without swings that neither lift a foot nor carry it away; both feet down where weight goes across."""
+    chosen, kept = rule or StepRule(), planted.copy()
+    low = _over_floor(corners, chosen.drift * fps)
+    for foot in range(planted.shape[1]):
+        stood = 0
+        for start, stop in intervals(~planted[:, foot]):
+            away = _moved(corners[:, foot], stood + 1, stop)
+            if low[start:stop, foot].max() < chosen.lift * leg and away < chosen.travel * leg:
+                kept[start:stop, foot] = True
+            else:
+                stood = min(stop, len(planted) - 1)
+    _hand_over(kept)
+    return kept
+
+
+def _moved(corners: Floats, start: int, stop: int) -> float:
+    """How far the furthest corner of a foot (T, 4, 3) goes from the frame before `start` to the frame `stop` [m]."""
+    before, after = max(start - 1, 0), min(stop, len(corners) - 1)
+    return float(np.linalg.norm((corners[after] - corners[before])[:, :2], axis=1).max())
+
+
+def _over_floor(corners: Floats, reach: float) -> Floats:
+    """(T, F) height of the lowest corner over the lowest of all within `reach` frames [m]."""
+    low = corners[..., 2].min(axis=2)
+    floor = minimum_filter1d(low.min(axis=1), 2 * round(reach) + 1, mode="nearest")
+    return low - floor[:, None]
+
+
+def _speed(corners: Floats, fps: float) -> Floats:
+    """(T, F) of the soles' middles along the floor, over a tenth of a second [m/s]."""
+    middle = uniform_filter1d(corners.mean(axis=2)[..., :2], max(1, round(0.1 * fps)), axis=0, mode="nearest")
+    return np.linalg.norm(np.gradient(middle, 1 / fps, axis=0), axis=2)
+
+
+def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
+    for start, stop in intervals(airborne):
+        if (stop - start) / fps > rule.shortest:
+            raise BalanceError(
+                f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
+                "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
+            )
+
+
+def _hand_over(planted: np.ndarray) -> None:
+    """Where one frame stands on one foot and the next on another, both frames stand on both."""
+    switch = np.flatnonzero(~(planted[:-1] & planted[1:]).any(axis=1))
+    both = planted[switch] | planted[switch + 1]
+    planted[switch], planted[switch + 1] = both, both

@@ -1,0 +1,86 @@
+"""Where soles go: from foothold to foothold, clear of the one that stands."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.balance.beside import gaps, left
+from robot_retarget.describe.contacts import intervals
+from robot_retarget.solve.footing import flattened, smoothstep
+
+APART = 8
+"""Rounds of moving footholds apart: a step to the side may bring the next one nearer."""
+
+
+def foothold_places(planted: np.ndarray, corners: Floats, lift: float, gap: float) -> Floats:
+    """(T, F, 4, 3) where the corners go: flat and still in stance, over a low arc from foothold to foothold between.
+
+    In the middle of a swing a foot is where the draft `corners` have it, where that is higher than the arc, but level: a
+    heel that is thrown up behind and set down in front costs a small leg all its speed. Near both ends it rises from
+    its foothold and comes down on the next.
+
+    Args:
+        planted: (T, F); the first and the last frame stand on all feet.
+        corners: (T, F, 4, 3) of the draft [m].
+        lift: height of the arc [m].
+        gap: least between two feet [m]: footholds move apart, and a foot in the air goes around the one that stands.
+    """
+    places = corners.copy()
+    for foot in range(planted.shape[1]):
+        for start, stop in intervals(planted[:, foot]):
+            places[start:stop, foot] = flattened(np.median(corners[start:stop, foot], axis=0))
+    places = _set_apart(places, planted, gap)
+    for foot in range(planted.shape[1]):
+        for start, stop in intervals(~planted[:, foot]):
+            ends = places[start - 1, foot], places[stop, foot]
+            places[start:stop, foot] = _swing(*ends, corners[start - 1 : stop + 1, foot], lift)
+    return _around(places, planted, gap)
+
+
+def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:
+    """The places, footholds that are held at the same time moved to either side until the gap is between them."""
+    apart, both = places.copy(), planted.all(axis=1)
+    for _ in range(APART):
+        missing = np.where(both, np.maximum(gap - gaps(apart), 0.0), 0.0)
+        aside = left(apart)
+        for foot, side in ((0, 0.5), (1, -0.5)):
+            for start, stop in intervals(planted[:, foot]):
+                worst = start + int(missing[start:stop].argmax())
+                apart[start:stop, foot, :, :2] += side * missing[worst] * aside[worst]
+    return apart
+
+
+def _around(places: Floats, planted: np.ndarray, gap: float) -> Floats:
+    """The places, a foot in the air further to its own side where the gap to the one that stands is too small."""
+    missing, outward, round_it = np.maximum(gap - gaps(places), 0.0), left(places), places.copy()
+    for foot, side in ((0, 1.0), (1, -1.0)):
+        for start, stop in intervals(~planted[:, foot]):
+            part = _ramp(np.arange(1, stop - start + 1) / (stop - start + 1))
+            aside = side * (part * missing[start:stop])[:, None] * outward[start:stop]
+            round_it[start:stop, foot, :, :2] += aside[:, None]
+    return round_it
+
+
+def _ramp(share: Floats) -> Floats:
+    """1 in the middle of a swing, 0 at both ends."""
+    return smoothstep(np.clip(np.minimum(share, 1 - share) * 3, 0.0, 1.0))
+
+
+def _level(corners: Floats) -> Floats:
+    """(S, 4, 3) soles as high as their lowest corner, parallel to the floor."""
+    flat = flattened(corners)
+    flat[..., 2] = corners[..., 2].min(axis=-1, keepdims=True)
+    return flat
+
+
+def _swing(start: Floats, end: Floats, draft: Floats, lift: float) -> Floats:
+    """(S, 4, 3) between two footholds; `draft` (S + 2, 4, 3) begins and ends a frame outside."""
+    inner = len(draft) - 2
+    share = (np.arange(1, inner + 1) / (inner + 1))[:, None, None]
+    line = start + smoothstep(share) * (end - start)
+    shift = (1 - smoothstep(share)) * (start - draft[0]) + smoothstep(share) * (end - draft[-1])
+    own = _level(draft[1:-1]) + shift * [1.0, 1.0, 0.0]
+    placed = line + _ramp(share) * (own - line)
+    arc = lift * np.sin(np.pi * share[:, 0, 0]) ** 2
+    missing = np.maximum(arc - placed[:, :, 2].min(axis=1), 0.0)
+    placed[:, :, 2] += missing[:, None]
+    return placed

@@ -1,0 +1,1 @@
+"""Self-collisions of a trajectory: warned of before they happen, and avoided."""

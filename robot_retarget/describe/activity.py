@@ -1,0 +1,95 @@
+"""What the human does with the feet: stays in place, steps, jumps, or is held up by something the robot does not have."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.contacts import intervals, stances
+from robot_retarget.describe.ground import grounded
+from robot_retarget.describe.match import Match
+from robot_retarget.errors import BalanceError
+from robot_retarget.motion import Motion
+
+IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
+
+
+@dataclass(frozen=True)
+class ActivityRule:
+    """What counts as which; lengths in units of the human's leg."""
+
+    planted: float = 0.95
+    """Share of the time that both feet of a human who stays in place stand."""
+    flight: float = 0.12
+    """No foot on the floor for longer [s] ..."""
+    high: float = 0.12
+    """... both higher than this: a jump."""
+    drift: float = 0.6
+    """The lowest within this time to either side is the floor: captures lose their height [s]."""
+    held: float = 0.1
+    """Share of the time with the pelvis lower ..."""
+    low: float = 0.62
+    """... than this share of its height and farther beside the middle of the feet ..."""
+    beside: float = 0.3
+    """... than this: held up by a chair, by hands."""
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What a human does, and where it is most of all so."""
+
+    kind: str
+    """`in place`, `stepping`, `flight` or `supported`."""
+    since: float = 0.0
+    until: float = 0.0
+    """Of the longest flight or support [s]."""
+
+
+def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) -> Activity:
+    """Tell by feet and pelvis what the human does; a match without legs stays in place."""
+    chosen, fps = rule or ActivityRule(), motion.fps
+    if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
+        return Activity(IN_PLACE)
+    x = grounded(match.human_positions(motion), match, fps) / match.human_leg
+    held = _held(x, match, chosen)
+    if held.mean() > chosen.held:
+        return _longest(SUPPORTED, held, fps)
+    flying = _flying(x, match, fps, chosen)
+    if any((stop - start) / fps > chosen.flight for start, stop in intervals(flying)):
+        return _longest(FLIGHT, flying, fps)
+    planted = [foot.any(axis=1) for foot in stances(x * match.human_leg, match, fps).values()]
+    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= chosen.planted else STEPPING)
+
+
+def require_own_feet(activity: Activity) -> None:
+    """Refuse what only something that is not there makes possible.
+
+    Raises:
+        BalanceError: the human is supported.
+    """
+    if activity.kind == SUPPORTED:
+        raise BalanceError(
+            f"something that the robot does not have holds the human up (a chair, hands on the floor), longest from "
+            f"{activity.since:.1f} to {activity.until:.1f} s: a robot that stands free cannot play that; keep both feet on "
+            "the floor (legs 'stand'), or do without balance (balance 'off')"
+        )
+
+
+def _held(x: Floats, match: Match, rule: ActivityRule) -> np.ndarray:
+    """(T,) whether the pelvis is low and far from over the feet."""
+    pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
+    beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
+    return (pelvis[:, 2] < rule.low * np.quantile(pelvis[:, 2], 0.95)) & (beside > rule.beside)
+
+
+def _flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> np.ndarray:
+    """(T,) whether both feet are high; on tiptoe the toes stay low."""
+    parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
+    lowest = (x[:, parts, 2] - np.quantile(x[:, parts, 2], 0.05, axis=0)).min(axis=1)
+    return lowest - minimum_filter1d(lowest, 2 * round(rule.drift * fps) + 1, mode="nearest") > rule.high
+
+
+def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:
+    start, stop = max(intervals(flags), key=lambda span: span[1] - span[0])
+    return Activity(kind, start / fps, stop / fps)

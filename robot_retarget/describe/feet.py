@@ -1,0 +1,90 @@
+"""How the human's feet are turned: flat where they bear who stands upright, with their ankles lowest.
+
+Their roll is seen in no position; where the source has rotations, the ankle's own is used, turned by the constant that
+fits where the foot is flat.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.describe.contacts import stances
+from robot_retarget.describe.ground import grounded
+from robot_retarget.describe.match import Match
+from robot_retarget.describe.rotations import UP, constant_between, own_rotation
+from robot_retarget.motion import Motion
+from robot_retarget.robot.axes import BENT
+
+FLAT_SHARE = 0.1
+"""A foot that stands is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
+UPRIGHT = 0.9
+"""The head of who stands upright is over the floor by this share of the most it is."""
+ANKLE_TURN = 1.3
+"""An ankle and a shin turn the left of a foot no further from the axis of the bent knee [rad]."""
+ON_TOES = 0.25
+"""It stands on its toes when these lie further under the ankle than those of the other one where that is flat [rad]."""
+
+
+def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
+    """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
+    level = grounded(match.human_positions(motion), match, motion.fps)
+    top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
+    stands, upright = stances(level, match, motion.fps), np.asarray(top >= UPRIGHT * top.max())
+    sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
+    toes = {side: stands[side][:, 0] for side in sides}
+    flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}
+    drops = {side: _drop((x[f"{side}_toe"] - x[f"{side}_ankle"])[flat[side]]) for side in sides}
+    least = min((drops[side] for side in sides if toes[side].any()), default=np.inf)
+    feet = {}
+    for side in sides:
+        knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
+        foot = _foot(motion, match, side, knee, ankle, toe, flat[side])
+        if drops[side] - least > ON_TOES:
+            foot = foot @ Rotation.from_euler("y", drops[side] - least).as_matrix()
+        hip = x.get(f"{side}_hip")
+        feet[side] = foot if hip is None else _untwisted(foot, hip, knee, ankle)
+    return feet
+
+
+def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats:
+    """A foot's frames; where no ankle could turn it so far from the way the knee bends, its left is the knee's axis.
+
+    Captures lose the roll of a foot that points along its shin, and some turn it right over.
+    """
+    across = np.cross(unit(knee - hip), unit(ankle - knee))
+    y = unit(across)
+    ahead = foot[:, :, 0] - (foot[:, :, 0] * y).sum(1, keepdims=True) * y
+    along = np.stack([unit(ahead), y, np.cross(unit(ahead), y)], axis=2)
+    turned = (foot[:, :, 1] * y).sum(1) < np.cos(ANKLE_TURN)
+    return np.where((turned & (np.linalg.norm(across, axis=1) > BENT))[:, None, None], along, foot)
+
+
+def _flat(height: Floats, stands: np.ndarray, upright: np.ndarray) -> np.ndarray:
+    """(T,) when a foot is taken to be flat: with its ankle lowest, if its toes mostly bear who is upright then.
+
+    Who lies may have the ankles lowest of all, with the toes up; then those frames tell in which toes bear who is upright.
+    """
+    low, bears = height <= np.quantile(height, FLAT_SHARE), stands & upright
+    if bears[low].mean() > 0.5:
+        return low
+    frames = next(some for some in (bears, stands, np.ones_like(stands)) if some.any())
+    return frames & (height <= np.quantile(height[frames], FLAT_SHARE))
+
+
+def _drop(along: Floats) -> float:
+    """How far the toes are under the ankle, along (N, 3) from this to those, in the middle [rad]."""
+    return float(np.median(np.arcsin(-unit(along)[:, 2])))
+
+
+def _foot(
+    motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats, flat: np.ndarray
+) -> Floats:
+    """A foot's frame; it is level, and its toes lie straight ahead, in the frames (T,) in which it is flat."""
+    along, shin = toe - ankle, knee - ankle
+    y = unit(np.cross(shin, along))
+    raw = np.stack([unit(along), y, np.cross(unit(along), y)], axis=2)
+    ahead = unit(along[flat] * [1, 1, 0])
+    level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
+    own = own_rotation(motion, match, f"{side}_ankle")
+    seen = raw if own is None else own
+    return seen @ constant_between(seen[flat], level)

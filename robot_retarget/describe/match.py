@@ -1,0 +1,179 @@
+"""Human and robot in the same words: the keypoints both have, the tree over them, and both bodies' bone lengths."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.describe.bones import bone_lengths, own_bones
+from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.errors import MatchError, known
+from robot_retarget.keypoints import ARM, KEYPOINTS, parents_within
+from robot_retarget.motion import Motion, Recognition, apply_override, recognise
+from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
+from robot_retarget.robot import recognise as recognise_robot
+
+TABLES = ("human", "robot")
+
+
+@dataclass(frozen=True)
+class Match:
+    """Which joint answers to which point, and how long the bones between are on either body."""
+
+    recognition: Recognition
+    anatomy: Anatomy
+    keypoints: tuple[str, ...]
+    """The keypoints that both bodies have, parents first."""
+    parents: Ints
+    """(K,) index of each keypoint's parent among them, −1 at the root."""
+    human_bones: Floats
+    robot_bones: Floats
+    """(K,) length of the bone to the parent, 0 at the root [m]; the robot's at rest, or as the source shows (`itself`)."""
+    rest: Floats
+    """(K, 3) where the robot's keypoints are in its reference pose [m]."""
+    ankle_height: float
+    """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
+    itself: bool
+    """Whether the source is the robot itself: its bones are all what the robot's can be."""
+
+    @property
+    def points(self) -> Points:
+        """The robot's points, in the order of `keypoints`."""
+        return self.anatomy.points_of(self.keypoints)
+
+    def index(self, keypoint: str) -> int:
+        """Where a keypoint stands in the arrays."""
+        return self.keypoints.index(keypoint)
+
+    def human_positions(self, motion: Motion) -> Floats:
+        """(T, K, 3) of the human's keypoints [m]."""
+        return _human_positions(motion, self.recognition, self.keypoints)
+
+    @property
+    def bones(self) -> Ints:
+        """(B, 2) keypoints that a bone joins, for drawing."""
+        children = np.flatnonzero(self.parents >= 0)
+        return np.stack([children, self.parents[children]], axis=1)
+
+    def _leg(self, bones: Floats) -> float:
+        """Thigh and shin of a body, the mean of both legs, or all its bones where one of the bodies has no legs [m]."""
+        legs = [f"{side}_{k}" for side in "lr" for k in ("knee", "ankle")]
+        own = [self.index(k) for k in legs if k in self.keypoints]
+        sides = len({self.keypoints[k][0] for k in own})
+        return float(bones[own].sum()) / sides if own else float(bones.sum())
+
+    @property
+    def human_leg(self) -> float:
+        """The human's leg [m]."""
+        return self._leg(self.human_bones)
+
+    @property
+    def robot_leg(self) -> float:
+        """The robot's leg [m]: the length that makes errors dimensionless."""
+        return self._leg(self.robot_bones)
+
+    @property
+    def leg_ratio(self) -> float:
+        """Robot leg over human leg."""
+        return self.robot_leg / self.human_leg
+
+    def paths_in(self, robot: Robot, qpos: Floats) -> Floats:
+        """τ (K, K) of the robot with every bone as long as it is in the middle of configurations (T, nq) [m].
+
+        A shoulder's point turns with hinges of the arm that do not meet in it, and is nearer to the neck or farther from it.
+        How long bones were where the robot itself was the source, the source has shown.
+        """
+        if self.itself:
+            return path_weights(self.parents, self.robot_bones)
+        return path_weights(self.parents, bone_lengths(world_points(robot, self.points, qpos), self.parents))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was doubtful on either side."""
+        return (*self.recognition.notes, *self.anatomy.notes)
+
+
+def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> Match:
+    """Find the keypoints of both bodies.
+
+    Args:
+        overrides: a TOML file with tables `[human]` (keypoint = "Joint") and `[robot]`
+            (keypoint = ["body", x, y, z]) that replace any line of the map.
+
+    Raises:
+        MatchError: the motion is not human, the robot is no humanoid, an override names what is not there, or the two
+            share too little.
+    """
+    tables = _read_overrides(Path(overrides)) if overrides is not None else {}
+    recognition = recognise(motion.skeleton, motion.positions)
+    recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
+    anatomy = override(recognise_robot(robot), robot, tables.get("robot", {}))
+    return match_bodies(motion, robot, recognition, anatomy)
+
+
+def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy: Anatomy) -> Match:
+    """Join two recognised bodies.
+
+    Raises:
+        MatchError: they share fewer than two bones.
+    """
+    shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.spots)
+    tree = parents_within(shared)
+    if len(tree) < 2:
+        raise MatchError(
+            f"{motion.source or 'the motion'} and {robot.name} share only {', '.join(shared) or 'nothing'}: "
+            "nothing to retarget"
+        )
+    parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
+    human = _human_positions(motion, recognition, shared)
+    points = anatomy.points_of(shared)
+    rest = world_points(robot, points, robot.neutral()[None])
+    source = bone_lengths(human, parents)
+    own = own_bones(robot, points, shared, parents, source)
+    return Match(
+        recognition,
+        anatomy if own is None else _arms_framed(anatomy, shared),
+        shared,
+        frozen(parents, np.int64),
+        human_bones=source,
+        robot_bones=bone_lengths(rest, parents) if own is None else own,
+        rest=frozen(rest[0]),
+        ankle_height=_ankle_height(robot, anatomy),
+        itself=own is not None,
+    )
+
+
+def _arms_framed(anatomy: Anatomy, keypoints: tuple[str, ...]) -> Anatomy:
+    """With frames for the links of arms (`l_elbow_link`), along their bodies' axes: the robot turned them, so it can.
+
+    They tell what no joint centre does: the twist of a straight arm, which way an elbow bends, a wrist of two hinges.
+    """
+    arms = [f"{side}_{k}" for side in "lr" for k in ARM if f"{side}_{k}" in keypoints]
+    links = {f"{keypoint}_link": (anatomy.spots[keypoint].body, frozen(np.eye(3))) for keypoint in arms}
+    return replace(anatomy, frames={**anatomy.frames, **links})
+
+
+def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
+    columns = [recognition.keypoints.index(k) for k in keypoints]
+    return recognition.place(motion.positions)[:, columns]
+
+
+def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
+    heights = []
+    for side, sole in anatomy.soles.items():
+        ankle = anatomy.spots[f"{side}_ankle"]
+        points = Points(np.append(sole.bodies, ankle.body), np.vstack([sole.offsets, ankle.offset]))
+        z = world_points(robot, points, robot.standing()[None])[0, :, 2]
+        heights.append(z[-1] - z[:-1].min())
+    return float(np.mean(heights)) if heights else 0.0
+
+
+def _read_overrides(path: Path) -> Mapping[str, Mapping[str, Any]]:
+    tables = read_toml(path)
+    for key in tables:
+        if key not in TABLES:
+            raise MatchError(f"{path}: unknown table [{key}]; {known(TABLES)}")
+    return tables

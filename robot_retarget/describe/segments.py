@@ -1,0 +1,168 @@
+"""How the human's pelvis, chest, head, feet and hands are turned: what joint centres alone cannot tell.
+
+A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
+between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
+pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
+over the clip (that of feet is found in `feet.py`). A head may hang and a hand be bent throughout: for these the file's
+rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions alone is
+levelled where its neck is built otherwise than the robot's. Nothing is fitted where the robot itself is the source and
+its joints are turned as its bodies are.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.describe.feet import feet_frames
+from robot_retarget.describe.match import Match
+from robot_retarget.describe.rotations import UP, constant_between, own_joint, own_rotation
+from robot_retarget.keypoints import ARM
+from robot_retarget.motion import Motion
+from robot_retarget.robot.axes import BENT, levelled
+from robot_retarget.robot.hands import hand_frames
+
+LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
+"""The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
+STRAIGHT = 1.0
+"""Fingers further from where a hand points on the whole are a placeholder of the file [rad]."""
+LIKELY = {"head": 1.2, "hand": np.pi / 2}
+"""A rest pose further from how a segment is turned on the whole is none [rad]."""
+LEANT = 0.2
+"""A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
+OWN_AXES = 0.1
+"""The robot's own trunk is turned as its bodies are when what its keypoints show is no further off on the whole [rad]."""
+
+
+def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
+    """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
+    x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
+    frames, leans = _trunk_frames(x), _leans(match)
+    for segment in leans:
+        frames[segment] = _turned(motion, match, segment, frames, leans)
+    feet = feet_frames(motion, match, x)
+    for side in "lr":
+        if side in feet:
+            frames[f"{side}_foot"] = feet[side]
+        if (hand := _hand(motion, match, side, x)) is not None:
+            frames[f"{side}_hand"] = hand
+    frames = {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+    return _as_bodies(motion, match, frames) if match.itself else frames
+
+
+def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[str, Floats]:
+    """Frames (T, 3, 3) of a source that is the robot itself: as its bodies have them, if the trunk bears that out."""
+    bearers = {segment: segment.replace("foot", "ankle").removesuffix("_link") for segment in match.anatomy.frames}
+    own = {s: own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
+    frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
+    trunk = [constant_between(frames[s], fitted[s]) for s in ("pelvis", "chest") if s in frames.keys() & fitted.keys()]
+    off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
+    return frames if off < OWN_AXES else fitted
+
+
+def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:
+    """(T, 3, 3) of pelvis, chest or head, from what keypoints show and, where the source has them, rotations."""
+    built, own = frames[segment] @ leans[segment], own_rotation(motion, match, segment)
+    if own is None:
+        return built @ _nod(built, frames["chest"]) if segment == "head" else built
+    constant = constant_between(own, built)
+    if segment == "head":  # at rest it faces as the chest does
+        constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
+    return own @ levelled(constant, LEVEL[segment])
+
+
+def _trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
+    """(T, 3, 3) of pelvis, chest and head as their keypoints (T, 3) show them, of either body."""
+    frames: dict[str, Floats] = {}
+    if {"pelvis", "chest", "l_hip", "r_hip"} <= x.keys():
+        frames["pelvis"] = _upright(x["l_hip"] - x["r_hip"], x["chest"] - x["pelvis"])
+    if {"pelvis", "chest", "l_shoulder", "r_shoulder"} <= x.keys():
+        middle = (x["l_shoulder"] + x["r_shoulder"]) / 2
+        frames["chest"] = _upright(x["l_shoulder"] - x["r_shoulder"], middle - x["pelvis"])
+    if "chest" in frames and {"neck", "head"} <= x.keys():
+        frames["head"] = _upright(frames["chest"][:, :, 1], x["head"] - x["neck"])
+    return frames
+
+
+def _leans(match: Match) -> dict[str, Floats]:
+    """(3, 3) that turns a frame built of the robot's keypoints in its reference pose upright: a head may sit before its neck."""
+    forward = match.anatomy.forward
+    upright = np.stack([forward, np.cross(UP, forward), UP], axis=1)
+    built = _trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
+    return {segment: frames[0].T @ upright for segment, frames in built.items()}
+
+
+def _nod(head: Floats, chest: Floats) -> Floats:
+    """(3, 3) that levels a head whose neck leans otherwise than the robot's on the whole: it faces as the chest then."""
+    constant = constant_between(head, chest)
+    return constant if Rotation.from_matrix(constant).magnitude() > LEANT else np.eye(3)
+
+
+def facing(frames: dict[str, Floats]) -> Floats:
+    """(T, 3, 3) by which the whole body is turned: the pelvis, else the chest, else nothing."""
+    for segment in ("pelvis", "chest"):
+        if segment in frames:
+            return frames[segment]
+    return np.eye(3)[None]
+
+
+def heading(frames: Floats) -> Floats:
+    """(…, 2) the forward of frames (…, 3, 3) along the floor."""
+    return unit(frames[..., :2, 0])
+
+
+def _upright(left: Floats, up: Floats) -> Floats:
+    """Frames whose left is `left` and whose up is `up` less its part along it."""
+    y = unit(left)
+    z = unit(up - (up * y).sum(1, keepdims=True) * y)
+    return np.stack([np.cross(y, z), y, z], axis=2)
+
+
+def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
+    """A hand's own rotation, turned by a constant: the rest pose's, if bent elbows show on the whole that it may be so."""
+    arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
+    own = own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
+    if own is None:
+        return None
+    straight, bend = hand_frames(*arm)
+    if bend.max() < BENT:
+        return None
+    fingers = motion.skeleton.outward(own_joint(motion, match, f"{side}_hand"))
+    constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
+    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers), "hand")
+    return own @ levelled(constant, LEVEL["hand"])
+
+
+def _resting(motion: Motion, match: Match) -> dict[str, Floats]:
+    """(1, 3, 3) of pelvis, chest and head as the keypoints of the rest pose show them; zeros where the file has none."""
+    rest = match.recognition.place(motion.skeleton.rest()[None])
+    return _trunk_frames({k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints})
+
+
+def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
+    """(3, 3) forward, left and up of a hand in the rest pose: to the fingers, elbows back, whether arms are out or down."""
+    back, ahead = -body[:, 0], unit(fingers)
+    across = np.cross(back, ahead)
+    if np.linalg.norm(across) < BENT:
+        return np.zeros((3, 3))
+    return np.stack([ahead, unit(across), np.cross(ahead, unit(across))], axis=1)
+
+
+def _likelier(fitted: Floats, rest: Floats, segment: str) -> Floats:
+    """The constant (3, 3) of the rest pose, if there is one and what fits over the clip bears it out, else that."""
+    if not np.allclose(rest.T @ rest, np.eye(3), atol=1e-6):
+        return fitted
+    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < LIKELY[segment] else fitted
+
+
+def pointed(constant: Floats, fingers: Floats) -> Floats:
+    """A hand's constant (3, 3) with its forward along its fingers (3,), or along the axis that they are near.
+
+    How a hand is bent on the whole says little of how it is when straight: a clip may well be all hands on hips.
+    """
+    if not fingers.any():
+        return constant
+    axis = np.where(np.arange(3) == np.abs(fingers).argmax(), np.sign(fingers), 0.0)
+    ahead = axis if axis @ unit(fingers) > np.cos(LEVEL["hand"]) else unit(fingers)
+    if ahead @ constant[:, 0] < np.cos(STRAIGHT):
+        return constant
+    return Rotation.align_vectors(ahead, constant[:, 0])[0].as_matrix() @ constant

@@ -1,0 +1,123 @@
+"""What a motion, a robot or a solution is, as plain values: for `info`, for `--explain`, for JSON."""
+
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import MatchError
+from robot_retarget.motion import Motion, leg_length, stature
+from robot_retarget.motion import recognise as recognise_human
+from robot_retarget.robot import Robot
+from robot_retarget.robot import recognise as recognise_robot
+from robot_retarget.solve.solution import Solution
+
+
+def describe_motion(motion: Motion) -> dict[str, Any]:
+    """Length, rate, size and the keypoint map of a motion; `human` is False with the reason when it is none."""
+    facts: dict[str, Any] = {
+        "kind": "motion",
+        "source": motion.source,
+        "frames": len(motion),
+        "fps": round(motion.fps, 4),
+        "duration_s": round(motion.duration, 3),
+        "joints": len(motion.skeleton),
+        "rotations": motion.rotations is not None,
+        "notes": list(motion.notes),
+    }
+    try:
+        found = recognise_human(motion.skeleton, motion.positions)
+    except MatchError as error:
+        return facts | {"human": False, "reason": str(error)}
+    names = motion.skeleton.names
+    keypoints = {
+        k: {"joint": " + ".join(names[j] for j in m.joints), "confidence": round(m.confidence, 2), "why": m.evidence}
+        for k, m in ((k, found.marks[k]) for k in found.keypoints)
+    }
+    size = {
+        "stature_m": round(stature(found, motion.positions), 3),
+        "leg_m": round(leg_length(found, motion.positions), 3),
+    }
+    remarks = {"keypoints": keypoints, "missing": list(found.missing), "remarks": list(found.notes)}
+    return facts | {"human": True, "confidence": round(found.confidence, 2)} | size | remarks
+
+
+def describe_robot(robot: Robot) -> dict[str, Any]:
+    """Joints with their limits and the keypoint map of a robot; `humanoid` is False with the reason when it is none."""
+    facts: dict[str, Any] = {
+        "kind": "robot",
+        "name": robot.name,
+        "path": str(robot.path),
+        "mass_kg": round(float(np.sum(robot.model.body_mass)), 3),
+        "root": _root(robot),
+        "joints": _joints(robot),
+    }
+    try:
+        found = recognise_robot(robot)
+    except MatchError as error:
+        return facts | {"humanoid": False, "reason": str(error)}
+    keypoints = {
+        k: {
+            "body": robot.model.body(s.body).name,
+            "offset_m": [round(v, 4) for v in s.offset.tolist()],
+            "confidence": round(s.confidence, 2),
+            "why": s.evidence,
+        }
+        for k, s in ((k, found.spots[k]) for k in found.names)
+    }
+    remarks = {"missing": list(found.missing), "remarks": list(found.notes)}
+    least = min(s.confidence for s in found.spots.values())
+    return facts | {"humanoid": True, "confidence": round(least, 2), "keypoints": keypoints} | remarks
+
+
+def _root(robot: Robot) -> str:
+    """What carries a robot."""
+    if robot.floating:
+        return "free joint"
+    return f"{robot.root_joints.size} single joints" if robot.root_joints.size else "fixed"
+
+
+def _joints(robot: Robot) -> dict[str, dict[str, float | None]]:
+    """Range [rad], speed [rad/s] and torque [N m], if it is known, of every joint."""
+    torques = [t if np.isfinite(t) else None for t in robot.max_torque.tolist()]
+    limits = zip(robot.lower.tolist(), robot.upper.tolist(), robot.max_speed.tolist(), torques, strict=True)
+    return {
+        name: {"lower": round(low, 4), "upper": round(high, 4), "max_speed": speed, "max_torque": torque}
+        for name, (low, high, speed, torque) in zip(robot.joint_names, limits, strict=True)
+    }
+
+
+def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[str, Any]:
+    """How a clip was solved: frames, rate, status, stress, worst edges."""
+    frames, seconds = len(solution.cost), solution.timings.get("solve", 0.0)
+    reasons = {status.name.lower(): 0 for status in solution.status}
+    for status in solution.status:
+        reasons[status.name.lower()] += 1
+    return {
+        "frames": frames,
+        "fps": round(solution.trajectory.fps, 4),
+        "status": reasons,
+        "stress_mean": round(float(solution.stress.mean()), 5),
+        "stress_max": round(float(solution.stress.max()), 5),
+        "stress_max_frame": int(solution.stress.argmax()),
+        "largest_step_rad": round(solution.largest_step(), 3),
+        "solved_per_second": round(frames / seconds, 1) if seconds else None,
+        "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
+        "machine_code": solution.native,
+        "worst_edges": [
+            {"edge": name, "mean_error": round(mean, 4), "worst_frame": frame}
+            for name, mean, frame in solution.worst_edges()
+        ],
+        "notes": [*notes, *_jumps_told(solution)],
+    }
+
+
+def _jumps_told(solution: Solution) -> list[str]:
+    """What to say of joints that jump: the largest, and how many more."""
+    jumps = solution.jumps()
+    if not jumps:
+        return []
+    joint, frame, step = jumps[0]
+    more = f", and {len(jumps) - 1} more such steps" if len(jumps) > 1 else ""
+    return [
+        f"{joint} jumps by {step:+.2f} rad to frame {frame}{more}: the motion is that fast, or changes its way there"
+    ]

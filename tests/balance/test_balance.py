@@ -1,0 +1,405 @@
+"""What a motion in balance must be: feet that stand still, mass over them, a stand at either end, no fall."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.ndimage import gaussian_filter1d
+
+import robot_retarget as rr
+from robot_retarget.balance.balance import paced
+from robot_retarget.balance.beside import gaps, parted
+from robot_retarget.balance.outline import LIFT, SLOWEST_LIFT, Clip, write_score
+from robot_retarget.balance.planting import Planter
+from robot_retarget.balance.retime import Pacing, motion_needs, unhurried
+from robot_retarget.balance.stand import FIRM, balanced_stand, stand_places
+from robot_retarget.balance.support import kept_down, planted_feet
+from robot_retarget.balance.swing import foothold_places
+from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
+from robot_retarget.errors import BalanceError, UsageError
+from robot_retarget.robot import world_points
+from robot_retarget.robot.dynamics import joint_torques, tread
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.simulate.compensate import compensated
+from robot_retarget.simulate.rollout import plant_of
+from robot_retarget.simulate.stepping import Playback, roll_out
+from robot_retarget.solve.footing import HOLD
+from robot_retarget.transfer import Result
+
+SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
+IN_ORDER = [0, 3, 1, 2]
+"""From around a sole to front left, front right, rear left, rear right."""
+LEFT, RIGHT = SQUARE / 2 + [0.0, 0.06], SQUARE / 2 - [0.0, 0.06]
+
+
+@pytest.fixture(scope="module")
+def standing() -> Result:
+    """A walk in place: the feet never leave the floor."""
+    motion = rr.read_motion(SAMPLES / "walk.bvh").resample(15)
+    return rr.retarget(motion, rr.load_robot("op3"), legs="stand", balance="static")
+
+
+@pytest.fixture(scope="module")
+def squat() -> Result:
+    return rr.retarget(rr.read_motion(SAMPLES / "squat.bvh"), rr.load_robot("op3"), balance="static")
+
+
+@pytest.fixture(scope="module")
+def planter() -> Planter:
+    robot = rr.load_robot("op3")
+    return Planter(robot, rr.match(rr.read_motion(SAMPLES / "wave.bvh"), robot))
+
+
+def mass_centres(robot: rr.Robot, qpos: np.ndarray) -> np.ndarray:
+    data, found = mujoco.MjData(robot.model), []
+    for q in qpos:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        found.append(data.subtree_com[robot.root_body].copy())
+    return np.array(found)
+
+
+@given(arrays(float, (7, 2), elements=st.floats(-1, 1)), arrays(float, 2, elements=st.floats(-1.2, 1.2)))
+@settings(max_examples=60, deadline=None)
+def test_a_point_is_inside_a_support_where_some_corners_surround_it(corners: np.ndarray, point: np.ndarray) -> None:
+    corners = corners + np.random.default_rng(0).normal(scale=0.05, size=corners.shape)
+    margin = support(corners).margin(point)
+    around = np.sort(np.arctan2(*(corners - point).T))
+    widest = np.diff([*around, around[0] + 2 * np.pi]).max()
+    assert abs(margin) < 1e-6 or (margin > 0) == (widest < np.pi)
+
+
+def test_a_planned_path_keeps_mass_and_zero_moment_point_over_the_feet_and_shifts_before_a_foot_lifts() -> None:
+    both, left = support(np.concatenate([LEFT, RIGHT])), support(LEFT)
+    supports = [both] * 60 + [left] * 30 + [both] * 60
+    how = Steadiness(keep=0.6)
+    plan = plan_centre(np.zeros((150, 2)), np.full(150, 0.25), supports, 30.0, how)
+    c = plan.centre
+    acceleration = np.zeros_like(c)
+    acceleration[1:-1] = (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
+    acceleration[0], acceleration[-1] = (c[1] - c[0]) * 30.0**2, (c[-2] - c[-1]) * 30.0**2
+    zmp = c - 0.25 / GRAVITY * acceleration
+    for polygon, mass, point in zip(supports, c, zmp, strict=True):
+        assert min(polygon.shrunk(0.6).margin(mass), polygon.shrunk(0.6).margin(point)) > -1e-4
+    assert plan.excess.max() < 1e-4
+    assert c[45, 1] > 0.005 and c[59, 1] > 0.025 and abs(c[0, 1]) < 0.005
+
+
+def test_a_shift_without_the_time_for_it_is_reported_as_excess() -> None:
+    left, right = support(LEFT), support(RIGHT)
+    plan = plan_centre(np.zeros((60, 2)), np.full(60, 0.25), [left] * 30 + [right] * 30, 30.0, Steadiness(keep=0.5))
+    assert plan.excess.max() > 0.01
+
+
+def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swings_past() -> None:
+    left, right = support(LEFT), support(RIGHT)
+    supports, keep = [left] * 12 + [right] * 12 + [left] * 12 + [right] * 12, 0.8
+    plans = {
+        static: plan_centre(np.zeros((48, 2)), np.full(48, 0.25), supports, 30.0, Steadiness(keep, static))
+        for static in (True, False)
+    }
+    c = plans[False].centre
+    zmp = c[1:-1] - 0.25 / GRAVITY * (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
+    assert min(p.shrunk(keep).margin(x) for p, x in zip(supports[1:-1], zmp, strict=True)) > -2e-3
+    assert plans[False].excess.max() < 2e-3 < 0.01 < plans[True].excess.max()
+    assert min(p.margin(x) for p, x in zip(supports, c, strict=True)) < 0
+
+
+def test_swings_are_given_the_time_that_legs_need_and_stances_are_left_alone() -> None:
+    planted = np.ones((90, 2), bool)
+    planted[20:29, 0] = planted[50:80, 1] = False
+    durations = unhurried(planted, 30.0, Pacing(swing=0.8))
+    assert durations[19:29].sum() / 30 == pytest.approx(0.8) and (np.delete(durations, range(19, 29)) == 1).all()
+
+
+def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_not(planter: Planter) -> None:
+    robot = planter.robot
+    held = np.tile(planter.robot.standing(), (40, 1))
+    turning, elbow = held.copy(), robot.joint_names.index("l_el")
+    turning[:, robot.qpos_index[elbow]] -= np.linspace(0, 0.6 * robot.max_speed[elbow] * 39 / 30, 40)
+    rest, load = np.zeros((40, len(robot.joint_names))), np.zeros((40, len(robot.joint_names)))
+    inside, friction = np.ones(40), np.zeros(40)
+    for torque, slower in ((-0.2, False), (-0.6, True), (0.6, False)):  # the last one brakes
+        load[:, elbow] = torque * robot.max_torque[elbow]
+        assert (motion_needs(robot, turning, (load, rest), inside, friction, 30.0, Pacing())[:-1] > 1).all() == slower
+    assert (motion_needs(robot, held, (load, load), inside, friction, 30.0, Pacing()) == 1).all()
+
+
+def test_feet_that_would_slide_are_given_the_time_that_brings_them_under_their_friction(planter: Planter) -> None:
+    """Twice as slow, a motion needs a quarter of the friction."""
+    robot, rest = planter.robot, np.zeros((40, len(planter.robot.joint_names)))
+    held, inside = np.tile(planter.robot.standing(), (40, 1)), np.ones(40)
+    pacing = Pacing(friction=0.2, most=10.0)
+    for needed, factor in ((0.19, 1.0), (0.8, 2.0)):
+        friction = np.full(40, needed)
+        assert motion_needs(robot, held, (rest, rest), inside, friction, 30.0, pacing) == pytest.approx(factor)
+
+
+def torques_of(planter: Planter, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a pose held for a second: (n,) in motion and at rest by inverse dynamics, and what servos give in a simulation."""
+    robot, held = planter.robot, np.tile(pose, (30, 1))
+    moving, resting = joint_torques(robot, held, 30.0, planter.soles)
+    plant, trajectory = plant_of(robot, "free"), rr.Trajectory(held, 30.0, robot.joint_names, robot.name)
+    playback = Playback(settle_before=2.0)
+    rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    return moving[-1], resting[-1], rollout.torque[-1]
+
+
+def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
+    moving, resting, simulated = torques_of(planter, balanced_stand(planter, stand_places(planter)))
+    np.testing.assert_allclose(moving, resting, atol=1e-9)
+    pitch = [k for k, name in enumerate(planter.robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
+    np.testing.assert_allclose(simulated[pitch], resting[pitch], atol=0.06)
+
+
+def test_a_foot_that_hovers_over_the_floor_bears_nothing_yet(planter: Planter) -> None:
+    """Else the servos are told to let go of the leg that stands, and the other one comes down before its time."""
+    places = stand_places(planter)
+    stand, middle = balanced_stand(planter, places), places[1].mean(axis=0)[:2]
+    places[0, :, 2] += 0.004
+    pose = planter.plant(stand, stand, places, middle, np.full(2, HOLD), FIRM)
+    _, resting, simulated = torques_of(planter, pose)
+    hips = [planter.robot.joint_names.index(f"{side}_hip_roll") for side in "lr"]
+    assert np.abs(resting[hips[1]]) > 0.5
+    np.testing.assert_allclose(simulated[hips], resting[hips], atol=0.1)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_planted_poses_have_their_soles_on_their_places_and_their_mass_over_its_spot(
+    planter: Planter, seed: int
+) -> None:
+    draw, robot = np.random.default_rng(seed), planter.robot
+    places = stand_places(planter)
+    stand = balanced_stand(planter, places)
+    wished = stand.copy()
+    wished[robot.qpos_index] += draw.normal(scale=0.2, size=len(robot.joint_names))
+    spot = places.mean(axis=(0, 1))[:2] + draw.uniform(-0.02, 0.02, 2)
+    pose = planter.plant(stand, wished, places, spot, np.full(2, HOLD), steps=30)
+    assert np.abs(planter.corners(pose[None])[0] - places).max() < 5e-4
+    assert np.abs(mass_centres(robot, pose[None])[0, :2] - spot).max() < 5e-4
+    assert (pose[robot.qpos_index] >= robot.lower - 1e-9).all() and (pose[robot.qpos_index] <= robot.upper + 1e-9).all()
+
+
+def soles(lift: float, travel: float = 0.0, frames: int = 60) -> np.ndarray:
+    """Two square soles; the left one rises by `lift` in the middle third and comes down `travel` further on."""
+    corners = np.zeros((frames, 2, 4, 3))
+    corners[:, 0, :, :2], corners[:, 1, :, :2] = LEFT[IN_ORDER], RIGHT[IN_ORDER]
+    share = np.clip(np.linspace(-1, 2, frames), 0, 1)[:, None]
+    corners[:, 0, :, 2] += lift * np.sin(np.pi * share) ** 2
+    corners[:, 0, :, 0] += travel * share
+    return corners
+
+
+def labels(corners: np.ndarray) -> dict[str, np.ndarray]:
+    """As a human's: lifted the moment it rises at all."""
+    return {side: np.repeat(corners[:, k, :1, 2] < 1e-6, 2, axis=1) for k, side in enumerate("lr")}
+
+
+@pytest.mark.parametrize(
+    ("lift", "travel", "steps"), [(0.001, 0.0, False), (0.01, 0.0, False), (0.08, 0.0, True), (0.02, 0.1, True)]
+)
+def test_only_a_foot_that_is_lifted_well_or_put_elsewhere_leaves_the_floor(
+    lift: float, travel: float, steps: bool
+) -> None:
+    corners = soles(lift, travel)
+    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
+    assert planted[:, 1].all() and (not planted[:, 0].all()) == steps
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-0.1, 0.2))
+@settings(max_examples=30, deadline=None)
+def test_feet_are_set_apart_sideways_as_far_as_in_the_stand_whichever_way_they_point(turn: float, gap: float) -> None:
+    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    own, corners = soles(0.0, frames=1)[0], soles(0.0, frames=1)
+    corners[0, 0, :, 1] += gap
+    corners[..., :2] = corners[..., :2] @ spin.T
+    set_apart = parted(corners, own)[0] @ np.block([[spin, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]])
+    assert (set_apart[0] - set_apart[1]).mean(axis=0)[1] == pytest.approx(0.12 + max(gap, 0.0), abs=1e-9)
+
+
+@given(arrays(float, (2, 3), elements=st.floats(-0.15, 0.15)))
+@settings(max_examples=60, deadline=None)
+def test_the_gap_between_two_soles_is_their_distance_where_edge_faces_edge_and_negative_where_they_overlap(
+    poses: np.ndarray,
+) -> None:
+    """Against the nearest of many points of the one sole to the other."""
+    rectangle = np.array([[0.06, 0.04], [0.06, -0.04], [-0.06, 0.04], [-0.06, -0.04]])
+    corners, grid = np.zeros((1, 2, 4, 3)), np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * 2), -1).reshape(-1, 2)
+    inside = []
+    for foot, (x, y, turn) in enumerate(poses * [1, 1, 8]):
+        spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        corners[0, foot, :, :2] = rectangle @ spin.T + [x, y]
+        inside.append((grid * [0.06, 0.04]) @ spin.T + [x, y])
+    nearest = np.linalg.norm(inside[0][:, None] - inside[1][None], axis=2).min()
+    gap = gaps(corners)[0]
+    assert gap <= nearest + 1e-9
+    if nearest > 0.01:
+        assert gap > 0 and nearest < 2 * gap  # apart only cornerwise, the edges see less
+    if gap < -0.005:
+        assert nearest < 0.005
+
+
+def test_footholds_that_would_overlap_are_set_apart() -> None:
+    corners = soles(0.05, 0.1)
+    corners[:, 1, :, :2] += [0.05, 0.06]
+    planted = np.ones((len(corners), 2), bool)
+    planted[20:40, 0] = False
+    assert gaps(corners)[0] < -0.03
+    places = foothold_places(planted, corners, 0.03, 0.01)
+    assert gaps(places)[planted.all(axis=1)].min() > 0.01 - 1e-6
+    assert np.ptp(places[:, 1], axis=0).max() == 0
+
+
+def test_a_foot_in_the_air_goes_around_the_one_that_stands() -> None:
+    corners = soles(0.05, 0.1)
+    corners[:, 0, :, 1] -= 0.06 * np.sin(np.linspace(0, np.pi, len(corners)))[:, None]
+    planted = np.ones((len(corners), 2), bool)
+    planted[5:-5, 0] = False
+    middle = len(corners) // 2
+    for gap in (0.01, 0.02):
+        assert gaps(corners)[middle] < gap
+        assert gaps(foothold_places(planted, corners, 0.03, gap))[middle] == pytest.approx(gap, abs=1e-6)
+
+
+def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
+    corners = soles(0.08)
+    corners[:, 1, :, 2] = corners[:, 0, :, 2]
+    with pytest.raises(
+        BalanceError, match=r"no foot is on the floor from 0\.\d to 1\.\d s.*legs 'stand'.*balance 'off'"
+    ):
+        planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
+
+
+def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
+    corners = soles(0.02, 0.1)
+    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
+    places = foothold_places(planted, corners, 0.03, 0.01)
+    swing = np.flatnonzero(~planted[:, 0])
+    assert np.abs(np.diff(places[:, 0], axis=0)).max() < 0.015
+    assert (places[planted[:, 0], 0, :, 2] == 0).all() and places[swing, 0, :, 2].min() >= 0
+    assert places[swing, 0, :, 2].min(axis=1).max() > 0.029
+
+
+def test_legs_that_stand_never_move_their_soles_whatever_the_human_does(standing: Result) -> None:
+    robot, anatomy = standing.robot, standing.match.anatomy
+    for sole in anatomy.soles.values():
+        places = world_points(robot, sole, standing.trajectory.qpos)
+        assert np.abs(places - places[0]).max() < 1e-3
+    hands = world_points(robot, standing.match.points, standing.trajectory.qpos)[:, standing.match.index("l_hand")]
+    assert np.ptp(hands, axis=0).max() > 0.02
+
+
+def test_a_playback_begins_and_ends_at_rest_in_a_balanced_stand(standing: Result, squat: Result) -> None:
+    for result in (standing, squat):
+        robot, qpos = result.robot, result.trajectory.qpos
+        for frame, step in ((0, 1), (-1, -2)):
+            centre = mass_centres(robot, qpos[[frame]])[0, :2]
+            corners = [world_points(robot, s, qpos[[frame]])[0] for s in result.match.anatomy.soles.values()]
+            polygon = support(np.concatenate(corners))
+            assert polygon.margin(centre) > 0.7 * polygon.margin(polygon.middle)
+            assert np.abs(qpos[frame] - qpos[step]).max() < 0.01
+
+
+def test_every_frame_has_its_human_and_its_figures(squat: Result) -> None:
+    solution = squat.solution
+    assert len(squat.motion) == len(squat.trajectory) == len(solution.errors) == len(solution.status)
+    assert squat.balance is not None and any("stand before and after" in note for note in squat.notes)
+
+
+def test_joints_keep_to_their_speeds(standing: Result) -> None:
+    robot, qpos = standing.robot, standing.trajectory.qpos[:, standing.robot.qpos_index]
+    assert (np.abs(np.diff(qpos, axis=0)) * standing.trajectory.fps <= robot.max_speed).all()
+
+
+def test_the_planned_zero_moment_point_is_the_one_of_the_contact_forces(planter: Planter) -> None:
+    """A slow squat with the arms raised: where the simulated ground pushes, against the plan of the motion."""
+    robot, places = planter.robot, stand_places(planter)
+    draft = np.tile(balanced_stand(planter, places), (120, 1))
+    down = np.sin(np.pi * np.linspace(0, 1, 120)) ** 2
+    draft[:, 2] -= 0.09 * down
+    draft[:, robot.qpos_index[[2, 3]]] += 0.8 * down[:, None] * [1.0, -1.0]
+    clip = Clip(draft, np.tile(places, (120, 1, 1, 1)), np.ones((120, 2), bool), 30.0)
+    found = paced(planter, clip, Steadiness())
+    trajectory = rr.Trajectory(found.qpos, 30.0, robot.joint_names, robot.name)
+    plant, playback = plant_of(robot, "free"), Playback(settle_before=2.0)
+    rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    force, torque = rollout.ground[:, 2], rollout.ground[:, 3:]
+    pushed = np.stack([-torque[:, 1], torque[:, 0]], axis=1) / force[:, None]
+    times = np.arange(len(trajectory)) / trajectory.fps
+    seen = np.stack([np.interp(times, rollout.times, column) for column in pushed.T], axis=1)
+    assert np.ptp(found.qpos[:, 2]) > 0.04 and np.abs(seen - found.zmp).max() < 0.01
+
+
+def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(planter: Planter) -> None:
+    """Arms that swing against each other turn a robot over its feet."""
+    robot, time = planter.robot, np.arange(121) / 30
+    swung = np.tile(balanced_stand(planter, stand_places(planter)), (121, 1))
+    swing = np.sin(np.pi * time / 4) ** 2 * np.sin(np.pi * time)
+    for joint in ("l_sho_pitch", "r_sho_pitch"):
+        swung[:, robot.qpos_index[robot.joint_names.index(joint)]] += swing
+    trajectory = rr.Trajectory(swung, 30.0, robot.joint_names, robot.name)
+    plant, playback = plant_of(robot, "free"), Playback(settle_before=2.0)
+    rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
+    force, torque = rollout.ground[:, :3], rollout.ground[:, 3:]
+    point = np.stack([-torque[:, 1], torque[:, 0]], axis=1) / force[:, 2:]
+    twist = (torque[:, 2] - point[:, 0] * force[:, 1] + point[:, 1] * force[:, 0]) / force[:, 2]
+    planned, seen = tread(robot, swung, 30.0).twist, np.interp(time, rollout.times, gaussian_filter1d(twist, 4))
+    assert np.abs(planned).max() > 1e-3 and np.corrcoef(planned, seen)[0, 1] > 0.9
+    assert seen.std() == pytest.approx(planned.std(), rel=0.2)
+
+
+@pytest.mark.parametrize("pace", [1.0, 4.0])
+def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_goes(
+    planter: Planter, pace: float
+) -> None:
+    """A clip that begins on both feet and ends with the left one in the air."""
+    places = stand_places(planter)
+    clip = Clip(
+        np.tile(planter.robot.standing(), (60, 1)), np.tile(places, (60, 1, 1, 1)), np.ones((60, 2), bool), 30.0
+    )
+    clip.planted[20:40, 1] = clip.planted[50:, 0] = False
+    clip.corners[50:, 0, :, 2] = 0.03
+    stands = [balanced_stand(planter, places)] * 2
+    score = write_score(planter, clip, stands, np.full(59, pace))
+    assert (~score.planted[:, 1]).sum() == pytest.approx(20 * pace, abs=pace)
+    lifted = LIFT * min(pace, SLOWEST_LIFT) * 30
+    assert (~score.planted[:, 0]).sum() == pytest.approx(9.5 * pace + lifted, abs=pace + 1)
+
+
+def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
+    robot = rr.load_robot("op3")
+    result = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), robot, balance="static")
+    report = rr.simulate(result.trajectory, robot, mode="free", playback=Playback(settle_after=2.0))
+    assert result.balance is not None and result.balance.slowdown < 4 and not result.balance.score.planted.all()
+    assert np.ptp(result.trajectory.qpos[:, 0]) > 0.3
+    assert report.figures["fall_s"] is None and report.figures["foot_slip_m"] < 0.01, report.reasons
+
+
+def test_a_balanced_squat_and_a_walk_in_place_stay_upright_on_servos(standing: Result, squat: Result) -> None:
+    for result in (standing, squat):
+        report = rr.simulate(result.trajectory, result.robot, mode="free", playback=Playback(settle_after=2.0))
+        assert report.figures["fall_s"] is None, report.reasons
+
+
+def test_choices_that_do_not_go_together_are_refused() -> None:
+    motion, robot = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 5), rr.load_robot("op3")
+    for legs, balance, said in (
+        ("hop", "auto", "follow, stand"),
+        ("follow", "often", "static"),
+        ("stand", "off", "needs"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            rr.retarget(motion, robot, legs=legs, balance=balance)
+
+
+def test_a_robot_without_a_free_root_cannot_be_balanced() -> None:
+    robot = rr.load_robot("op3")
+    bolted = replace(robot, root_joints=np.zeros(0, int))
+    with pytest.raises(BalanceError, match="free root"):
+        rr.retarget(rr.read_motion(SAMPLES / "wave.bvh").frames(0, 5), bolted, balance="static")

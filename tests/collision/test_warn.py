@@ -1,0 +1,184 @@
+"""Warnings: what is exact, what changes nothing, and that they come before the contact."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_trajectories import hold, robot_of, wander
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.collision.events import write_csv
+from robot_retarget.collision.states import State, Windows
+from robot_retarget.collision.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
+from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.robot import Robot, load_robot
+from robot_retarget.simulate.contacts import replay_contacts
+from robot_retarget.trajectory import Trajectory
+
+CARTS = """<mujoco><worldbody><body name="base"><geom size=".01" contype="0" conaffinity="0"/>
+<body name="left" pos="-1 0 0"><joint name="l" type="slide" axis="1 0 0"/><geom size=".1"/></body>
+<body name="right" pos="1 0 0"><joint name="r" type="slide" axis="1 0 0"/><geom size=".1"/></body>
+<body name="arm" pos="0 0 9"><joint name="swing" axis="0 1 0"/><geom size=".1"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def known(op3: Robot) -> Surfaces:
+    return surfaces(op3)
+
+
+@pytest.fixture(scope="module")
+def waving(op3: Robot, known: Surfaces) -> tuple[Trajectory, Warnings]:
+    """A motion of all joints that collides."""
+    trajectory = wander(op3, 90, 30.0)
+    return trajectory, warnings_of(trajectory, op3, known=known)
+
+
+def carts(tmp_path: Path, speed: float, fps: float = 30.0, seconds: float = 3.0) -> tuple[Trajectory, Robot]:
+    """Two balls of radius 0.1 on a rail, 2 m apart, one going towards the other."""
+    robot = robot_of(CARTS, tmp_path / "carts.xml")
+    times = np.arange(round(seconds * fps) + 1) / fps
+    qpos = np.zeros((len(times), 3))
+    qpos[:, 0] = speed * times
+    return Trajectory(qpos, fps, robot.joint_names, robot.name), robot
+
+
+@pytest.mark.parametrize("fps", [24.0, 30.0, 60.0, 120.0])
+def test_a_steady_approach_is_timed_exactly(tmp_path: Path, fps: float) -> None:
+    trajectory, robot = carts(tmp_path, 0.8, fps)
+    found = warnings_of(trajectory, robot)
+    pair = found.pairs.index(("left", "right"))
+    times = np.arange(len(found)) / fps
+    wait = 1.8 / 0.8 - times
+    foreseen = (times > 0.1) & (wait > 0) & (wait < 0.49)
+    assert found.time_to_contact[foreseen, pair] == pytest.approx(wait[foreseen], abs=1e-6)
+    (event,) = found.events
+    assert event.contact is not None and 0 <= event.contact / fps - 1.8 / 0.8 < 0.05
+    assert event.predicted_contact == pytest.approx(1.8 / 0.8 * fps, abs=1)
+    assert 0.3 < event.lead_s < 0.5
+
+
+def test_what_passes_within_the_margin_is_timed_where_it_is_nearest(tmp_path: Path) -> None:
+    mjcf = CARTS.replace('name="right" pos="1 0 0"', 'name="right" pos="1 0 .205"')
+    robot, times = robot_of(mjcf, tmp_path / "passing.xml"), np.arange(91) / 30
+    qpos = np.zeros((91, 3))
+    qpos[:, 0] = 0.9 * times  # above the other, 5 mm away, after 2 / 0.9 s
+    found = warnings_of(Trajectory(qpos, 30.0, robot.joint_names, robot.name), robot)
+    wait, foreseen = 2 / 0.9 - times, found.time_to_contact[:, found.pairs.index(("left", "right"))]
+    soon = (wait > 0.1) & (wait < 0.33)
+    assert np.abs(foreseen[soon] - wait[soon]).max() < 1 / 30  # half the way between two instants
+    assert found.events and all(event.contact is None for event in found.events)
+    assert warnings_of(Trajectory(qpos, 30.0, robot.joint_names, robot.name), robot, WarnOptions(margin=0)).events == []
+
+
+def test_what_recedes_or_rests_is_not_flagged(tmp_path: Path) -> None:
+    for speed in (0.0, -0.8):
+        found = warnings_of(*carts(tmp_path, speed))
+        assert not found.state.any() and found.events == []
+
+
+def test_every_contact_is_warned_of_before_it_happens(
+    op3: Robot, known: Surfaces, waving: tuple[Trajectory, Warnings]
+) -> None:
+    trajectory, found = waving
+    contacts = replay_contacts(op3, trajectory.qpos)
+    index = {tuple(pair): k for k, pair in enumerate(known.pairs.links.tolist())}
+    seen = 0
+    for pair in contacts.pairs() & index.keys():
+        first = int(contacts.of((contacts.bodies == pair).all(1)).frame.min())
+        if first >= 3:
+            seen += 1
+            assert found.flagged[first - 1, index[pair]], pair
+    assert seen >= 5
+
+
+def test_a_stream_says_what_the_whole_says(op3: Robot, known: Surfaces, waving: tuple[Trajectory, Warnings]) -> None:
+    trajectory, found = waving
+    warner = Warner(op3, trajectory.fps, known=known)
+    frames = [warner.update(q) for q in trajectory.qpos]
+    for name in ("state", "alpha", "touching"):
+        assert (np.concatenate([getattr(f, name) for f in frames]) == getattr(found, name)).all(), name
+    for name in ("distance", "ahead", "time_to_contact", "depth"):
+        assert np.concatenate([getattr(f, name) for f in frames]) == pytest.approx(getattr(found, name), abs=1e-9)
+
+
+def test_moving_the_whole_robot_changes_nothing(
+    op3: Robot, known: Surfaces, waving: tuple[Trajectory, Warnings]
+) -> None:
+    trajectory, found = waving
+    turn = Rotation.from_rotvec(np.linspace(0, 3, len(trajectory))[:, None] * [0.3, 0.5, 0.8])
+    qpos = trajectory.qpos.copy()
+    qpos[:, :3] = turn.apply(qpos[:, :3]) + np.linspace(0, 2, len(trajectory))[:, None]
+    body = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)
+    qpos[:, 3:7] = (turn * body).as_quat(scalar_first=True)
+    moved = warnings_of(replace(trajectory, qpos=qpos), op3, known=known)
+    assert moved.events == found.events
+
+
+def test_the_frame_rate_changes_no_event_by_more_than_a_frame(op3: Robot, known: Surfaces) -> None:
+    fine = wander(op3, 4 * 90, 120.0)
+    coarse = replace(fine, qpos=fine.qpos[::4], fps=30.0)
+    events = [warnings_of(t, op3, known=known).events for t in (fine, coarse)]
+    assert len(events[1]) > 5
+    assert [e.pair for e in events[0]] == [e.pair for e in events[1]]
+    for fast, slow in zip(*events, strict=True):
+        assert abs(fast.first_warning / 4 - slow.first_warning) <= 1
+        assert abs(fast.predicted_contact / 4 - slow.predicted_contact) <= 1
+        assert (fast.contact is None) == (slow.contact is None)
+        assert slow.contact is None or abs(fast.contact / 4 - slow.contact) <= 1
+
+
+def test_a_longer_horizon_warns_no_later(op3: Robot, known: Surfaces, waving: tuple[Trajectory, Warnings]) -> None:
+    short = warnings_of(waving[0], op3, WarnOptions(horizon=0.1), known)
+    assert (short.flagged.sum() > 0) and (waving[1].flagged.sum() > short.flagged.sum())
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 5), st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_states_hold_the_same_way_frame_by_frame(confirm: int, release: int, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    foreseen, called = draw.random((25, 3)) < 0.6, draw.choice([0, 0, 0, 1, 3], (25, 3))
+    whole = Windows(confirm, release).all(foreseen, called)
+    windows = Windows(confirm, release)
+    parts = [windows.next(foreseen[t : t + 1], called[t : t + 1]) for t in range(25)]
+    assert (np.concatenate(parts) == whole).all()
+    own = np.array([max(called[t, 0], 2 * (t + 1 >= confirm and foreseen[max(0, t + 1 - confirm) : t + 1, 0].all()))
+                    for t in range(25)])  # fmt: skip
+    assert (whole[:, 0] == [own[max(0, t + 1 - release) : t + 1].max() for t in range(25)]).all()
+
+
+def test_a_warning_does_not_flicker(op3: Robot, waving: tuple[Trajectory, Warnings]) -> None:
+    trajectory, found = waving
+    kept = round(WarnOptions().release * trajectory.fps) + 1
+    assert all(e.last - e.first_warning + 1 >= kept for e in found.events if e.last < len(trajectory) - 1)
+    assert found.state.max() == State.CONTACT
+
+
+def test_events_are_written_as_a_table(waving: tuple[Trajectory, Warnings], tmp_path: Path) -> None:
+    lines = write_csv(waving[1].events, tmp_path / "warnings.csv").read_text().splitlines()
+    assert lines[0].startswith("link_a,link_b,first_warning,predicted_contact,contact,lead_s")
+    assert len(lines) == 1 + len(waving[1].events)
+
+
+def test_bad_input_is_named(op3: Robot, known: Surfaces, tmp_path: Path) -> None:
+    with pytest.raises(TrajectoryError, match="need two frames"):
+        warnings_of(hold(op3, 0.0), op3, known=known)
+    with pytest.raises(TrajectoryError, match="not of 'op3'"):
+        warnings_of(carts(tmp_path, 1.0)[0], op3, known=known)
+    for fps in (0.0, -30.0, np.nan):
+        with pytest.raises(UsageError, match="must be positive"):
+            Warner(op3, fps, known=known)
+    warner = Warner(op3, 30.0, known=known)
+    for broken in (np.full(op3.model.nq, np.nan), np.zeros(3)):
+        with pytest.raises(TrajectoryError, match="27 finite numbers"):
+            warner.update(broken)
+    for option in ({"horizon": 0.0}, {"horizon": np.nan}, {"release": -1.0}):
+        with pytest.raises(UsageError):
+            WarnOptions(**option)

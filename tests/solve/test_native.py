@@ -1,0 +1,121 @@
+"""Machine code does what the virtual machine does, and whatever fails leaves the virtual machine to serve."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_retarget import transfer
+from robot_retarget.describe.edges import Edges, build_edges
+from robot_retarget.describe.match import Match, match
+from robot_retarget.motion import read_motion
+from robot_retarget.robot import Points, Robot, load_robot
+from robot_retarget.robot.kinematics import point_function
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.native import machine_code
+from robot_retarget.solve.problem import build_problem, frame_parameters
+from robot_retarget.transfer import retarget
+
+needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+SMALL = """
+import sys
+from robot_retarget.solve.native import machine_code
+from robot_retarget.robot import Points, load_robot
+from robot_retarget.robot.kinematics import point_function
+robot = load_robot("op3")
+compiled = machine_code(point_function(robot, Points([robot.model.nbody - 1], [[0, 0, 0.1]])))
+print(compiled(robot.standing())[0] if compiled else None)
+"""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "robot-retarget"
+
+
+@pytest.fixture(scope="module")
+def case() -> tuple[Robot, Match, Edges]:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3")
+    matched = match(motion, robot)
+    return robot, matched, build_edges(motion, matched)
+
+
+def small() -> tuple[Robot, Points]:
+    robot = load_robot("op3")
+    return robot, Points(np.array([robot.model.nbody - 1]), np.array([[0.0, 0.0, 0.1]]))
+
+
+def fake_compiler(folder: Path, script: str) -> Path:
+    folder.mkdir()
+    (folder / "cc").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "cc").chmod(0o755)
+    return folder
+
+
+@needs_compiler
+def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: tuple[Robot, Match, Edges]) -> None:
+    problems = [build_problem(*case, native=native) for native in (False, True)]
+    assert [problem.native for problem in problems] == [False, True]
+    corners = 12 * len(problems[0].feet)
+    given = (*frame_parameters(case[2], 1), np.ones(corners), np.zeros(corners))
+    draw, robot = np.random.default_rng(0), case[0]
+    for _ in range(20):
+        q = np.append(draw.normal(size=7), draw.uniform(robot.lower, robot.upper))
+        for ours, theirs in zip(*(problem.model(q, *given) for problem in problems), strict=True):
+            assert (ours == theirs).all()
+
+
+@needs_compiler
+def test_clips_of_two_seconds_are_solved_by_machine_code(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")
+    compiled = retarget(motion, robot).solution
+    monkeypatch.setattr(transfer, "WORTH_COMPILING", 61)
+    interpreted = retarget(motion, robot).solution
+    assert (compiled.native, interpreted.native) == (True, False)
+    assert (compiled.trajectory.qpos == interpreted.trajectory.qpos).all()
+
+
+@needs_compiler
+def test_what_was_compiled_once_is_not_compiled_again(cache: Path) -> None:
+    function = point_function(*small())
+    assert machine_code(function) is not None
+    (library,) = cache.iterdir()
+    made = library.stat().st_mtime_ns
+    assert machine_code(function) is not None
+    assert [(path, path.stat().st_mtime_ns) for path in cache.iterdir()] == [(library, made)]
+
+
+@pytest.mark.parametrize("script", ["exit 1", "echo rubbish > $(echo $* | sed 's/.*-o //; s/ .*//')"])
+def test_a_compiler_that_fails_leaves_the_virtual_machine(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, case: tuple[Robot, Match, Edges]
+) -> None:
+    monkeypatch.setenv("PATH", f"{fake_compiler(tmp_path / 'bin', script)}{os.pathsep}{os.environ['PATH']}")
+    problem = build_problem(*case, native=True)
+    assert not problem.native
+    assert np.isfinite(problem.heights(case[0].standing())[0]).all()
+
+
+def test_no_compiler_and_no_cache_leave_the_virtual_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: Path
+) -> None:
+    function = point_function(*small())
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert machine_code(function) is None
+    monkeypatch.undo()
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert machine_code(function) is None
+
+
+@needs_compiler
+def test_processes_that_compile_at_once_all_get_whole_machine_code(cache: Path) -> None:
+    together = [subprocess.Popen([sys.executable, "-c", SMALL], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    said = {process.communicate(timeout=60)[0] for process in together}
+    robot, points = small()
+    assert said == {f"{point_function(robot, points)(robot.standing())[0]}\n"}
+    assert len(list(cache.iterdir())) == 1
