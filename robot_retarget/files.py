@@ -10,8 +10,13 @@ from robot_retarget.errors import OutputError
 
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: str | Path, mode: int | None = None) -> Iterator[Path]:
     """Yield a temporary path with the target's suffix; move it over the target when the block ends well.
+
+    The bytes are on the disk before the name is theirs: a power cut leaves the old file or the new one.
+
+    Args:
+        mode: The permissions of the file; by default those that the process gives to new files.
 
     Raises:
         OutputError: the folder does not exist or cannot be written, or the disk is full. The target is untouched.
@@ -23,7 +28,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.close(handle)
         scratch = Path(name)
         yield scratch
-        scratch.chmod(0o666 & ~_umask())
+        _to_disk(scratch)
+        scratch.chmod(0o666 & ~_umask() if mode is None else mode)
         scratch.replace(target)
     except OSError as error:
         raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
@@ -62,6 +68,12 @@ def folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"cannot make the folder {target}: {error.strerror or error}") from error
     return target
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until the bytes of a file are on the disk."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
 
 
 def _umask() -> int:

@@ -1,9 +1,11 @@
 """Machine code does what the virtual machine does, and whatever fails leaves the virtual machine to serve."""
 
+import hashlib
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +52,11 @@ def small() -> tuple[Robot, Points]:
     return robot, Points(np.array([robot.model.nbody - 1]), np.array([[0.0, 0.0, 0.1]]))
 
 
+def said_by_another_process() -> str:
+    """What `SMALL` prints: a library is loaded once by a process, so each look takes a new one."""
+    return subprocess.run([sys.executable, "-c", SMALL], check=True, capture_output=True, text=True, timeout=60).stdout
+
+
 def fake_compiler(folder: Path, script: str) -> Path:
     folder.mkdir()
     (folder / "cc").write_text(f"#!/bin/sh\n{script}\n")
@@ -84,10 +91,10 @@ def test_clips_of_two_seconds_are_solved_by_machine_code(cache: Path, monkeypatc
 def test_what_was_compiled_once_is_not_compiled_again(cache: Path) -> None:
     function = point_function(*small())
     assert machine_code(function) is not None
-    (library,) = cache.iterdir()
-    made = library.stat().st_mtime_ns
+    kept = {path: path.stat().st_mtime_ns for path in cache.iterdir()}
+    assert {path.suffix for path in kept} == {".so", ".sha256"}
     assert machine_code(function) is not None
-    assert [(path, path.stat().st_mtime_ns) for path in cache.iterdir()] == [(library, made)]
+    assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == kept
 
 
 @pytest.mark.parametrize("script", ["exit 1", "echo rubbish > $(echo $* | sed 's/.*-o //; s/ .*//')"])
@@ -118,4 +125,83 @@ def test_processes_that_compile_at_once_all_get_whole_machine_code(cache: Path) 
     said = {process.communicate(timeout=60)[0] for process in together}
     robot, points = small()
     assert said == {f"{point_function(robot, points)(robot.standing())[0]}\n"}
-    assert len(list(cache.iterdir())) == 1
+    assert len(list(cache.iterdir())) == 2
+
+
+def flip_a_bit(library: Path) -> None:
+    content = bytearray(library.read_bytes())
+    content[content.find(b"\xf2\x0f")] ^= 1  # the first instruction on doubles
+    library.write_bytes(content)
+
+
+def swap_in_another_library(library: Path) -> None:
+    """A pair of library and checksum that belong together, under the name of another."""
+    robot, points = small()
+    other = robot.model.nbody - 2
+    machine_code(point_function(robot, Points(np.array([other]), points.offsets)))
+    for path in {*library.parent.iterdir()} - {library, library.with_suffix(".so.sha256")}:
+        path.rename(library.with_suffix(path.suffix if path.suffix == ".so" else ".so.sha256"))
+
+
+SPOILED: dict[str, Callable[[Path], object]] = {
+    "a flipped bit": flip_a_bit,
+    "cut off": lambda library: os.truncate(library, 4096),
+    "empty": lambda library: os.truncate(library, 0),
+    "of another user": lambda library: os.chown(library, 65534, 65534),
+    "writable by all": lambda library: library.chmod(0o666),
+    "a link": lambda library: library.symlink_to(library.rename(library.with_name("elsewhere"))),
+    "another library": swap_in_another_library,
+    "no checksum": lambda library: library.with_suffix(".so.sha256").unlink(),
+    "a checksum of another user": lambda library: os.chown(library.with_suffix(".so.sha256"), 65534, 65534),
+    "a checksum that is none": lambda library: library.with_suffix(".so.sha256").write_bytes(b"\xff"),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("how", SPOILED)
+def test_a_library_that_was_tampered_with_is_compiled_anew(cache: Path, how: str) -> None:
+    if "of another user" in how and os.geteuid() != 0:
+        pytest.skip("only root gives files away")
+    robot, points = small()
+    right = f"{point_function(robot, points)(robot.standing())[0]}\n"
+    assert said_by_another_process() == right
+    (library,) = cache.glob("*.so")
+    whole = library.read_bytes()
+    SPOILED[how](library)
+    assert said_by_another_process() == right
+    assert library.read_bytes() == whole
+    line = library.with_suffix(".so.sha256").read_text()
+    assert line == f"{hashlib.sha256(whole).hexdigest()}  {library.name}\n"
+    assert [(path.stat().st_uid, path.stat().st_mode & 0o777) for path in (cache, library)] == [
+        (os.geteuid(), 0o700),
+        (os.geteuid(), 0o600),
+    ]
+
+
+@needs_compiler
+def test_a_folder_of_another_user_is_left_alone(cache: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("only root gives files away")
+    cache.mkdir(mode=0o755)
+    os.chown(cache, 65534, 65534)
+    assert machine_code(point_function(*small())) is None
+    assert cache.stat().st_mode & 0o777 == 0o755 and not list(cache.iterdir())
+
+
+@needs_compiler
+def test_a_folder_that_others_may_write_is_closed_to_them(cache: Path) -> None:
+    cache.mkdir(mode=0o777)
+    cache.chmod(0o777)
+    assert machine_code(point_function(*small())) is not None
+    assert cache.stat().st_mode & 0o777 == 0o700
+
+
+@needs_compiler
+def test_a_relative_cache_folder_is_ignored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")
+    assert machine_code(point_function(*small())) is not None
+    assert not list(Path().iterdir())
+    assert list((tmp_path / "home/.cache/robot-retarget").glob("*.so"))
