@@ -2,21 +2,23 @@
 
 A file of this package holds one group of commands; `GROUPS` lists them in the order of `--help`.
 
-Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stderr, nothing written).
+Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stderr, nothing written), 70 a defect of the
+program, 130 stopped by Ctrl-C.
 """
 
-import sys
 from typing import Annotated
 
 import typer
 
 from robot_retarget import __version__
-from robot_retarget.cli import console, export, info, play, run, servos, simulate, solve, warn
-from robot_retarget.errors import RobotRetargetError
+from robot_retarget.cli import export, info, play, run, servos, simulate, solve, warn
+from robot_retarget.cli.ending import Interruptible, ending
 
 GROUPS = (info, solve, run, simulate, warn, export, play, servos)
 
 app = typer.Typer(
+    cls=Interruptible,
+    context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -43,9 +45,5 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; a user's mistake ends in a sentence and exit code 2."""
-    try:
-        app()
-    except RobotRetargetError as error:
-        console.err.print(f"error: {error}", markup=False, style="red")
-        sys.exit(2)
+    """Run the command line."""
+    ending(app)

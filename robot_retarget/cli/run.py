@@ -24,11 +24,12 @@ def run(
     limits: Limits = None,
     legs: Legs = "follow",
     balance: Balance = "auto",
+    video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
     json: Json = False,
 ) -> None:
-    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png, video.mp4."""
+    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
-    verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, json)
+    verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, video, json)
     raise typer.Exit(0 if verdict == "pass" else 1)
 
 
@@ -39,11 +40,12 @@ def demo(
     robot: RobotName = "op3",
     legs: Legs = "follow",
     balance: Balance = "auto",
+    video: Annotated[bool, typer.Option(help="Make a film as well.")] = True,
     json: Json = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
     wishes = Wishes(None, None, legs, balance)
-    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, json)
+    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, video, json)
     if json or not (MODELS / robot / "servos.toml").is_file():
         return
     if verdict == "pass":

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_retarget.cli import console
+from robot_retarget.cli.ending import filling
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
@@ -26,34 +27,39 @@ class Wishes:
     balance: str
 
 
-def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, json: bool) -> str:
+def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool) -> str:
     """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
-    from robot_retarget.collision.events import write_csv
-    from robot_retarget.files import folder
-    from robot_retarget.simulate.rollout import simulate as roll_out
     from robot_retarget.summary import describe_solution
 
-    target = folder(out)
-    result = carried_over(motion, robot, wishes, quiet=json)
-    result.trajectory.save(target / "trajectory.npz")
-    warnings = result.warnings if len(result.trajectory) > 1 else None
-    mode = "free" if result.balance else "pinned"
-    report = roll_out(result.trajectory, robot, mode=mode, warnings=warnings)
-    report.save(target / "report.json")
-    if warnings is not None:
-        write_csv(warnings.events, target / "warnings.csv")
-    _show(result, robot, target, quiet=json)
-    pictures = target / "strip.png", target / "video.mp4"
-    write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
+    with filling(out) as target:
+        result = carried_over(motion, robot, wishes, quiet=json)
+        result.trajectory.save(target / "trajectory.npz")
+        report, warnings = _tried(result, target)
+        pictures = _shown(result, target, film, quiet=json)
+        write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
     solved = describe_solution(result.solution, result.notes)
+    files = sorted(path.name for path in target.iterdir())
     if json:
-        files = sorted(path.name for path in target.iterdir())
         console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
     else:
         console.show_solution(solved, explain=False)
         console.show_report(report.contract())
-        console.say(f"wrote {', '.join(sorted(p.name for p in target.iterdir()))} in {target}")
+        console.say(f"wrote {', '.join(files)} in {target}")
     return report.verdict
+
+
+def _tried(result: "Result", target: Path) -> tuple["Report", "Warnings | None"]:
+    """The trajectory in simulation: `report.json` and, of more than one frame, `warnings.csv`."""
+    from robot_retarget.collision.events import write_csv
+    from robot_retarget.simulate.rollout import simulate as roll_out
+
+    warnings = result.warnings if len(result.trajectory) > 1 else None
+    mode = "free" if result.balance else "pinned"
+    report = roll_out(result.trajectory, result.robot, mode=mode, warnings=warnings)
+    report.save(target / "report.json")
+    if warnings is not None:
+        write_csv(warnings.events, target / "warnings.csv")
+    return report, warnings
 
 
 def judged(
@@ -92,19 +98,23 @@ def play_on_emulated(robot: str, folder: Path) -> None:
     console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
 
 
-def _show(result: "Result", robot: "Robot", target: Path, quiet: bool) -> None:
-    """Draw the strip and the film; what cannot be drawn is said."""
+def _shown(result: "Result", target: Path, film: bool, quiet: bool) -> tuple[Path, Path | None]:
+    """Draw the strip and, if it is asked for, the film; what cannot be drawn is said. Returns their paths."""
     from robot_retarget.view import Picture, Unavailable, strip, video
 
-    human = result.match.human_positions(result.motion)
-    bones = result.match.bones
+    robot, human, bones = result.robot, result.match.human_positions(result.motion), result.match.bones
     picture = strip(robot, result.trajectory, human, bones)
+    drawn = target / "strip.png", target / "video.mp4" if film else None
     if isinstance(picture, Picture):
-        picture.save(target / "strip.png")
-    with console.progress("film", quiet) as advance:
-        film = video(robot, result.trajectory, target / "video.mp4", human, bones, progress=advance)
-    for sentence in {what.reason if isinstance(what, Unavailable) else what.note for what in (picture, film)} - {""}:
+        picture.save(drawn[0])
+    told = {picture.reason if isinstance(picture, Unavailable) else picture.note}
+    if drawn[1] is not None:
+        with console.progress("film", quiet) as advance:
+            filmed = video(robot, result.trajectory, drawn[1], human, bones, progress=advance)
+        told.add(filmed.reason if isinstance(filmed, Unavailable) else filmed.note)
+    for sentence in told - {""}:
         console.note(sentence)
+    return drawn
 
 
 def write_page(

@@ -1,0 +1,97 @@
+"""How the program ends where a command does not come to its own end: a user's mistake, Ctrl-C, a defect."""
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from robot_retarget.cli import console
+from robot_retarget.errors import RobotRetargetError
+from robot_retarget.files import folder
+
+MISTAKE = 2
+"""Exit code of bad input."""
+DEFECT = 70
+"""Exit code of an exception that nobody foresaw: `EX_SOFTWARE` of sysexits.h."""
+INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
+NOBODY_READS = 141
+"""Exit code where the reader of a pipe is gone: 128 and the number of SIGPIPE."""
+DEBUG = "ROBOT_RETARGET_DEBUG"
+"""Environment variable that shows the traceback of a defect."""
+NOTHING = "no file was written"
+
+
+class Interruptible(TyperGroup):
+    """Commands that Ctrl-C ends with a sentence on what is kept: that of the exception, where it has one."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stopped:
+            console.err.print(f"stopped: {str(stopped) or NOTHING}", markup=False, style="yellow")
+            raise typer.Exit(INTERRUPTED) from stopped
+        except BrokenPipeError as closed:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(NOBODY_READS) from closed
+
+
+def ending(program: Callable[[], None]) -> None:
+    """Run a program; mistakes and defects end in a sentence and an exit code of their own."""
+    try:
+        program()
+    except RobotRetargetError as error:
+        _say(str(error))
+        sys.exit(MISTAKE)
+    except Exception as error:
+        if os.environ.get(DEBUG):
+            traceback.print_exc()
+        _say(
+            f"a defect of robot-retarget ended this command ({_named(error)}). "
+            f"Please report it with the command and what it prints under {DEBUG}=1."
+        )
+        sys.exit(DEFECT)
+
+
+@contextmanager
+def filling(path: Path) -> Iterator[Path]:
+    """A folder for results. Without any it goes as it came; Ctrl-C says which are there.
+
+    Raises:
+        OutputError: it cannot be made or written.
+        KeyboardInterrupt: Ctrl-C, with what is kept as its text.
+    """
+    made = [place for place in (path, *path.parents) if not place.exists()]
+    target = folder(path)
+    before = _contents(target)
+    try:
+        yield target
+    except KeyboardInterrupt as stopped:
+        kept = [path.name for path, written in _contents(target).items() if before.get(path) != written]
+        said = f"kept {', '.join(sorted(kept))} in {target}" if kept else NOTHING
+        raise KeyboardInterrupt(said) from stopped
+    finally:
+        with suppress(OSError):  # the first that is not empty ends it
+            for place in made:
+                place.rmdir()
+
+
+def _contents(target: Path) -> dict[Path, int]:
+    """The files of a folder, and when each was written."""
+    return {path: path.stat().st_mtime_ns for path in target.iterdir()}
+
+
+def _named(error: Exception) -> str:
+    """An exception's type and the first line of its text."""
+    text = str(error).strip().partition("\n")[0]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _say(text: str) -> None:
+    console.err.print(f"error: {text}", markup=False, style="red")
