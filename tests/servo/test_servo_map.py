@@ -1,6 +1,7 @@
 """Ticks and radians agree, a map survives its file, and other projects' files become maps."""
 
 import json
+from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
@@ -130,7 +131,7 @@ IMPLAUSIBLE |= {"min_voltage": "15", "baud": "31250", "current": "0", "approach_
     ("name", "value"), [*((n, v) for n in NUMBERS for v in NO_NUMBER), *IMPLAUSIBLE.items()], ids=str
 )
 def test_a_number_that_cannot_be_is_refused_by_file_line_and_name(tmp_path: Path, name: str, value: str) -> None:
-    lines = WELL.splitlines()
+    lines: list[str] = WELL.splitlines()
     assert load_map(written(tmp_path, lines)).limits.speed == 4
     place = next(k for k, line in enumerate(lines) if line.startswith(f"{name} = "))
     lines[place] = f"{name} = {value}"
@@ -140,7 +141,7 @@ def test_a_number_that_cannot_be_is_refused_by_file_line_and_name(tmp_path: Path
     assert str(caught.value).startswith(f"{path}:{place + 1}: ") and name in str(caught.value)
 
 
-def written(folder: Path, lines: list[str]) -> Path:
+def written(folder: Path, lines: Sequence[str]) -> Path:
     path = folder / "map.toml"
     path.write_text("\n".join(lines), encoding="utf-8")
     return path
