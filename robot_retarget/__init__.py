@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from robot_retarget.describe.match import match as match
     from robot_retarget.dgp import interaction_distance as interaction_distance
     from robot_retarget.errors import RobotRetargetError as RobotRetargetError
+    from robot_retarget.formats import export as export
+    from robot_retarget.formats import load_trajectory as load_trajectory
     from robot_retarget.motion import Motion as Motion
     from robot_retarget.motion import Skeleton as Skeleton
     from robot_retarget.motion import read_motion as read_motion
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from robot_retarget.simulate.rollout import simulate as simulate
     from robot_retarget.solve.solution import Solution as Solution
     from robot_retarget.trajectory import Trajectory as Trajectory
-    from robot_retarget.trajectory import load_trajectory as load_trajectory
     from robot_retarget.transfer import Result as Result
     from robot_retarget.transfer import retarget as retarget
 
@@ -38,6 +39,7 @@ __version__ = "0.1.0"
 _HOME = {
     "interaction_distance": "dgp",
     "RobotRetargetError": "errors",
+    "export": "formats",
     "Motion": "motion",
     "Skeleton": "motion",
     "read_motion": "motion",
@@ -52,7 +54,7 @@ _HOME = {
     "Report": "simulate.report",
     "simulate": "simulate.rollout",
     "Trajectory": "trajectory",
-    "load_trajectory": "trajectory",
+    "load_trajectory": "formats",
 }
 _FOLDERS = {"simulate"}
 """Folders that are called like their function."""

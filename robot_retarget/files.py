@@ -1,6 +1,7 @@
 """Writing that leaves nothing half-written: to a temporary file beside the target, then renamed over it."""
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,6 +37,27 @@ def replacing(path: str | Path, mode: int | None = None) -> Iterator[Path]:
     finally:
         if scratch is not None:
             scratch.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_folder(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary folder; put it in the target's place when the block ends well.
+
+    Raises:
+        OutputError: as `replacing`, or something that is not an empty folder stands there already.
+    """
+    target = Path(path)
+    scratch: Path | None = None
+    try:
+        scratch = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}-"))
+        yield scratch
+        scratch.chmod(0o777 & ~_umask())
+        scratch.replace(target)
+    except OSError as error:
+        raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        if scratch is not None and scratch.is_dir():
+            shutil.rmtree(scratch)
 
 
 def require_writable(path: str | Path) -> None:

@@ -21,18 +21,25 @@ LAYERS = {
     "collision": {"dgp", "robot", "solve", "collision"},
     "balance": {"motion", "robot", "describe", "solve", "balance"},
     "simulate": {"motion", "dgp", "robot", "describe", "solve", "collision", "balance", "simulate"},
-    "export": {"motion", "robot", "export"},
+    "formats": {"motion", "robot", "servo", "formats"},
     "servo": {"motion", "robot", "servo"},
     "view": {"motion", "dgp", "robot", "describe", "solve", "collision", "simulate", "view"},
 }
 LIBRARIES = {
     "casadi": ("robot/kinematics.py", "describe/", "solve/", "collision/", "balance/", "dgp/"),
-    "mujoco": ("robot/", "simulate/", "view/", "servo/twin.py", "servo/window.py"),
+    "mujoco": (
+        "robot/",
+        "simulate/",
+        "view/",
+        "formats/bodies.py",
+        "formats/scenes/",
+        "servo/twin.py",
+        "servo/window.py",
+    ),
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("cli/",),
     "rich": ("cli/console.py",),
     "matplotlib": ("view/",),
-    "ezc3d": ("motion/formats/c3d/file.py",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
 

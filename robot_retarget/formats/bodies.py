@@ -1,0 +1,84 @@
+"""Velocities of a motion and the poses and velocities of its bodies, as trainers want them beside the joints."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.robot.model import HINGE, SLIDE
+
+
+@dataclass(frozen=True)
+class BodyTracks:
+    """Every body of the model, the world first, over time, in the world's axes."""
+
+    positions: Floats
+    """(T, B, 3) of the frames' origins [m]."""
+    quaternions: Floats
+    """(T, B, 4) w x y z."""
+    linear: Floats
+    """(T, B, 3) velocities of the frames' origins [m/s]."""
+    linear_of_mass: Floats
+    """(T, B, 3) velocities of the centres of mass [m/s]."""
+    angular: Floats
+    """(T, B, 3) [rad/s]."""
+    spatial: Floats
+    """(T, B, 6) MuJoCo's `cvel`: angular, then linear at the centre of mass of the tree."""
+    subtree_mass_centres: Floats
+    """(T, B, 3) MuJoCo's `subtree_com` [m]."""
+
+
+def central(values: Floats, fps: float) -> Floats:
+    """(T, …) ẋ_t = (x_{t+1} − x_{t−1}) f / 2, at the ends (x_1 − x_0) f and (x_{T−1} − x_{T−2}) f."""
+    return np.gradient(values, 1 / fps, axis=0) if len(values) > 1 else np.zeros_like(values)
+
+
+def turning(quaternions: Floats, fps: float) -> Floats:
+    """(T, 3) ω_t = log(q_{t+1} q_{t−1}⁻¹) f / 2 in the world's axes; the ends repeat their neighbours [rad/s]."""
+    if len(quaternions) < 3:
+        step = max(len(quaternions) - 1, 1)
+        turns = Rotation.from_quat(quaternions, scalar_first=True)
+        return np.tile((turns[-1] * turns[0].inv()).as_rotvec() * fps / step, (len(quaternions), 1))
+    turns = Rotation.from_quat(quaternions, scalar_first=True)
+    inner = (turns[2:] * turns[:-2].inv()).as_rotvec() * fps / 2
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def velocities(motion: RobotMotion) -> Floats:
+    """(T, nv) MuJoCo's qvel: `central` of positions and joints, `turning` of the root in the root's own axes."""
+    robot, model = motion.robot, motion.robot.model
+    qvel = np.zeros((len(motion), model.nv))
+    single = np.isin(model.jnt_type, (SLIDE, HINGE))
+    qvel[:, model.jnt_dofadr[single]] = central(motion.qpos[:, model.jnt_qposadr[single]], motion.fps)
+    if robot.floating:
+        dof = int(model.jnt_dofadr[robot.root_joints[0]])
+        qvel[:, dof : dof + 3] = central(motion.position, motion.fps)
+        spin = turning(motion.quaternion, motion.fps)
+        qvel[:, dof + 3 : dof + 6] = Rotation.from_quat(motion.quaternion, scalar_first=True).inv().apply(spin)
+    return qvel
+
+
+def body_tracks(motion: RobotMotion, qvel: Floats) -> BodyTracks:
+    """Poses and velocities of every body at every frame, by MuJoCo's kinematics.
+
+    Args:
+        qvel: (T, nv), as `velocities` gives it.
+    """
+    model, data, count = motion.robot.model, mujoco.MjData(motion.robot.model), motion.robot.model.nbody
+    found = BodyTracks(*(np.zeros((len(motion), count, width)) for width in (3, 4, 3, 3, 3, 6, 3)))
+    six = np.zeros(6)
+    for t in range(len(motion)):
+        data.qpos[:], data.qvel[:] = motion.qpos[t], qvel[t]
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
+            stage(model, data)
+        found.positions[t], found.quaternions[t] = data.xpos, data.xquat
+        found.spatial[t], found.subtree_mass_centres[t] = data.cvel, data.subtree_com
+        for body in range(count):
+            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, six, 0)
+            found.angular[t, body], found.linear[t, body] = six[:3], six[3:]
+            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, six, 0)
+            found.linear_of_mass[t, body] = six[3:]
+    return found

@@ -1,0 +1,140 @@
+"""What a reader gives: the columns of a file, and how they become a trajectory of a robot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.formats.options import SKIPPED, Options
+from robot_retarget.robot.model import Robot
+from robot_retarget.trajectory import Trajectory
+
+UNIT = 0.01
+"""A quaternion whose norm is farther from one is none: columns are out of order. Single precision strays by 1e-7."""
+ROUNDED = 1e-6
+"""Norms nearer to one are left as they are, so that what was exact stays exact."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The motion that a file holds, in metres, radians and quaternions w x y z."""
+
+    angles: Floats | None = None
+    """(T, n) of joints [rad]; None where `qpos` says all."""
+    names: tuple[str, ...] | None = None
+    """Of the joints; None where the file says none."""
+    position: Floats | None = None
+    """(T, 3) of the root [m]; None where the file holds joints only."""
+    quaternion: Floats | None = None
+    """(T, 4) of the root, w x y z."""
+    fps: float | None = None
+    """[1/s]; None where the file says none."""
+    order: Ints | None = None
+    """(n,) of a file without names: which hinge of the robot each column is; None is the model's order."""
+    qpos: Floats | None = None
+    """(T, nq) of files that hold MuJoCo's own coordinates of the whole model."""
+    source: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def assembled(columns: Columns, robot: Robot, options: Options, fps: float | None = None) -> Trajectory:
+    """The trajectory of a robot that a file's columns describe. What the file does not hold stands as the robot stands.
+
+    Args:
+        fps: what the format takes for granted where neither the user nor the file says it [1/s].
+
+    Raises:
+        TrajectoryError: columns of the wrong width, names that are not the robot's, a quaternion that is none, or a
+            file without joint names whose width is not the robot's.
+        UsageError: `options.joints` has another length than the file's columns, or no rate is known.
+    """
+    rate = options.source_fps or columns.fps or fps
+    if rate is None:
+        raise UsageError("the file does not say its frames per second: say them with --source-fps")
+    qpos, notes = _placed(columns, robot, options) if columns.qpos is None else _whole(columns.qpos, robot, options)
+    if robot.floating:
+        turn = slice(robot.root_address + 3, robot.root_address + 7)
+        qpos[:, turn] = _unit(qpos[:, turn])
+    return Trajectory(qpos, rate, robot.joint_names, robot.name, columns.source, (*columns.notes, *notes))
+
+
+def _whole(qpos: Floats, robot: Robot, options: Options) -> tuple[Floats, tuple[str, ...]]:
+    """Coordinates of the whole model, if they have its width."""
+    if options.joints is not None:
+        raise UsageError("the file holds the coordinates of the whole model: --joints means nothing to it")
+    if qpos.ndim != 2 or qpos.shape[1] != robot.model.nq:
+        raise TrajectoryError(f"{qpos.shape[-1]} coordinates, and {robot.name!r} has {robot.model.nq}")
+    return np.array(qpos), ()
+
+
+def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, tuple[str, ...]]:
+    """Root and joints put where the robot's model has them, and what was decided."""
+    assert columns.angles is not None
+    qpos = np.tile(robot.standing(), (len(columns.angles), 1))
+    taken, places, notes = _places(columns.names, columns.angles.shape[1], columns.order, robot, options)
+    qpos[:, places] = columns.angles[:, taken]
+    if robot.floating and columns.position is not None and columns.quaternion is not None:
+        start = robot.root_address
+        qpos[:, start : start + 3] = columns.position
+        qpos[:, start + 3 : start + 7] = columns.quaternion
+    else:
+        notes = (*notes, "The file holds no root that the robot has: it stands where the robot stands.")
+    return qpos, notes
+
+
+def _places(
+    told: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: Options
+) -> tuple[list[int], Ints, tuple[str, ...]]:
+    """Which columns are taken, where in qpos each goes, and what was decided."""
+    names = options.joints or told
+    if names is None:
+        if width != len(robot.joint_names):
+            raise TrajectoryError(
+                f"{width} joint columns without names, and {robot.name!r} has {len(robot.joint_names)} joints: "
+                "name the columns with --joints a,b,…"
+            )
+        return list(range(width)), robot.qpos_index[np.arange(width) if order is None else order], ()
+    if len(names) != width:
+        error = UsageError if options.joints else TrajectoryError
+        raise error(f"{len(names)} joint names for {width} joint columns")
+    strange = [name for name in names if name != SKIPPED and name not in robot.joint_names]
+    if strange:
+        raise TrajectoryError(
+            f"joint {strange[0]!r} is not one of {robot.name!r}; {known(robot.joint_names)}. "
+            "Rename the columns with --joints a,b,…, `_` for one to leave out"
+        )
+    taken = [k for k, name in enumerate(names) if name != SKIPPED]
+    named = [names[k] for k in taken]
+    twice = sorted({name for name in named if named.count(name) > 1})
+    if twice:
+        raise TrajectoryError(f"joint {twice[0]!r} stands twice among the columns")
+    held = [name for name in robot.joint_names if name not in named]
+    said = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
+    return taken, robot.qpos_index[[robot.joint_names.index(name) for name in named]], said
+
+
+def _unit(quaternion: Floats) -> Floats:
+    norms = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    off = np.abs(norms[:, 0] - 1.0)
+    if off.max(initial=0.0) > UNIT:
+        frame = int(np.argmax(off > UNIT))
+        raise TrajectoryError(
+            f"frame {frame}: the root's quaternion has the norm {norms[frame, 0]:.4g}; are the columns in another order?"
+        )
+    return np.where(off.max(initial=0.0) > ROUNDED, quaternion / norms, quaternion)
+
+
+def shaped(values: Floats, shape: tuple[int | None, ...], what: str) -> Floats:
+    """An array as numbers, if it has the shape (None for any length).
+
+    Raises:
+        TrajectoryError: it has another, or holds no numbers.
+    """
+    array = np.asarray(values)
+    wanted = ", ".join("any" if size is None else str(size) for size in shape)
+    if array.dtype.kind not in "fiu" or array.ndim != len(shape):
+        raise TrajectoryError(f"{what} must be numbers of shape ({wanted}), got {array.dtype} {array.shape}")
+    if any(size is not None and size != found for size, found in zip(shape, array.shape, strict=True)):
+        raise TrajectoryError(f"{what} must have the shape ({wanted}), got {array.shape}")
+    return array.astype(np.float64)

@@ -1,0 +1,37 @@
+"""What a format is: a name, a way to write, a way to read, and how to tell that a file is of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of file that holds the motion of a robot."""
+
+    name: str
+    suffix: str
+    """The usual end of the file's name; empty for a folder."""
+    description: str
+    write: Callable[[RobotMotion, Path], None]
+    """Writes the file or folder; raises UsageError when the robot does not suit the format."""
+    read: Callable[[Source], Columns]
+    """Reads it; raises TrajectoryError when it is not as the format has it."""
+    claims: Callable[[Source], bool]
+    """Whether a file looks as if it were of this format."""
+    readers: str
+    """Programs that read it."""
+    fps: float | None = None
+    """Rate that its readers take for granted [1/s]; None where the file says its own."""
+    names: bool = True
+    """Whether the file itself says joint names and quaternion order; if not, a JSON file beside it does."""
+    ordered: bool = False
+    """Whether the joints can be written in any order (`--joints`)."""
+    exact: bool = True
+    """Whether what was written reads back to 1e-9 m and rad."""
+    quaternion: str = "wxyz"
+    """How the file orders the root's quaternion, or `euler`, `rotvec`, `none`."""

@@ -1,0 +1,79 @@
+"""Format `locomujoco`: LocoMuJoCo's `Trajectory`.
+
+`qpos` (T, nq), `qvel` (T, nv), body and site poses in MuJoCo's order, w x y z, `split_points` [0, T]; `joint_names` with
+the root's, `frequency`; and the part of the model that its loader wants. A key it does not know is an error there, so the
+file holds nothing else. qvel by central differences over two frames.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.unpack import save_npz
+from robot_retarget.robot.model import FREE
+
+BODY_FIELDS = ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")
+COORDINATES = {int(FREE): 7, 1: 4}
+"""How many coordinates a joint of a kind has; slides and hinges one."""
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the archive."""
+    model, qvel = motion.robot.model, velocities(motion)
+    tracks = body_tracks(motion, qvel)
+    save_npz(
+        path,
+        qpos=motion.qpos,
+        qvel=qvel,
+        xpos=tracks.positions,
+        xquat=tracks.quaternions,
+        cvel=tracks.spatial,
+        subtree_com=tracks.subtree_mass_centres,
+        split_points=np.array([0, len(motion)]),
+        joint_names=np.array([model.joint(j).name for j in range(model.njnt)]),
+        body_names=np.array([model.body(b).name for b in range(model.nbody)]),
+        frequency=motion.fps,
+        njnt=model.njnt,
+        jnt_type=model.jnt_type,
+        nbody=model.nbody,
+        **{f"body_{field}": getattr(model, f"body_{field}") for field in BODY_FIELDS},
+    )
+
+
+def read(source: Source) -> Columns:
+    """Read the first clip; more are left out, and said."""
+    names, kinds = source.names(), source.array("jnt_type").astype(int).tolist()
+    if names is None or len(names) != len(kinds):
+        raise TrajectoryError(f"{len(names or ())} joint names for {len(kinds)} joints")
+    sizes = [COORDINATES.get(kind, 1) for kind in kinds]
+    qpos = shaped(source.array("qpos"), (None, sum(sizes)), "qpos")
+    ends = source.arrays.get("split_points", np.array([0, len(qpos)])).astype(int)
+    clip = qpos[: ends[1]] if len(ends) > 1 else qpos
+    starts = np.cumsum([0, *sizes])
+    free = [int(start) for start, kind in zip(starts, kinds, strict=False) if kind == FREE]
+    single = [k for k, size in enumerate(sizes) if size == 1]
+    return Columns(
+        clip[:, starts[single]],
+        tuple(names[k] for k in single),
+        clip[:, free[0] : free[0] + 3] if free else None,
+        clip[:, free[0] + 3 : free[0] + 7] if free else None,
+        source.number("frequency"),
+        notes=(f"The first of {len(ends) - 1} clips.",) if len(ends) > 2 else (),
+    )
+
+
+FORMAT = Format(
+    name="locomujoco",
+    suffix=".npz",
+    description="LocoMuJoCo's Trajectory: qpos, qvel, bodies",
+    write=write,
+    read=read,
+    claims=lambda source: {"qpos", "qvel", "split_points", "frequency", "jnt_type"} <= source.arrays.keys(),
+    readers="LocoMuJoCo 1.x (Trajectory.load)",
+)

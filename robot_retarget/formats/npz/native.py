@@ -1,0 +1,37 @@
+"""Format `native`: this package's own trajectory file; see `robot_retarget.trajectory`."""
+
+from pathlib import Path
+
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.trajectory import KEYS, load_trajectory
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the file."""
+    motion.trajectory.save(path)
+
+
+def read(source: Source) -> Columns:
+    """Read the file.
+
+    Raises:
+        TrajectoryError: it is broken, or another robot's.
+    """
+    trajectory = load_trajectory(source.path)
+    require_same_robot(trajectory, source.robot)
+    return Columns(qpos=trajectory.qpos, fps=trajectory.fps, source=trajectory.source)
+
+
+FORMAT = Format(
+    name="native",
+    suffix=".npz",
+    description="the trajectory file of every command here",
+    write=write,
+    read=read,
+    claims=lambda source: set(KEYS) <= source.arrays.keys(),
+    readers="robot-retarget",
+)

@@ -1,0 +1,69 @@
+"""Format `omniretarget`: what OmniRetarget's retargeter saves, and its published set.
+
+`qpos` (T, 7 + n [+ 7 of an object]), `fps`. The retargeter writes the root **position first**, x y z then w x y z; the set
+on Hugging Face has the **quaternion first**. Both use the same key: which of columns 0–3 and 3–6 is a unit quaternion tells.
+Written position first.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.unpack import save_npz
+
+NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
+OBJECT = 7
+"""Columns of an object's pose behind the joints."""
+UNIT = 1e-3
+"""A norm may stray so far from one in single precision and through averages of frames."""
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the archive."""
+    motion.require_plain("omniretarget")
+    qpos = np.column_stack([motion.position, motion.quaternion, motion.angles])
+    save_npz(path, qpos=qpos, fps=motion.fps, joint_names=np.array(motion.joints))
+
+
+def read(source: Source) -> Columns:
+    """Read the archive; an object's pose is left out, and said."""
+    qpos = shaped(source.array("qpos"), (None, None), "qpos")
+    width = len(source.options.joints or source.names() or source.robot.joint_names)
+    if qpos.shape[1] not in (7 + width, 7 + width + OBJECT):
+        raise TrajectoryError(
+            f"{qpos.shape[1]} columns of qpos; 7 of a root and {width} joints are {7 + width}, with an object {14 + width}"
+        )
+    notes = ("The object's pose is left out.",) if qpos.shape[1] == 7 + width + OBJECT else ()
+    position, quaternion = _root(qpos)
+    return Columns(qpos[:, 7 : 7 + width], source.names(), position, quaternion, source.number("fps"), notes=notes)
+
+
+def _root(qpos: Floats) -> tuple[Floats, Floats]:
+    """Position and quaternion, whichever comes first.
+
+    Raises:
+        TrajectoryError: both or neither of the two places hold unit quaternions.
+    """
+    first, second = (np.abs(np.linalg.norm(qpos[:, k : k + 4], axis=1) - 1).max() < UNIT for k in (0, 3))
+    if first == second:
+        what = "both columns 0–3 and 3–6 are" if first else "neither columns 0–3 nor 3–6 are"
+        raise TrajectoryError(f"{what} unit quaternions: the order of the root cannot be told")
+    return (qpos[:, 4:7], qpos[:, 0:4]) if first else (qpos[:, 0:3], qpos[:, 3:7])
+
+
+FORMAT = Format(
+    name="omniretarget",
+    suffix=".npz",
+    description="qpos and fps, position first; read in both orders",
+    write=write,
+    read=read,
+    claims=lambda source: {"qpos", "fps"} <= source.arrays.keys() <= NAMED,
+    readers="holosoma (convert_data_format_mj.py, viser_player.py), SBTO",
+    ordered=True,
+)

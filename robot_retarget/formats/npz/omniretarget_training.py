@@ -1,0 +1,68 @@
+"""Format `omniretarget-training`: what holosoma's `convert_data_format_mj.py` makes for training.
+
+`joint_pos` (T, 7 + n) and `joint_vel` (T, 6 + n) **with the root**, w x y z; bodies **with the world** as body 0;
+`joint_names` without the root. `body_lin_vel_w` is that of the bodies' centres of mass. Velocities by central differences
+over two frames; that of the root's turning stands in the root's own axes, as MuJoCo has it (holosoma's script puts it there
+in the world's).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.npz.tracking import KEYS
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.unpack import save_npz
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the archive."""
+    motion.require_plain("omniretarget-training")
+    qvel, model = velocities(motion), motion.robot.model
+    tracks = body_tracks(motion, qvel)
+    save_npz(
+        path,
+        fps=np.array([motion.fps]),
+        joint_pos=motion.qpos,
+        joint_vel=qvel,
+        body_pos_w=tracks.positions,
+        body_quat_w=tracks.quaternions,
+        body_lin_vel_w=tracks.linear_of_mass,
+        body_ang_vel_w=tracks.angular,
+        joint_names=np.array(motion.robot.joint_names),
+        body_names=np.array([model.body(b).name for b in range(model.nbody)]),
+    )
+
+
+def read(source: Source) -> Columns:
+    """Read the archive."""
+    names = source.names()
+    if names is None:
+        raise TrajectoryError("no joint_names")
+    rows = shaped(source.array("joint_pos"), (None, 7 + len(names)), "joint_pos")
+    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.number("fps"))
+
+
+def claims(source: Source) -> bool:
+    """Whether the archive has the keys, and positions one column more than velocities, as a free root has."""
+    if not set(KEYS) <= source.arrays.keys():
+        return False
+    positions, rates = source.arrays["joint_pos"], source.arrays["joint_vel"]
+    return positions.ndim == rates.ndim == 2 and positions.shape[1] == rates.shape[1] + 1
+
+
+FORMAT = Format(
+    name="omniretarget-training",
+    suffix=".npz",
+    description="joints with the root, bodies with the world, with velocities",
+    write=write,
+    read=read,
+    claims=claims,
+    readers="holosoma (training)",
+    fps=50.0,
+)

@@ -1,0 +1,105 @@
+"""The archive that motion trackers read: joints with velocities, and the pose and velocity of every body.
+
+`fps` (1,); `joint_pos`, `joint_vel` (T, n) [rad, rad/s]; `body_pos_w` (T, B, 3) [m], `body_quat_w` (T, B, 4) w x y z,
+`body_lin_vel_w` (T, B, 3) [m/s], `body_ang_vel_w` (T, B, 3) [rad/s] of the robot's bodies without the world. Two
+programs read these keys and differ in the order of joints and bodies, which the keys do not tell: the bodies do.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.orders import body_names, robot_bodies
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.unpack import save_npz
+from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.model import Robot
+
+KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
+NEAR = 0.005
+"""Bodies this near to where the joints put them tell the order [m]: other descriptions of one robot differ by less."""
+LOOKED_AT = 8
+"""So many frames are enough to tell one order from another."""
+
+
+def write_tracking(motion: RobotMotion, path: Path, format: str, hinges: Ints, bodies: Ints, mass: bool) -> None:
+    """Write the archive, joints and bodies in an order of their own; linear velocities of origins or of mass centres."""
+    motion.require_plain(format)
+    robot, qvel = motion.robot, velocities(motion)
+    tracks = body_tracks(motion, qvel)
+    save_npz(
+        path,
+        fps=np.array([motion.fps]),
+        joint_pos=motion.qpos[:, robot.qpos_index[hinges]],
+        joint_vel=qvel[:, robot.dof_index[hinges]],
+        body_pos_w=tracks.positions[:, bodies],
+        body_quat_w=tracks.quaternions[:, bodies],
+        body_lin_vel_w=(tracks.linear_of_mass if mass else tracks.linear)[:, bodies],
+        body_ang_vel_w=tracks.angular[:, bodies],
+        joint_names=np.array([robot.joint_names[k] for k in hinges]),
+        body_names=np.array(body_names(robot, bodies)),
+    )
+
+
+def read_tracking(source: Source, hinges: Ints, other: tuple[Ints, str]) -> Columns:
+    """Read it. The root is the first body.
+
+    Args:
+        hinges: (n,) the order of the joints where the file has no names.
+        other: the order of the format that has the same keys, and its name.
+
+    Raises:
+        TrajectoryError: a key is missing, a shape is wrong, or the bodies stand where the other order puts them.
+    """
+    angles = shaped(source.array("joint_pos"), (None, None), "joint_pos")
+    positions = shaped(source.array("body_pos_w"), (len(angles), None, 3), "body_pos_w")
+    quaternions = shaped(source.array("body_quat_w"), (len(angles), positions.shape[1], 4), "body_quat_w")
+    named = source.names() is not None or source.options.joints is not None
+    if not named and angles.shape[1] == len(source.robot.joint_names):
+        mine, theirs = misfit(source, hinges), misfit(source, other[0])
+        if theirs < NEAR < mine:
+            raise TrajectoryError(
+                f"bodies are up to {mine:.3g} m from where the joints put them in this order, and within {theirs:.1g} m in "
+                f"that of {other[1]!r}: say --format {other[1]}"
+            )
+    return Columns(angles, source.names(), positions[:, 0], quaternions[:, 0], source.number("fps"), hinges)
+
+
+def misfit(source: Source, hinges: Ints) -> float:
+    """How far bodies stand at most from where the joints put them if they came in an order [m]; infinite if that cannot be told.
+
+    The distances of all bodies from the root, sorted, are compared: they do not depend on the order of the bodies.
+    """
+    robot, angles, positions = source.robot, source.arrays["joint_pos"], source.arrays["body_pos_w"]
+    count = len(robot_bodies(robot))
+    if angles.ndim != 2 or angles.shape[1] != len(hinges) or positions.ndim != 3 or positions.shape[1] != count:
+        return float("inf")
+    frames = np.unique(np.linspace(0, len(angles) - 1, LOOKED_AT).astype(int))
+    expected = _distances(robot, angles[frames], hinges)
+    found = np.linalg.norm(positions[frames] - positions[frames, :1], axis=2)
+    return float(np.abs(np.sort(found, axis=1) - np.sort(expected, axis=1)).max())
+
+
+def _distances(robot: Robot, angles: Floats, hinges: Ints) -> Floats:
+    """(F, B) of the robot's bodies from its root [m]."""
+    qpos = np.tile(robot.standing(), (len(angles), 1))
+    qpos[:, robot.qpos_index[hinges]] = angles
+    positions = body_frames(robot, qpos)[0][:, robot_bodies(robot)]
+    return np.linalg.norm(positions - positions[:, :1], axis=2)
+
+
+def claims_tracking(source: Source, hinges: Ints, other: Ints) -> bool:
+    """Whether an archive has the keys, and its names or its bodies do not speak for the other order."""
+    if not set(KEYS) <= source.arrays.keys() or source.arrays["joint_pos"].shape != source.arrays["joint_vel"].shape:
+        return False
+    names = source.names()
+    if names is not None:
+        order = [source.robot.joint_names[k] for k in hinges]
+        swapped = [source.robot.joint_names[k] for k in other]
+        return list(names) == order or list(names) != swapped
+    return misfit(source, hinges) < NEAR or misfit(source, other) >= NEAR

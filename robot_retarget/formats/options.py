@@ -1,0 +1,20 @@
+"""What a user may say about a file that the file does not say itself."""
+
+from dataclasses import dataclass
+
+SKIPPED = "_"
+"""Stands in a list of joints for a column that no joint of the robot takes."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Asked of an export or an import; everything has a default."""
+
+    joints: tuple[str, ...] | None = None
+    """Names of the joint columns in their order; `_` for a column that is not a joint of the robot."""
+    fps: float | None = None
+    """Frames per second of what comes out; by default those of the format, or of the file."""
+    source_fps: float | None = None
+    """Frames per second of a file that says none."""
+    servos: str | None = None
+    """Servo map of formats that count servo ticks: a shipped robot's name or a TOML file."""

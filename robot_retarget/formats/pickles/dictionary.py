@@ -1,0 +1,34 @@
+"""Dictionaries out of pickles, each value asked for by what it has to be."""
+
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.columns import shaped
+
+
+def holds(value: Any, *keys: str) -> bool:
+    """Whether a value is a dictionary with these keys."""
+    return isinstance(value, dict) and all(key in value for key in keys)
+
+
+def array_in(table: Any, key: str, shape: tuple[int | None, ...]) -> Floats:
+    """An array, or lists of numbers, by its key.
+
+    Raises:
+        TrajectoryError: it is not there or has another shape.
+    """
+    if not holds(table, key):
+        raise TrajectoryError(f"no {key!r} in the dictionary")
+    try:
+        return shaped(np.asarray(table[key]), shape, key)
+    except ValueError as error:
+        raise TrajectoryError(f"{key!r} is no array: {error}") from error
+
+
+def number_in(table: Any, key: str) -> float | None:
+    """A number by its key; None where there is none."""
+    value = np.asarray(table[key]) if holds(table, key) else np.empty(0)
+    return float(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "fiu" else None

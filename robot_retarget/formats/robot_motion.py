@@ -1,0 +1,106 @@
+"""What a writer gets: a trajectory on its robot, split into root and joints."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import UsageError, known
+from robot_retarget.formats.options import Options
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.timing import resample
+from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class RobotMotion:
+    """A trajectory at the rate of the file, its quaternions without jumps of sign."""
+
+    trajectory: Trajectory
+    robot: Robot
+    joints: tuple[str, ...]
+    """The hinges in the order of the file."""
+    options: Options = field(default_factory=Options)
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    @property
+    def qpos(self) -> Floats:
+        """(T, nq) in MuJoCo's order."""
+        return self.trajectory.qpos
+
+    @property
+    def fps(self) -> float:
+        """[1/s]."""
+        return self.trajectory.fps
+
+    @property
+    def position(self) -> Floats:
+        """(T, 3) of the free root [m]."""
+        start = self._root()
+        return self.qpos[:, start : start + 3]
+
+    @property
+    def quaternion(self) -> Floats:
+        """(T, 4) of the free root, w x y z."""
+        start = self._root()
+        return self.qpos[:, start + 3 : start + 7]
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(T, n) of the joints in the order of the file [rad]."""
+        place = {name: index for name, index in zip(self.robot.joint_names, self.robot.qpos_index, strict=True)}
+        return self.qpos[:, [place[joint] for joint in self.joints]]
+
+    def require_plain(self, format: str) -> None:
+        """Raise UsageError unless the robot is a free root and hinges, nothing else."""
+        self._root(format)
+        if self.robot.model.nq != 7 + len(self.robot.joint_names):
+            raise UsageError(
+                f"format {format!r} holds a free root and hinges; {self.robot.name!r} has more coordinates"
+            )
+
+    def _root(self, format: str | None = None) -> int:
+        if not self.robot.floating:
+            what = f"format {format!r}" if format else "the format"
+            raise UsageError(f"{what} needs a robot with a free root; the root of {self.robot.name!r} is not free")
+        return self.robot.root_address
+
+
+def robot_motion(
+    trajectory: Trajectory, robot: Robot, options: Options, fps: float | None, ordered: bool, format: str
+) -> RobotMotion:
+    """A trajectory made ready for a writer: at the rate asked for or the format's, its joints in the order asked for.
+
+    Raises:
+        UsageError: the rate is not positive, or the joints asked for are not the robot's or cannot be ordered here.
+    """
+    rate = options.fps or fps or trajectory.fps
+    if rate != trajectory.fps:
+        trajectory = resample(trajectory, robot, rate)
+    joints = robot.joint_names
+    if options.joints is not None:
+        if not ordered:
+            raise UsageError(f"format {format!r} has an order of its own: --joints means nothing to it")
+        strange = [name for name in options.joints if name not in robot.joint_names]
+        if strange:
+            raise UsageError(f"--joints names {strange[0]!r}, which {robot.name!r} has not; {known(robot.joint_names)}")
+        joints = options.joints
+    return RobotMotion(continuous(trajectory, robot), robot, joints, options)
+
+
+def continuous(trajectory: Trajectory, robot: Robot) -> Trajectory:
+    """The trajectory with every root quaternion on the side of the one before: q and −q are one rotation."""
+    if not robot.floating:
+        return trajectory
+    columns = robot.root_address + 3 + np.arange(4)
+    quaternion = trajectory.qpos[:, columns]
+    turned = np.einsum("ti,ti->t", quaternion[1:], quaternion[:-1]) < 0
+    if not turned.any():
+        return trajectory
+    signs = np.concatenate([[1.0], np.cumprod(np.where(turned, -1.0, 1.0))])
+    qpos = trajectory.qpos.copy()
+    qpos[:, columns] *= signs[:, None]
+    return Trajectory(qpos, trajectory.fps, trajectory.joint_names, trajectory.robot, trajectory.source)

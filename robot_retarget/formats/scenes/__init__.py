@@ -1,0 +1,1 @@
+"""Formats that other programs play: scenes, messages, skeletons."""

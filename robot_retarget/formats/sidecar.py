@@ -1,0 +1,58 @@
+"""The JSON file beside a file that does not say whose joints its columns are: `dance.csv` has `dance.csv.json`."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.robot_motion import RobotMotion
+
+KEYS = ("format", "robot", "joint_names", "quaternion", "fps", "sha256")
+
+
+def beside(path: Path) -> Path:
+    """Where the JSON file of a file stands."""
+    return path.with_name(path.name + ".json")
+
+
+def describing(motion: RobotMotion, format: str, quaternion: str, written: Path) -> str:
+    """The JSON text about a file just written."""
+    return (
+        json.dumps(
+            {
+                "format": format,
+                "robot": motion.robot.name,
+                "joint_names": list(motion.joints),
+                "quaternion": quaternion,
+                "fps": motion.fps,
+                "frames": len(motion),
+                "sha256": _hash(written),
+            },
+            indent=1,
+        )
+        + "\n"
+    )
+
+
+def read_sidecar(path: Path) -> dict[str, Any] | None:
+    """What the JSON file beside a file says of it; None where there is none, or where it is about another content.
+
+    Raises:
+        TrajectoryError: it is there and broken.
+    """
+    where = beside(path)
+    if not (path.is_file() and where.is_file()):
+        return None
+    try:
+        said = json.loads(where.read_text(encoding="utf-8"))
+        complete = all(key in said for key in KEYS) and all(isinstance(name, str) for name in said["joint_names"])
+    except (OSError, ValueError, TypeError) as error:
+        raise TrajectoryError(f"{where}: not the description of a motion file: {error}") from error
+    if not complete:
+        return None  # some other program's
+    return said if said["sha256"] == _hash(path) else None
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

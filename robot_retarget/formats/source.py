@@ -1,0 +1,93 @@
+"""A file to be read: its contents, opened once and only as far as they are asked for."""
+
+import zipfile
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.options import Options
+from robot_retarget.formats.sidecar import read_sidecar
+from robot_retarget.formats.unpack import LZ4_MAGIC, file_bytes, load_npz
+from robot_retarget.formats.unpickle import load_pickle
+from robot_retarget.robot.model import Robot
+
+PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file or folder, the robot it is to move, and what the user says about it."""
+
+    path: Path
+    robot: Robot
+    options: Options = field(default_factory=Options)
+
+    @cached_property
+    def sidecar(self) -> dict[str, Any] | None:
+        """What the JSON file beside it says."""
+        return read_sidecar(self.path)
+
+    @cached_property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The plain arrays of an `.npz`; nothing of any other file."""
+        packed = self.path.is_file() and (self.path.suffix == ".npz" or zipfile.is_zipfile(self.path))
+        return load_npz(self.path) if packed else {}
+
+    @cached_property
+    def pickled(self) -> Any:
+        """The contents of a pickle or joblib file; None of any other file."""
+        return load_pickle(self.path) if self._looks_pickled() else None
+
+    @cached_property
+    def text(self) -> str:
+        """The text of a text file; empty of any other file."""
+        data = b"" if self.path.is_dir() else file_bytes(self.path)
+        try:
+            return "" if b"\0" in data[:4096] else data.decode("utf-8-sig").replace("\r\n", "\n")
+        except UnicodeDecodeError:
+            return ""
+
+    @property
+    def head(self) -> str:
+        """The first line of a text file."""
+        return self.text.split("\n", 1)[0]
+
+    def array(self, key: str) -> np.ndarray:
+        """An array of an `.npz` by its key.
+
+        Raises:
+            TrajectoryError: there is none.
+        """
+        if key not in self.arrays:
+            raise TrajectoryError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")
+        return self.arrays[key]
+
+    def number(self, key: str) -> float | None:
+        """A number of an `.npz`, alone or as an array of one; None where it is not there."""
+        value = self.arrays.get(key)
+        return (
+            None if value is None or value.size != 1 or value.dtype.kind not in "fiu" else float(value.reshape(-1)[0])
+        )
+
+    def names(self, key: str = "joint_names") -> tuple[str, ...] | None:
+        """Names in an `.npz`, or in the JSON file beside it; None where there are none."""
+        value = self.arrays.get(key)
+        if value is not None and value.dtype.kind == "U":
+            return tuple(map(str, value.tolist()))
+        return tuple(self.sidecar["joint_names"]) if self.sidecar else None
+
+    @property
+    def told_fps(self) -> float | None:
+        """The rate in the JSON file beside it."""
+        return float(self.sidecar["fps"]) if self.sidecar else None
+
+    def _looks_pickled(self) -> bool:
+        if not self.path.is_file():
+            return False
+        with self.path.open("rb") as stream:
+            start = stream.read(4)
+        return start[:1] == b"\x80" or start == LZ4_MAGIC or self.path.suffix.lower() in PICKLES

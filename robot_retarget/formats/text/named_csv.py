@@ -1,0 +1,117 @@
+"""Format `csv`: one row a frame, a header that names every column and its unit.
+
+`time [s]`, then qpos in the model's order: a free root as `root_x [m]` … `root_qw [-]`, `root_qx [-]` … (quaternion
+w x y z), sliding joints in metres, hinges in radians.
+"""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import TrajectoryError, known
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.text.rows import NUMBER
+from robot_retarget.robot.model import FREE, HINGE, Robot
+
+TIME = "time [s]"
+FREE_COLUMNS = ("x [m]", "y [m]", "z [m]", "qw [-]", "qx [-]", "qy [-]", "qz [-]")
+EVEN = 0.01
+"""Times may stray from even ones by this part of a frame: a table is played at one rate."""
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the table."""
+    times = np.arange(len(motion)) / motion.fps
+    header = ",".join(quoted(name) for name in columns(motion.robot))
+    rows = np.column_stack([times, motion.qpos])
+    np.savetxt(path, rows, fmt=NUMBER, delimiter=",", header=header, comments="", encoding="utf-8")
+
+
+def read(source: Source) -> Columns:
+    """Read the table; columns may stand in any order, and what has none is held as the robot stands."""
+    names, rows = named_table(source)
+    wanted = columns(source.robot)
+    if TIME not in names:
+        raise TrajectoryError(f"no column {TIME!r}; {known(names)}")
+    strange = [name for name in names if name not in wanted]
+    if strange:
+        raise TrajectoryError(f"column {strange[0]!r} is not one of {source.robot.name!r}; {known(wanted)}")
+    qpos = np.tile(source.robot.standing(), (len(rows), 1))
+    for name, values in zip(names, rows.T, strict=True):
+        if name != TIME:
+            qpos[:, wanted.index(name) - 1] = values
+    held = [name for name in wanted if name not in names]
+    notes = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
+    return Columns(qpos=qpos, fps=rate(rows[:, names.index(TIME)]), notes=notes)
+
+
+def named_table(source: Source) -> tuple[list[str], Floats]:
+    """The header and the numbers of a table.
+
+    Raises:
+        TrajectoryError: a line that is not numbers or has another width than the header, or a name twice.
+    """
+    header = next(csv.reader(io.StringIO(source.head)), [])
+    try:
+        rows = np.loadtxt(source.text.split("\n")[1:], delimiter=",", ndmin=2)
+    except ValueError as error:
+        raise TrajectoryError(f"not a table of numbers under its header: {error}") from error
+    if rows.shape[1] != len(header) or not len(rows):
+        raise TrajectoryError(f"{len(header)} names over {len(rows)} rows of {rows.shape[1]} columns")
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise TrajectoryError(f"column {twice[0]!r} stands twice in the header")
+    return header, rows
+
+
+def rate(times: Floats) -> float | None:
+    """Frames per second of even times [s]; None of a single frame.
+
+    Raises:
+        TrajectoryError: they are not even.
+    """
+    if len(times) < 2:
+        return None
+    fps = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else 0.0
+    strayed = np.abs((times - times[0]) * fps - np.arange(len(times))) > EVEN
+    if fps <= 0 or strayed.any():
+        row = int(np.argmax(strayed)) if fps > 0 else len(times) - 1
+        raise TrajectoryError(f"times are not even: frame {row} is at {times[row]:g} s")
+    return float(np.round(fps, 6))
+
+
+def columns(robot: Robot) -> list[str]:
+    """The header: 1 + nq names with units."""
+    hinges = dict(zip(robot.joint_ids.tolist(), robot.joint_names, strict=True))
+    names = [TIME]
+    for joint in range(robot.model.njnt):
+        name = hinges.get(joint) or robot.model.joint(joint).name or f"joint_{joint}"
+        kind = robot.model.jnt_type[joint]
+        if kind == FREE:
+            prefix = "root" if joint in robot.root_joints else name
+            names += [f"{prefix}_{column}" for column in FREE_COLUMNS]
+        else:
+            names.append(f"{name} [rad]" if kind == HINGE else f"{name} [m]")
+    return names
+
+
+def quoted(name: str) -> str:
+    """A field as RFC 4180 writes it."""
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
+
+
+FORMAT = Format(
+    name="csv",
+    suffix=".csv",
+    description="time, root and joints with a header that names units; every robot",
+    write=write,
+    read=read,
+    claims=lambda source: source.head.startswith(TIME) and ("[rad]" in source.head or "[m]" in source.head),
+    readers="spreadsheets, pandas, plotting",
+)

@@ -1,0 +1,108 @@
+"""Trajectories into files of others and out of them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.files import replacing, replacing_folder, require_writable
+from robot_retarget.formats.columns import assembled
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.options import Options
+from robot_retarget.formats.robot_motion import robot_motion
+from robot_retarget.formats.sidecar import beside, describing
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.table import FORMATS
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.timing import require_same_robot, resample
+from robot_retarget.trajectory import Trajectory
+from robot_retarget.trajectory import load_trajectory as load_native
+
+
+def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, options: Options | None = None) -> Path:
+    """Write a trajectory in one of the `FORMATS`, whole or not at all.
+
+    A format that does not say joint names and quaternion order gets a JSON file beside it that does.
+
+    Raises:
+        UsageError: the format is not known, or the robot does not suit it.
+        TrajectoryError: the trajectory belongs to another robot.
+        OutputError: the file cannot be written.
+    """
+    kind, options, target = _format(format), options or Options(), Path(path)
+    require_same_robot(trajectory, robot)
+    motion = robot_motion(trajectory, robot, options, kind.fps, kind.ordered, kind.name)
+    if not kind.names:
+        require_writable(beside(target))
+    with (replacing if kind.suffix else replacing_folder)(target) as scratch:
+        kind.write(motion, scratch)
+        said = "" if kind.names else describing(motion, kind.name, kind.quaternion, scratch)
+    if said:
+        with replacing(beside(target)) as scratch:
+            scratch.write_text(said, encoding="utf-8")
+    return target
+
+
+def import_motion(
+    path: str | Path, robot: Robot, format: str | None = None, options: Options | None = None
+) -> Trajectory:
+    """Read the motion of a robot from a file in any of the `FORMATS`.
+
+    Args:
+        format: one of the `FORMATS`; None finds out, and asks where more than one fits.
+
+    Raises:
+        UsageError: the format is not known, or more than one fits the file.
+        TrajectoryError: no format fits, or the file is not as its format has it; names the file.
+    """
+    where, options = Path(path), options or Options()
+    if not where.exists():
+        raise TrajectoryError(f"cannot read {where}: no such file or folder")
+    source = Source(where, robot, options)
+    kind = _format(format) if format else recognised(source)
+    try:
+        columns = kind.read(source)
+        columns = columns if columns.source else replace(columns, source=str(where))
+        trajectory = assembled(columns, robot, options, kind.fps)
+    except TrajectoryError as error:
+        raise TrajectoryError(_about(where, kind, error)) from None
+    return resample(trajectory, robot, options.fps) if options.fps else trajectory
+
+
+def load_trajectory(
+    path: str | Path, robot: Robot | None = None, format: str | None = None, options: Options | None = None
+) -> Trajectory:
+    """Read a trajectory file, or with a robot the file of any known format.
+
+    Raises:
+        TrajectoryError, UsageError: as `import_motion`; without a robot, it is no trajectory file of this package.
+    """
+    return load_native(path) if robot is None else import_motion(path, robot, format, options)
+
+
+def recognised(source: Source) -> Format:
+    """The format of a file: what the JSON file beside it says, or the only one that claims it.
+
+    Raises:
+        UsageError: more than one claims it.
+        TrajectoryError: none does.
+    """
+    if source.sidecar and source.sidecar["format"] in FORMATS:
+        return FORMATS[source.sidecar["format"]]
+    claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
+    if len(claimed) > 1:
+        names = " or ".join(kind.name for kind in claimed)
+        raise UsageError(f"{source.path} may be {names}, which nothing in it tells apart: say which with --format")
+    if not claimed:
+        raise TrajectoryError(f"{source.path}: no known format of robot motion; {known(FORMATS)}")
+    return claimed[0]
+
+
+def _format(name: str) -> Format:
+    if name not in FORMATS:
+        raise UsageError(f"unknown format {name!r}; {known(FORMATS)}")
+    return FORMATS[name]
+
+
+def _about(path: Path, kind: Format, error: TrajectoryError) -> str:
+    said = str(error)
+    return said if said.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {said}"

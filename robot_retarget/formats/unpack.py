@@ -1,0 +1,114 @@
+"""Bytes of files that others made: never more of them than a machine can hold."""
+
+import gzip
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError
+
+LARGEST = 2 << 30
+"""What a file may hold unpacked [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
+CHUNK = 1 << 20
+LZ4_MAGIC, GZIP_MAGIC, ZLIB_MAGIC = b"\x04\x22\x4d\x18", b"\x1f\x8b", b"\x78"
+
+
+def file_bytes(path: Path) -> bytes:
+    """The file, whole.
+
+    Raises:
+        TrajectoryError: it cannot be read or is too large.
+    """
+    try:
+        if path.stat().st_size > LARGEST:
+            raise TrajectoryError(f"{path}: {path.stat().st_size} bytes, more than {LARGEST}")
+        return path.read_bytes()
+    except OSError as error:
+        raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def unpacked(path: Path) -> bytes:
+    """The file's bytes, decompressed where it is lz4, gzip or zlib.
+
+    Raises:
+        TrajectoryError: it cannot be read, is broken, or unpacks to more than `LARGEST`.
+    """
+    data = file_bytes(path)
+    try:
+        if data.startswith(LZ4_MAGIC):
+            return _bounded(_lz4().frame.open(io.BytesIO(data)), path)
+        if data.startswith(GZIP_MAGIC):
+            return _bounded(gzip.open(io.BytesIO(data)), path)
+        if data.startswith(ZLIB_MAGIC) and data[1:2] in b"\x01\x5e\x9c\xda":
+            packed = zlib.decompressobj()
+            plain = packed.decompress(data, LARGEST)
+            if packed.unconsumed_tail:
+                raise _too_large(path)
+            return plain
+    except (OSError, EOFError, RuntimeError, zlib.error) as error:
+        raise TrajectoryError(f"{path}: broken compressed file: {error}") from error
+    return data
+
+
+def lz4_packed(data: bytes) -> bytes:
+    """Bytes as an lz4 frame (extra `formats`)."""
+    return _lz4().frame.compress(data)
+
+
+def load_npz(path: Path) -> dict[str, np.ndarray]:
+    """The plain arrays of an `.npz`; arrays of Python objects are left out, for they are pickles.
+
+    Raises:
+        TrajectoryError: it cannot be read, is no `.npz`, or unpacks to more than `LARGEST`.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > LARGEST:
+                raise _too_large(path)
+        found = {}
+        with np.load(path, allow_pickle=False) as arrays:
+            for key in arrays.files:
+                try:
+                    value = arrays[key]
+                except ValueError:
+                    continue
+                if isinstance(value, np.ndarray):
+                    found[key] = value
+        return found
+    except OSError as error:
+        raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, EOFError, MemoryError, zlib.error, NotImplementedError) as error:
+        raise TrajectoryError(f"{path}: broken .npz: {error}") from error
+
+
+def save_npz(path: Path, **arrays: Any) -> None:
+    """Write an `.npz`, whatever the end of its name."""
+    with path.open("wb") as stream:
+        np.savez(stream, **arrays)
+
+
+def _bounded(stream: Any, path: Path) -> bytes:
+    parts, total = [], 0
+    with stream:
+        while part := stream.read(CHUNK):
+            parts.append(part)
+            total += len(part)
+            if total > LARGEST:
+                raise _too_large(path)
+    return b"".join(parts)
+
+
+def _too_large(path: Path) -> TrajectoryError:
+    return TrajectoryError(f"{path}: unpacks to more than {LARGEST} bytes; a motion is not that large")
+
+
+def _lz4() -> Any:
+    try:
+        import lz4.frame
+    except ImportError:
+        raise TrajectoryError("lz4 files need the extra `formats`: pip install 'robot-retarget[formats]'") from None
+    return lz4

@@ -1,4 +1,0 @@
-"""Parameters of the SMPL family."""
-
-from .parameters import read as read
-from .parameters import told as told

@@ -1,0 +1,86 @@
+"""What is written is read back as it was, and a file is known for what it is, or the reader asks."""
+
+import numpy as np
+import pytest
+from format_moves import THERE, motion_of, robot_called
+
+from robot_retarget.errors import UsageError
+from robot_retarget.formats import FORMATS, Options, export, import_motion
+from robot_retarget.formats.sidecar import beside
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.transfer import recognised
+
+ROUNDED = 2e-6
+"""Of formats that store single precision, degrees with decimals or ticks of a file's own [m, rad]."""
+ROWS = {"unitree", "kimodo", "protomotions-csv"}
+
+
+def written(format: str, name: str, folder, **options):
+    kind, robot = FORMATS[format], robot_called(name)
+    motion = motion_of(name, kind.fps or 50.0)
+    return motion, export(motion, robot, format, folder / f"m{kind.suffix}", Options(**options))
+
+
+@pytest.mark.parametrize("name", THERE)
+@pytest.mark.parametrize("format", FORMATS)
+def test_export_then_import_gives_the_same_configurations(format: str, name: str, tmp_path) -> None:
+    motion, path = written(format, name, tmp_path)
+    back = import_motion(path, robot_called(name), format)
+    assert back.fps == pytest.approx(motion.fps) and back.joint_names == motion.joint_names
+    np.testing.assert_allclose(back.qpos, motion.qpos, rtol=0, atol=1e-9 if FORMATS[format].exact else ROUNDED)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_file_is_known_by_itself_and_what_stands_beside_it(format: str, tmp_path) -> None:
+    _, path = written(format, "op3", tmp_path)
+    assert recognised(Source(path, robot_called("op3"))).name == format
+
+
+@pytest.mark.parametrize("name", THERE)
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_file_alone_is_known_or_the_reader_asks_naming_what_it_may_be(format: str, name: str, tmp_path) -> None:
+    _, path = written(format, name, tmp_path)
+    beside(path).unlink(missing_ok=True)
+    source = Source(path, robot_called(name))
+    if format in ROWS:
+        with pytest.raises(UsageError, match=r"unitree or kimodo or protomotions-csv.*--format"):
+            recognised(source)
+    else:
+        assert recognised(source).name == format
+        assert [kind.name for kind in FORMATS.values() if kind.claims(source)] == [format]
+
+
+@pytest.mark.parametrize("format", [name for name, kind in FORMATS.items() if not kind.names])
+def test_a_file_changed_since_is_not_what_the_json_beside_it_says(format: str, tmp_path) -> None:
+    _, path = written(format, "op3", tmp_path)
+    assert Source(path, robot_called("op3")).sidecar
+    path.write_bytes(path.read_bytes() + b"\n")
+    assert Source(path, robot_called("op3")).sidecar is None
+
+
+@pytest.mark.parametrize("format", [name for name, kind in FORMATS.items() if kind.ordered])
+def test_joints_in_another_order_come_back_to_their_places(format: str, tmp_path) -> None:
+    names = tuple(reversed(robot_called("op3").joint_names))
+    motion, path = written(format, "op3", tmp_path, joints=names)
+    back = import_motion(path, robot_called("op3"), format)
+    np.testing.assert_allclose(back.qpos, motion.qpos, atol=1e-9 if FORMATS[format].exact else ROUNDED)
+    beside(path).unlink(missing_ok=True)
+    told = import_motion(path, robot_called("op3"), format, Options(joints=names))
+    np.testing.assert_allclose(told.qpos, back.qpos, atol=1e-12)
+
+
+@pytest.mark.parametrize("format", [name for name, kind in FORMATS.items() if not kind.ordered])
+def test_an_order_means_nothing_to_formats_that_have_their_own(format: str, tmp_path) -> None:
+    with pytest.raises(UsageError, match="--joints"):
+        written(format, "op3", tmp_path, joints=("head_pan",))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("fps", [25.0, 100.0])
+def test_another_rate_keeps_the_time_of_the_motion(format: str, fps: float, tmp_path) -> None:
+    motion, path = written(format, "op3", tmp_path, fps=fps)
+    back = import_motion(path, robot_called("op3"), format, Options(source_fps=fps))
+    assert back.fps == fps
+    assert 0 <= motion.duration - back.duration < 1 / fps
+    np.testing.assert_allclose(back.qpos[0], motion.qpos[0], atol=ROUNDED)
