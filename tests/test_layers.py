@@ -40,6 +40,7 @@ LIBRARIES = {
     "typer": ("cli/",),
     "rich": ("cli/console.py",),
     "matplotlib": ("view/",),
+    "ezc3d": ("motion/formats/c3d/file.py",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
 

@@ -58,7 +58,7 @@ def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) 
     flying = _flying(x, match, fps, chosen)
     if any((stop - start) / fps > chosen.flight for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
-    planted = [foot.any(axis=1) for foot in stances(x * match.human_leg, match, fps).values()]
+    planted = [foot.any(axis=1) for foot in stances(x * match.human_leg, match, fps, motion.contacts).values()]
     return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= chosen.planted else STEPPING)
 
 

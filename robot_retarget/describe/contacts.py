@@ -1,11 +1,11 @@
-"""When the human's feet stand: heel and toe apart, by speed and height, with hysteresis, in units of the leg."""
+"""When the human's feet stand: heel and toe apart, as the source says, or by speed and height, in units of the leg."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.describe.match import Match
 
 
@@ -21,15 +21,24 @@ class StanceRule:
     """A stance or a swing shorter than this is taken for noise [s]."""
 
 
-def stances(x: Floats, match: Match, fps: float, rule: StanceRule | None = None) -> dict[str, np.ndarray]:
+def stances(
+    x: Floats, match: Match, fps: float, contacts: Bools | None = None, rule: StanceRule | None = None
+) -> dict[str, np.ndarray]:
     """Per foot (`l`, `r`) a boolean (T, 2): whether the toe, and whether the heel, stands at each frame.
 
-    A part stands from when it is slow and low until it is fast or high again. The ankle speaks for the heel.
+    Contacts that the source says are taken as they are, but for those too short to be true. Else a part stands from when
+    it is slow and low until it is fast or high again. The ankle speaks for the heel.
 
     Args:
         x: (T, K, 3) the human's keypoints over level ground [m].
+        contacts: (T, 4) of left heel, left toe, right heel, right toe (`Motion.contacts`).
     """
     chosen, found = rule or StanceRule(), {}
+    if contacts is not None:
+        feet = {
+            side: contacts[:, [2 * k + 1, 2 * k]] for k, side in enumerate("lr") if f"{side}_ankle" in match.keypoints
+        }
+        return {side: _lasting(said, fps, chosen) for side, said in feet.items()}
     for part, column in (("toe", 0), ("ankle", 1)):
         present = [f"{s}_{part}" for s in "lr" if f"{s}_{part}" in match.keypoints]
         if not present:
@@ -46,8 +55,14 @@ def _standing(points: Floats, height: Floats, fps: float, rule: StanceRule) -> n
     speed = _speed(points, fps)
     enter = (speed < rule.enter_speed) & (height < rule.enter_height)
     stay = (speed < rule.leave_speed) & (height < rule.leave_height)
+    return _lasting(_hysteresis(enter, stay), fps, rule)
+
+
+def _lasting(standing: Bools, fps: float, rule: StanceRule) -> Bools:
+    """What stands or swings (T, …) for long enough to be true."""
     width = 2 * int(rule.shortest * fps / 2) + 1
-    return median_filter(_hysteresis(enter, stay).astype(np.uint8), width, mode="nearest").astype(bool)
+    size = (width, *(1,) * (standing.ndim - 1))
+    return median_filter(standing.astype(np.uint8), size, mode="nearest").astype(bool)
 
 
 def _speed(points: Floats, fps: float) -> Floats:

@@ -153,7 +153,7 @@ def build_edges(motion: Motion, match: Match, weights: Weights | None = None) ->
         stacked,
         root_path(x, match),
         body,
-        stances(x, match, motion.fps),
+        stances(x, match, motion.fps, motion.contacts),
         _tracks(x, match, body),
     )
 

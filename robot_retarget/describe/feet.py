@@ -29,7 +29,7 @@ def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str,
     """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
     level = grounded(match.human_positions(motion), match, motion.fps)
     top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
-    stands, upright = stances(level, match, motion.fps), np.asarray(top >= UPRIGHT * top.max())
+    stands, upright = stances(level, match, motion.fps, motion.contacts), np.asarray(top >= UPRIGHT * top.max())
     sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
     toes = {side: stands[side][:, 0] for side in sides}
     flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}

@@ -1,7 +1,6 @@
 """The human side: a motion file becomes a `Motion` in metres, z up, and its joints are recognised."""
 
 from .formats.bvh import write_bvh as write_bvh
-from .read import READERS as READERS
 from .read import read_motion as read_motion
 from .recognise import Mark as Mark
 from .recognise import Recognition as Recognition

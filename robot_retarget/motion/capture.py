@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.skeleton import Skeleton
 
@@ -22,6 +22,10 @@ class Capture:
     """Frames per second [1/s]."""
     source: str
     notes: tuple[str, ...] = ()
+    contacts: Bools | None = None
+    """(T, 4) as `Motion.contacts`, where the file says them."""
+    up: str | None = None
+    """The signed axis that points up, such as `+y`, where the format fixes it; else it is told from the poses."""
 
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):

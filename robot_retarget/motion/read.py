@@ -1,59 +1,68 @@
-"""One door for every motion file: the suffix chooses the reader, `upright` does the rest."""
+"""One door for every motion file: the content chooses the reader, `upright` does the rest."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
-from robot_retarget.errors import MotionError, UsageError, known
-from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.bvh import read_bvh
-from robot_retarget.motion.formats.positions import read_positions
+from robot_retarget.errors import MotionError, UsageError
+from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.table import format_of
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.upright import upright
 
-Reader = Callable[[Path, float | None, Sequence[str] | None], Capture]
 
-
-def _bvh(path: Path, fps: float | None, names: Sequence[str] | None) -> Capture:
-    if names is not None:
-        raise UsageError(f"{path}: joint names come from the file; give them for arrays only")
-    capture = read_bvh(path)
-    if fps is None:
-        return capture
-    note = f"Read at {fps:g} frames per second; the file says {capture.fps:.4g}."
-    return replace(capture, fps=fps, notes=(*capture.notes, note))
-
-
-READERS: dict[str, Reader] = {".bvh": _bvh, ".npy": read_positions, ".npz": read_positions}
-"""What reads which suffix."""
-
-
-def read_motion(path: str | Path, *, fps: float | None = None, names: Sequence[str] | None = None) -> Motion:
+def read_motion(
+    path: str | Path,
+    *,
+    fps: float | None = None,
+    names: Sequence[str] | None = None,
+    body_model: str | Path | None = None,
+) -> Motion:
     """Read a human motion, in metres and z up.
 
     Args:
-        path: a BVH file, or joint positions as `.npy` or `.npz`.
+        path: a file of any format of `formats.table.FORMATS`; `FILE#NAME` is one of several motions in a file.
 
     Other arguments:
         fps: frames per second, in place of what the file says.
         names: joint names, for arrays that carry none.
+        body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
 
     Raises:
-        MotionError: the file cannot be read; names the line, or the frame and joint, and what was expected.
-        UsageError: `fps` is not positive, or `names` are given for a file that has its own.
+        MotionError: the file cannot be read; names the line or field, or the frame and joint, and what was expected.
+        UsageError: `fps` is not positive, or something is given that files of this format do not take.
     """
-    path = Path(path)
+    file, clip = _part(Path(path))
     if fps is not None and not 0 < fps < float("inf"):
         raise UsageError(f"frames per second must be positive, got {fps}")
-    if path.is_dir():
-        raise MotionError("is a folder; expected a motion file", path)
-    if not path.exists():
-        raise MotionError("no such file", path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise MotionError(f"unknown kind of motion file {path.suffix!r}; {known(READERS)}", path)
+    if file.is_dir():
+        raise MotionError("is a folder; expected a motion file", file)
+    if not file.exists():
+        raise MotionError("no such file", file)
+    request = Request(fps, names, clip, None if body_model is None else Path(body_model))
     try:
-        capture = reader(path, fps, names)
+        chosen = format_of(file)
+        _refuse_idle(request, chosen.takes, f"{file} ({chosen.name})")
+        capture = chosen.read(file, request)
     except OSError as error:
-        raise MotionError(f"cannot be read: {error.strerror or error}", path) from error
+        raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
     return upright(capture)
+
+
+def _part(path: Path) -> tuple[Path, str | None]:
+    """`FILE#NAME` as the file and the name of a motion in it; a file whose own name has a # is that file."""
+    name, mark, clip = path.name.rpartition("#")
+    return (path.with_name(name), clip) if mark and name and not path.exists() else (path, None)
+
+
+def _refuse_idle(request: Request, takes: frozenset[str], title: str) -> None:
+    """Refuse what a reader would pass over without a word."""
+    for argument, sentence in _IDLE.items():
+        if getattr(request, argument) is not None and argument not in takes:
+            raise UsageError(f"{title}: {sentence}")
+
+
+_IDLE = {
+    "names": "joint names come from the file; give them for arrays only",
+    "clip": "it holds one motion; leave the # and what follows it",
+    "body_model": "it has its own skeleton; give a body model for SMPL parameters only",
+}

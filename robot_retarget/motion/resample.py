@@ -32,23 +32,29 @@ def resample(motion: Motion, fps: float) -> Motion:
 
 
 def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
-    """The motion at (T,) whole or broken numbers of its frames, in any order, the ends held beyond them; played at `fps`."""
+    """The motion at (T,) whole or broken numbers of its frames, in any order, the ends held beyond them; played at `fps`.
+
+    Contacts are those of the nearest frame.
+    """
+    at = np.clip(frames, 0, len(motion) - 1)
+    contacts = None if motion.contacts is None else motion.contacts[np.round(at).astype(int)]
+    motion = replace(motion, contacts=None)
     if len(motion) == 1:
         return replace(
             motion,
             positions=np.repeat(motion.positions, len(frames), axis=0),
             fps=fps,
             rotations=_held(motion, len(frames)),
+            contacts=contacts,
         )
-    at = np.clip(frames, 0, len(motion) - 1)
     before = np.minimum(at.astype(int), len(motion) - 2)
     share = np.asarray(at - before, dtype=np.float64)[:, None]
     if motion.rotations is None:
-        return replace(motion, positions=_lerp(motion.positions, before, share), fps=fps)
+        return replace(motion, positions=_lerp(motion.positions, before, share), fps=fps, contacts=contacts)
     parents = motion.skeleton.parents
     translations, turns = backward(parents, motion.positions, motion.rotations)
     positions, rotations = forward(parents, _lerp(translations, before, share), _slerp(turns, before, share))
-    return replace(motion, positions=positions, rotations=rotations, fps=fps)
+    return replace(motion, positions=positions, rotations=rotations, fps=fps, contacts=contacts)
 
 
 def _held(motion: Motion, count: int) -> Floats | None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.arrays import Bools, Floats, Ints, frozen
 from robot_retarget.errors import MotionError, UsageError
 
 
@@ -84,6 +84,8 @@ class Motion:
     """Frames per second [1/s]."""
     source: str = ""
     notes: tuple[str, ...] = field(default=())
+    contacts: Bools | None = None
+    """(T, 4) whether left heel, left toe, right heel and right toe stand, where the source says so."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))
@@ -99,6 +101,10 @@ class Motion:
             if values is not None and not np.isfinite(values).all():
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if self.contacts is not None:
+            object.__setattr__(self, "contacts", frozen(self.contacts, np.bool_))
+            if self.contacts.shape != (len(self), 4):
+                raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
 
@@ -120,7 +126,8 @@ class Motion:
         if not 0 <= start < stop <= len(self):
             raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
         rotations = None if self.rotations is None else self.rotations[start:stop]
-        return replace(self, positions=self.positions[start:stop], rotations=rotations)
+        contacts = None if self.contacts is None else self.contacts[start:stop]
+        return replace(self, positions=self.positions[start:stop], rotations=rotations, contacts=contacts)
 
     def resample(self, fps: float) -> "Motion":
         """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.

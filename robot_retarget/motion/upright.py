@@ -1,4 +1,4 @@
-"""From a file's unit and axes to metres with z up, decided by the body in its poses and by nothing the file says."""
+"""From a file's unit and axes to metres with z up, decided by the body in its poses, or by its format where that is strict."""
 
 from dataclasses import replace
 
@@ -37,12 +37,13 @@ def upright(capture: Capture) -> Motion:
     except MatchError as error:
         unit = _likely_unit(capture.positions)
         reason = str(error)
-        note = f"{reason[:1].upper()}{reason[1:]}; y is taken as up and the {unit} as unit."
-        return _motion(capture, 0, UNITS[unit], "+y", (note,))
+        axis = (capture.up or "+y").removeprefix("+")
+        note = f"{reason[:1].upper()}{reason[1:]}; {axis} is taken as up and the {unit} as unit."
+        return _motion(capture, 0, UNITS[unit], capture.up or "+y", (note,))
     first, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     positions = capture.positions[first:]
     metres, unit_note = unit_of(recognition, positions)
-    axis = up_axis(recognition, positions)
+    axis = capture.up or up_axis(recognition, positions)
     notes = (*calibration, unit_note, *recognition.notes)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
@@ -94,7 +95,8 @@ def _motion(capture: Capture, first: int, metres: float, axis: str, notes: tuple
         rotations[..., 1:] = rotations[..., 1:] @ turn.T
     skeleton = replace(capture.skeleton, offsets=metres * capture.skeleton.offsets @ turn.T)
     positions = metres * capture.positions[first:] @ turn.T
-    return Motion(skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes))
+    contacts = None if capture.contacts is None else capture.contacts[first:]
+    return Motion(skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes), contacts)
 
 
 def _likely_unit(positions: Floats) -> str:

@@ -144,9 +144,10 @@ class Bus:
 
         Raises:
             NoAnswerError: it does not answer.
-            StatusError: it refuses: the register is locked, or the value out of range.
+            StatusError: it refuses: the register is locked, or the value beyond a limit of its own.
+            ServoError: no whole number of the register's range; nothing is sent.
         """
-        request = protocol.write(identity, register.address, register.encode(value))
+        request = protocol.write(identity, register.address, register.checked(value))
         return self._insist(request, identity, 0, tries, f"write {value} at {register.address}")
 
     def reboot(self, identity: int) -> Reply:

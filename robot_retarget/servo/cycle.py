@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.judge import Judge
-from robot_retarget.servo.link import Link
+from robot_retarget.servo.link import Goals, Link
 from robot_retarget.servo.record import PHASES, Record
 
 SPARE = 1.5e-3
@@ -21,7 +21,7 @@ class Ahead(NamedTuple):
 
     wish: Floats
     aim: Floats
-    frame: bytes
+    goals: Goals
 
 
 class Cycle:
@@ -66,7 +66,7 @@ class Cycle:
         if ahead is None or ahead.wish is not wish:
             ahead = self._prepared(wish, period)
         goal = self.guard.admit(ahead.aim, self.link.present)
-        self.link.ask(ahead.frame if goal is ahead.aim else self.link.goals(goal))
+        self.link.ask(ahead.goals if goal is ahead.aim else self.link.goals(goal))
         self.guard.keep(goal, wish)
         return goal
 

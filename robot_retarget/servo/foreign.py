@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from math import pi, radians
+from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
 
@@ -151,13 +151,20 @@ def _offsets(path: str | Path | None) -> dict[str, float]:
             continue
         if inside:
             joint, colon, value = bare.strip().partition(":")
-            try:
-                found[joint] = float(value) if colon else float("nan")
-            except ValueError:
-                raise ServoError(f"{path}:{number}: {bare.strip()!r} is no joint with an angle") from None
+            angle = _number(value) if colon else nan
+            if not isfinite(angle):
+                raise ServoError(f"{path}:{number}: {bare.strip()!r} is no joint with an angle")
+            found[joint] = angle
     if not found:
         raise ServoError(f"{path}: no block `offset:` with joints")
     return found
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return nan
 
 
 def _model(name: str) -> str:

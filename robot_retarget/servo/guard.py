@@ -1,34 +1,13 @@
-"""The last word on every goal: inside the range, not too fast, never far from where the joint is."""
+"""Goals brought inside the range, not too fast, never far from where the joint is."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.servo.map import TICKS_PER_RADIAN, Limits, ServoMap
-
-
-class Scale:
-    """Ticks and radians of all servos at once, in the order of the map."""
-
-    def __init__(self, servo_map: ServoMap) -> None:
-        self.ids = np.array(servo_map.ids, dtype=np.uint8)
-        self._zero = np.array([s.zero for s in servo_map.servos], dtype=float)
-        self._scale = np.array([s.sign * s.gear * TICKS_PER_RADIAN for s in servo_map.servos])
-        ranges = np.array([s.tick_range for s in servo_map.servos])
-        self._low, self._high = ranges[:, 0], ranges[:, 1]
-        ends = np.array([[s.lower, s.upper] for s in servo_map.servos])
-        inside = np.sort(self.radians(ranges.T), axis=0)
-        self.lower, self.upper = np.maximum(ends[:, 0], inside[0]), np.minimum(ends[:, 1], inside[1])
-
-    def ticks(self, radians: Floats) -> Ints:
-        """The nearest position inside the range."""
-        exact = np.rint(self._zero + self._scale * radians)
-        return np.minimum(np.maximum(exact, self._low), self._high).astype(np.int64)
-
-    def radians(self, ticks: Ints | Floats) -> Floats:
-        return (ticks - self._zero) / self._scale
+from robot_retarget.arrays import Floats
+from robot_retarget.servo.map import Limits
+from robot_retarget.servo.scale import Scale
 
 
 @dataclass
@@ -58,8 +37,8 @@ class Guard:
     def admit(self, aim: Floats, present: Floats) -> Floats:
         """The goal nearest to an aim that is near enough to the joints; the very same array where all of it is."""
         # A tick of rounding must not carry a goal over the cap.
-        cap = self.limits.jump - 1 / TICKS_PER_RADIAN
-        if np.abs(aim - present).max() <= cap:
+        cap = self.limits.jump - self.scale.tick
+        if (np.abs(aim - present) <= cap).all():
             return aim
         return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
 

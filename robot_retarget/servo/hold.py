@@ -7,8 +7,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.bus import NoAnswerError, StatusError
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.judge import FaultError, Judge
+from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
+from robot_retarget.servo.outcome import FaultError
 
 STRAIN = 0.15
 """A servo left holding is not left pulling at more than this [rad]: two thirds of full duty at the usual gain."""
@@ -18,21 +19,18 @@ def take_hold(link: Link, judge: Judge) -> Guard:
     """Goal := present, then torque, servo by servo; nothing moves. Servos with torque on keep it.
 
     Raises:
-        FaultError: a servo does not answer, or does not keep its goal.
+        FaultError: a servo does not answer, is outside its range, or does not keep its goal.
     """
     link.set_all("bus_watchdog", 0)
     judge.fresh()
     link.command(link.present)
     for name in ("profile_acceleration", "profile_velocity"):
         link.set_all(name, 0)
-    for servo, here in zip(link.map.servos, link.present, strict=True):
-        registers = servo.type.registers
-        low, high = servo.tick_range
-        goal = min(max(servo.ticks(float(here)), low), high)
-        link.bus.write(servo.id, registers["goal_position"], goal)
-        if link.bus.value(servo.id, registers["goal_position"]) != goal:
+    goals = link.goals(link.present)
+    for k, servo in enumerate(link.map.servos):
+        if not link.keeps(goals, k):
             raise FaultError(f"{servo.joint} does not keep its goal")
-        link.bus.write(servo.id, registers["torque_enable"], 1)
+        link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
     link.watchdog(link.map.limits.watchdog)
     judge.fresh()
     return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))
@@ -43,7 +41,7 @@ def leave_holding(link: Link, goal: Floats | None) -> None:
     for _ in range(3):
         link.set_all("bus_watchdog", 0)
     if goal is not None:
-        link.command(np.where(np.abs(goal - link.present) > STRAIN, link.present, goal))
+        link.command(np.where(np.abs(goal - link.present) <= STRAIN, goal, link.present))
 
 
 def let_go(link: Link) -> None:

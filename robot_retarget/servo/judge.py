@@ -6,6 +6,7 @@ import numpy as np
 
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
+from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.tables import XM430_W350
 
 MISSES = 2
@@ -14,10 +15,6 @@ OVERLOADED = 0.5
 """Too high a current is forgiven for so long [s]."""
 ALERTED = 0x80
 """The bit of `Link.error` for a pending hardware error."""
-
-
-class FaultError(Exception):
-    """Playing cannot go on; the text says why."""
 
 
 class Judge:

@@ -1,15 +1,17 @@
 """All servos of a map as arrays: goals out, readings in, with the age of what was lost."""
 
 import time
+from typing import NamedTuple
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
-from robot_retarget.servo.guard import Scale
+from robot_retarget.servo.gate import Gate
 from robot_retarget.servo.map import ServoMap
+from robot_retarget.servo.scale import Scale
 from robot_retarget.servo.tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 
 GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
@@ -22,11 +24,20 @@ CYCLE_PATIENCE = 0.006
 """An answer that comes later after its time than this is lost for this tick [s]."""
 
 
+class Goals(NamedTuple):
+    """One goal for every servo, and the frame that carries them."""
+
+    ticks: Ints
+    """(n,)."""
+    frame: bytes
+
+
 class Link:
     """The servos of one map on a bus, as seen by the player."""
 
     def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
         self.bus, self.map, self.scale = bus, servo_map, Scale(servo_map)
+        self.gate = Gate(servo_map, self.scale)
         self.ids = list(servo_map.ids)
         firmware = [c.values["firmware_version"] for c in conditions]
         starts = [s.type.fast_from for s in servo_map.servos]
@@ -68,23 +79,54 @@ class Link:
         """(n,) ticks in a row without an answer."""
         return self._missed
 
-    def goals(self, goal: Floats) -> bytes:
-        """The frame that carries goals [rad]."""
-        self._table["goal"] = self.scale.ticks(goal)
-        return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, GOALS + self._table.tobytes())
+    @property
+    def position(self) -> Ints:
+        """(n,) the latest present positions [ticks]."""
+        return self._rows["position"].astype(np.int64)
+
+    def goals(self, goal: Floats) -> Goals:
+        """Goals [rad], ready to be sent.
+
+        Raises:
+            FaultError: one is no finite number.
+        """
+        ticks = self.scale.ticks(goal)
+        self._table["goal"] = ticks
+        return Goals(ticks, _goal_frame(self._table))
 
     def command(self, goal: Floats) -> None:
-        """Send goals [rad]."""
-        self.bus.send(self.goals(goal))
+        """Send goals [rad] to those servos that they may be sent to; the others keep theirs."""
+        ticks, position = self.scale.ticks(np.where(np.isfinite(goal), goal, self.present)), self.position
+        self._table["goal"] = ticks
+        allowed = self._table[self.gate.allowed(ticks, position)]
+        if allowed.size:
+            self.bus.send(_goal_frame(allowed))
 
-    def ask(self, goals: bytes) -> None:
-        """Send a frame of goals and ask for readings in one go: a single transfer for a USB adapter."""
-        self.bus.send(goals + self._questions[self.fast])
+    def ask(self, goals: Goals) -> None:
+        """Send goals and ask for readings in one go: a single transfer for a USB adapter.
+
+        Raises:
+            FaultError: a goal may not be sent; none is.
+        """
+        self.gate.require(goals.ticks, self.position)
+        self.bus.send(goals.frame + self._questions[self.fast])
+
+    def keeps(self, goals: Goals, k: int) -> bool:
+        """Write one servo's goal and read it back: whether it is the same.
+
+        Raises:
+            FaultError: a goal may not be sent; none is.
+        """
+        self.gate.require(goals.ticks, self.position)
+        servo, goal = self.map.servos[k], int(goals.ticks[k])
+        register = servo.type.registers["goal_position"]
+        self.bus.write(servo.id, register, goal)
+        return self.bus.value(servo.id, register) == goal
 
     def set_all(self, name: str, value: int) -> None:
         """The same value into a RAM register of all servos; nobody answers."""
         register = XM430_W350[name]
-        data = register.encode(value)
+        data = register.checked(value)
         self.bus.sync_write(register.address, register.size, b"".join(bytes((i,)) + data for i in self.ids))
 
     def watchdog(self, seconds: float) -> None:
@@ -128,6 +170,10 @@ class Link:
             k = self._place[identity]
             self.voltage[k] = int.from_bytes(reply.data[:2], "little") / 10
             self.temperature[k] = reply.data[2]
+
+
+def _goal_frame(table: np.ndarray) -> bytes:
+    return protocol.frame(protocol.BROADCAST, protocol.Instruction.SYNC_WRITE, GOALS + table.tobytes())
 
 
 def _reading(values: dict[str, int]) -> bytes:

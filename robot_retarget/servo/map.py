@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from robot_retarget.errors import ServoError, known
+from robot_retarget.servo.bounds import Bounds, MapError, require_bounds, within
 from robot_retarget.servo.tables import BAUDS, CENTRE, LAST_POSITION, TICKS_PER_TURN, Model, model_named
 from robot_retarget.shipped import MODELS as SHIPPED
+from robot_retarget.toml_lines import line_of
 
 TICKS_PER_RADIAN = TICKS_PER_TURN / tau
 
@@ -24,29 +26,33 @@ class Servo:
     """One joint's servo."""
 
     joint: str
-    id: int
+    id: int = field(metadata=within(0, 252))
     model: str
-    sign: int = 1
+    sign: int = field(default=1, metadata=within(-1, 1))
     """+1 where the joint's positive sense is the servo's, −1 where it is the other."""
-    zero: int = CENTRE
+    zero: int = field(default=CENTRE, metadata=within(-2 * TICKS_PER_TURN, 2 * TICKS_PER_TURN, "ticks"))
     """Present position of the servo where the joint is at 0 rad."""
-    gear: float = 1.0
+    gear: float = field(default=1.0, metadata=within(0.01, 100))
     """Turns of the servo for one turn of the joint."""
-    lower: float = -pi
+    lower: float = field(default=-pi, metadata=within(-4 * pi, 4 * pi, "rad"))
     """[rad]."""
-    upper: float = pi
+    upper: float = field(default=pi, metadata=within(-4 * pi, 4 * pi, "rad"))
     """[rad]."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.id <= 252:
-            raise ServoError(f"{self.joint}: id {self.id} is not in 0…252")
-        if self.sign not in (-1, 1):
-            raise ServoError(f"{self.joint}: sign must be 1 or -1, got {self.sign}")
-        if not self.gear > 0:
-            raise ServoError(f"{self.joint}: gear must be positive, got {self.gear}")
+        require_bounds(self, f"{self.joint}: ")
+        if self.sign == 0:
+            raise MapError(f"{self.joint}: sign must be 1 or -1, got 0", "sign")
         if not self.lower < self.upper:
-            raise ServoError(f"{self.joint}: lower {self.lower} is not below upper {self.upper}")
-        model_named(self.model)
+            raise MapError(f"{self.joint}: lower {self.lower:g} is not below upper {self.upper:g}", "lower")
+        try:
+            model_named(self.model)
+        except ServoError as error:
+            raise MapError(f"{self.joint}: {error}", "model") from None
+        low, high = self.tick_range
+        if not low < high:
+            what = f"{self.lower:g} to {self.upper:g} rad is outside the one turn of its servo, 0…{LAST_POSITION} ticks"
+            raise MapError(f"{self.joint}: {what}; look over zero, sign and gear", "zero")
 
     @property
     def type(self) -> Model:
@@ -83,26 +89,32 @@ class Servo:
 class Limits:
     """What playback must not exceed, whatever the trajectory says."""
 
-    speed: float = 4.0
+    speed: float = field(default=4.0, metadata=within(0.05, 60, "rad/s"))
     """Of a goal [rad/s]."""
-    approach_speed: float = 0.8
+    approach_speed: float = field(default=0.8, metadata=within(0.01, 10, "rad/s"))
     """Of the way to the first frame [rad/s]."""
-    approach_time: float = 2.0
+    approach_time: float = field(default=2.0, metadata=within(0.1, 60, "s"))
     """It takes at least so long [s]."""
-    jump: float = 0.5
+    jump: float = field(default=0.5, metadata=within(0.02, 3, "rad"))
     """Between a goal and where the joint is [rad]."""
-    temperature: float = 70.0
+    temperature: float = field(default=70.0, metadata=within(20, 100, "°C"))
     """Hotter servos stop the motion [°C]."""
-    current: float = 2.0
+    current: float = field(default=2.0, metadata=within(0.05, 20, "A"))
     """For longer than half a second it stops the motion [A]."""
-    min_voltage: float = 10.0
+    min_voltage: float = field(default=10.0, metadata=within(3, 30, "V"))
     """[V]."""
-    max_voltage: float = 14.8
+    max_voltage: float = field(default=14.8, metadata=within(3, 30, "V"))
     """[V]."""
-    watchdog: float = 0.1
+    watchdog: float = field(default=0.1, metadata=within(0, 2.54, "s"))
     """The servos stop by themselves after so long without a word from the host [s]."""
-    silence: float = 0.1
+    silence: float = field(default=0.1, metadata=within(0.01, 1, "s"))
     """A servo that does not answer for so long stops the motion [s]."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+        if not self.min_voltage < self.max_voltage:
+            message = f"min_voltage {self.min_voltage:g} is not below max_voltage {self.max_voltage:g}"
+            raise MapError(message, "min_voltage")
 
 
 @dataclass(frozen=True)
@@ -129,14 +141,20 @@ class ServoMap:
         if not self.servos:
             raise ServoError("a servo map needs at least one servo")
         if self.baud not in BAUDS:
-            raise ServoError(f"baud {self.baud} is none of a servo's; {known(map(str, BAUDS))}")
+            raise MapError(f"baud {self.baud} is none of a servo's; {known(map(str, BAUDS))}", "baud")
         for what, values in (("joint", self.joints), ("id", self.ids)):
-            twice = sorted({str(v) for v in values if list(values).count(v) > 1})
+            twice = [servo for k, servo in enumerate(self.servos) if values[k] in values[:k]]
             if twice:
-                raise ServoError(f"{what} {twice[0]} stands twice in the map")
-        strange = sorted(set(self.stop.pose) - set(self.joints))
-        if strange:
-            raise ServoError(f"[stop] pose names {strange[0]!r}, which has no servo; {known(self.joints)}")
+                raise MapError(
+                    f"{what} {getattr(twice[0], what)} stands twice in the map", "servo", twice[0].joint, what
+                )
+        for joint, angle in self.stop.pose.items():
+            if joint not in self.joints:
+                raise MapError(
+                    f"[stop] pose names {joint!r}, which has no servo; {known(self.joints)}", "stop", "pose", joint
+                )
+            servo = self[joint]
+            Bounds(servo.lower, servo.upper, "rad").require(f"[stop] pose of {joint}", angle, "stop", "pose", joint)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -166,8 +184,8 @@ def load_map(name: str | Path) -> ServoMap:
     """
     path = shipped_maps().get(str(name), Path(name))
     try:
-        with path.open("rb") as file:
-            table = tomllib.load(file)
+        text = path.read_text(encoding="utf-8")
+        table = tomllib.loads(text)
     except OSError as error:
         reason = error.strerror or error
         raise ServoError(f"cannot read the servo map {name}: {reason}; shipped: {', '.join(shipped_maps())}") from error
@@ -175,6 +193,9 @@ def load_map(name: str | Path) -> ServoMap:
         raise ServoError(f"{path}: {error}") from error
     try:
         return _from_table(table)
+    except MapError as error:
+        line = line_of(text, error.key)
+        raise ServoError(f"{path}:{line}: {error}" if line else f"{path}: {error}") from None
     except ServoError as error:
         raise ServoError(f"{path}: {error}") from None
 
@@ -198,39 +219,46 @@ def _from_table(table: dict[str, Any]) -> ServoMap:
     _only(table, {"robot", "baud", "passive", "limits", "stop", "servo"}, "the map")
     passive = table.get("passive", [])
     if not (isinstance(passive, list) and all(isinstance(joint, str) for joint in passive)):
-        raise ServoError(f"the map: passive cannot be {passive!r}, it is a list of joints")
+        raise MapError(f"the map: passive cannot be {passive!r}, it is a list of joints", "passive")
+    robot = table.get("robot", "")
+    if not isinstance(robot, str):
+        raise MapError(f"the map: robot cannot be {robot!r}, it is a name", "robot")
     servos = [
-        _build(Servo, {"joint": joint, **_dict(entry, joint)}, joint) for joint, entry in table.get("servo", {}).items()
+        _build(Servo, {"joint": joint, **_dict(entry, "servo", joint)}, joint, "servo", joint)
+        for joint, entry in _dict(table.get("servo", {}), "servo").items()
     ]
-    limits = _build(Limits, _dict(table.get("limits", {}), "[limits]"), "[limits]")
-    stop = _build(Stop, _dict(table.get("stop", {}), "[stop]"), "[stop]")
-    robot, baud = str(table.get("robot", "")), int(table.get("baud", 1_000_000))
-    return ServoMap(robot, tuple(servos), baud, limits, stop, tuple(passive))
+    limits = _build(Limits, _dict(table.get("limits", {}), "limits"), "[limits]", "limits")
+    stop = _build(Stop, _dict(table.get("stop", {}), "stop"), "[stop]", "stop")
+    return ServoMap(robot, tuple(servos), table.get("baud", 1_000_000), limits, stop, tuple(passive))
 
 
-def _build(kind: Any, values: dict[str, Any], where: str) -> Any:
-    """A dataclass from a TOML table; every key must be one of its fields, of the field's type."""
+def _build(kind: Any, values: dict[str, Any], what: str, *key: str) -> Any:
+    """A dataclass from the TOML table at `key`; every key must be one of its fields, of the field's type."""
     types = {f.name: f.type for f in fields(kind)}
-    _only(values, set(types), where)
-    for key, value in values.items():
-        wanted = {"int": (int,), "float": (int, float), "str": (str,)}.get(getattr(types[key], "__name__", ""), (dict,))
+    _only(values, set(types), what, *key)
+    for name, value in values.items():
+        wanted = {"int": (int,), "float": (int, float), "str": (str,)}.get(
+            getattr(types[name], "__name__", ""), (dict,)
+        )
         if not isinstance(value, wanted) or isinstance(value, bool):
-            raise ServoError(f"{where}: {key} cannot be {value!r}")
+            raise MapError(f"{what}: {name} cannot be {value!r}", *key, name)
     try:
         return kind(**values)
     except TypeError as error:
-        raise ServoError(f"{where}: {str(error).split('__init__() ')[-1]}") from None
+        raise MapError(f"{what}: {str(error).split('__init__() ')[-1]}", *key) from None
+    except MapError as error:
+        raise MapError(str(error), *key, *error.key) from None
 
 
-def _only(values: dict[str, Any], allowed: set[str], where: str) -> None:
+def _only(values: dict[str, Any], allowed: set[str], what: str, *key: str) -> None:
     strange = sorted(set(values) - allowed)
     if strange:
-        raise ServoError(f"{where}: no key {strange[0]!r}; {known(sorted(allowed))}")
+        raise MapError(f"{what}: no key {strange[0]!r}; {known(sorted(allowed))}", *key, strange[0])
 
 
-def _dict(value: Any, where: str) -> dict[str, Any]:
+def _dict(value: Any, *key: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ServoError(f"{where}: expected a table, got {value!r}")
+        raise MapError(f"{'.'.join(key)}: expected a table, got {value!r}", *key)
     return value
 
 

@@ -1,8 +1,14 @@
 """How to play, and what became of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
+
+from robot_retarget.servo.bounds import require_bounds, within
+
+
+class FaultError(Exception):
+    """Playing cannot go on; the text says why."""
 
 
 class Ended(Enum):
@@ -18,7 +24,7 @@ class Ended(Enum):
 class Options:
     """How to play."""
 
-    rate: float = 100.0
+    rate: float = field(default=100.0, metadata=within(10, 1000, "ticks a second"))
     """Ticks a second."""
     end_pose: bool = True
     """Go softly to the map's stop pose at the end."""
@@ -26,8 +32,11 @@ class Options:
     """Switch torque off after a good end."""
     fast: bool = True
     """Use fast reads where every servo knows them."""
-    grace: float = 10.0
+    grace: float = field(default=10.0, metadata=within(0, 3600, "s"))
     """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,16 @@ from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusEr
 from robot_retarget.servo.check import Condition, Finding, check
 from robot_retarget.servo.clock import on_time, wait_until, wide_awake
 from robot_retarget.servo.cycle import Cycle
-from robot_retarget.servo.guard import Guard, Scale
+from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
-from robot_retarget.servo.judge import FaultError, Judge
+from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.map import ServoMap
-from robot_retarget.servo.outcome import Ended, Options, Outcome
+from robot_retarget.servo.outcome import Ended, FaultError, Options, Outcome
 from robot_retarget.servo.plan import Plan, glide
 from robot_retarget.servo.record import Record
+from robot_retarget.servo.scale import Scale
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """What ends a motion with everybody holding."""

@@ -5,8 +5,10 @@ Each register is (address, bytes, access, default, lowest, highest); signed wher
 
 from dataclasses import dataclass
 from functools import cache
+from numbers import Integral
 from typing import NamedTuple
 
+from robot_retarget.errors import ServoError
 from robot_retarget.motors import MOTORS, Motor, motor_named
 
 TICKS_PER_TURN = 4096
@@ -66,6 +68,16 @@ class Register(NamedTuple):
             OverflowError: it does not fit.
         """
         return int(value).to_bytes(self.size, "little", signed=self.signed or value < 0)
+
+    def checked(self, value: int) -> bytes:
+        """As `encode`, of whole numbers of the register's range only.
+
+        Raises:
+            ServoError: any other value.
+        """
+        if not (isinstance(value, Integral) and self.low <= value <= self.high):
+            raise ServoError(f"{value!r} is no value of the register at {self.address}: {self.low} to {self.high}")
+        return self.encode(value)
 
     def decode(self, data: bytes) -> int:
         """The value in the bytes of this register."""

@@ -81,7 +81,7 @@ def test_a_missing_file_a_folder_and_an_unknown_suffix_are_refused(tmp_path):
         read_motion(tmp_path / "nothing.bvh")
     with pytest.raises(MotionError, match="is a folder"):
         read_motion(tmp_path)
-    other = tmp_path / "clip.fbx"
+    other = tmp_path / "clip.mov"
     other.write_text("")
-    with pytest.raises(MotionError, match=r"'\.fbx'; known: \.bvh, \.npy, \.npz"):
+    with pytest.raises(MotionError, match=r"'\.mov'; known: BVH \(\.bvh\), .*joint positions \(\.npy, \.npz\)"):
         read_motion(other)

@@ -74,6 +74,23 @@ def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path
         assert dry.returncode == 0 and "goals that make up for lag" in dry.stderr
 
 
+def test_a_map_with_numbers_that_cannot_be_moves_nothing(tmp_path: Path) -> None:
+    path, well = swing(tmp_path), dump_map(ARM)
+    with emulated(tmp_path) as emulator:
+        before = emulator.servos()
+        for name, old, new in (("speed", "speed = 4.0", "speed = nan"), ("j1", '"j1" = 0.0', '"j1" = "0.0"')):
+            bad = tmp_path / f"{name}.toml"
+            bad.write_text(well.replace(old, new), encoding="utf-8")
+            line = well[: well.index(old)].count("\n") + 1
+            refused = call("play", path, "--servos", bad, "--port", emulator.port, "--unsafe")
+            assert refused.returncode == 2 and f"{bad}:{line}: " in refused.stderr.replace("\n", "")
+        refused = call(
+            "play", path, "--servos", tmp_path / "servos.toml", "--port", emulator.port, "--unsafe", "--grace", "nan"
+        )
+        assert refused.returncode == 2 and "grace nan is not in 0…3600" in refused.stderr
+        assert emulator.servos() == before
+
+
 def test_a_dry_run_moves_nothing_and_a_map_must_cover_the_joints(tmp_path: Path) -> None:
     (tmp_path / "servos.toml").write_text(dump_map(ARM), encoding="utf-8")
     path = swing(tmp_path)

@@ -1,6 +1,7 @@
 """Ticks and radians agree, a map survives its file, and other projects' files become maps."""
 
 import json
+from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
@@ -88,6 +89,70 @@ def test_a_map_that_means_nothing_is_refused_by_name(tmp_path: Path, text: str, 
     assert str(path) in str(caught.value)
 
 
+WELL = """robot = "arm"
+baud = 1000000
+[limits]
+speed = 4.0
+approach_speed = 0.8
+approach_time = 2.0
+jump = 0.5
+temperature = 70.0
+current = 2.0
+min_voltage = 10.0
+max_voltage = 14.8
+watchdog = 0.1
+silence = 0.1
+[stop.pose]
+elbow = 0.1
+[servo.elbow]
+id = 7
+model = "XM430-W350"
+sign = 1
+zero = 2048
+gear = 1.0
+lower = -1.5
+upper = 1.5
+"""
+NUMBERS = [line.partition(" = ")[0] for line in WELL.splitlines() if " = " in line and '"' not in line]
+NO_NUMBER = ["nan", "+inf", "-inf", "1e300", "-1e300", "'4'", "true", "[]", "{}"]
+IMPLAUSIBLE = {
+    "speed": "-4",
+    "jump": "0",
+    "approach_time": "-1",
+    "temperature": "-5",
+    "watchdog": "60",
+    "silence": "1e6",
+}
+IMPLAUSIBLE |= {"gear": "-1.0", "sign": "2", "zero": "1000000", "id": "253", "lower": "1.6", "elbow": "1.51"}
+IMPLAUSIBLE |= {"min_voltage": "15", "baud": "31250", "current": "0", "approach_speed": "1e-9"}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [*((n, v) for n in NUMBERS for v in NO_NUMBER), *IMPLAUSIBLE.items()], ids=str
+)
+def test_a_number_that_cannot_be_is_refused_by_file_line_and_name(tmp_path: Path, name: str, value: str) -> None:
+    lines: list[str] = WELL.splitlines()
+    assert load_map(written(tmp_path, lines)).limits.speed == 4
+    place = next(k for k, line in enumerate(lines) if line.startswith(f"{name} = "))
+    lines[place] = f"{name} = {value}"
+    path = written(tmp_path, lines)
+    with pytest.raises(ServoError) as caught:
+        load_map(path)
+    assert str(caught.value).startswith(f"{path}:{place + 1}: ") and name in str(caught.value)
+
+
+def written(folder: Path, lines: Sequence[str]) -> Path:
+    path = folder / "map.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_a_range_beyond_the_servo_s_turn_is_refused(tmp_path: Path) -> None:
+    lines = [line.replace("zero = 2048", "zero = 8000") for line in WELL.splitlines()]
+    with pytest.raises(ServoError, match=r"map\.toml:20: elbow: .* is outside the one turn of its servo"):
+        load_map(written(tmp_path, lines))
+
+
 OP3 = """[ control info ]
 control_cycle = 8   # [ms]
 [ port info ]
@@ -106,6 +171,10 @@ def test_an_op3_robot_file_with_offsets_becomes_a_map(tmp_path: Path) -> None:
     read = read_foreign(tmp_path / "OP3.robot", tmp_path / "offset.yaml")
     assert (read.baud, read.ids, read.joints) == (2_000_000, (1, 2), ("r_sho_pitch", "l_sho_pitch"))
     assert [s.zero for s in read.servos] == [2048 + 65, 2048]
+    for angle in ("nan", "inf", "much"):
+        (tmp_path / "bad.yaml").write_text(f"offset:\n  r_sho_pitch: {angle}\n")
+        with pytest.raises(ServoError, match=r"bad\.yaml:2: .* is no joint with an angle"):
+            read_foreign(tmp_path / "OP3.robot", tmp_path / "bad.yaml")
     (tmp_path / "OP3.robot").write_text(OP3.replace("XM430-W350", "XM-430"))
     assert {s.model for s in read_foreign(tmp_path / "OP3.robot").servos} == {"XM430-W350"}
 

@@ -21,7 +21,6 @@ from shared_files import ROOT
 
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.guard import Scale
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
@@ -30,6 +29,7 @@ from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import Plan
 from robot_retarget.servo.play import Player, play
 from robot_retarget.servo.record import Record
+from robot_retarget.servo.scale import Scale
 
 START = (0.2, -0.3, 0.1, 0.4)
 RATE = 200.0

@@ -22,7 +22,7 @@ class JointSet:
         return [-1 if (parent := self.parents[name]) is None else list(order).index(parent) for name in order]
 
 
-_HUMANML3D: dict[str, str | None] = {
+HUMANML3D: dict[str, str | None] = {
     "pelvis": None, "left_hip": "pelvis", "right_hip": "pelvis", "spine1": "pelvis",
     "left_knee": "left_hip", "right_knee": "right_hip", "spine2": "spine1",
     "left_ankle": "left_knee", "right_ankle": "right_knee", "spine3": "spine2",
@@ -32,7 +32,7 @@ _HUMANML3D: dict[str, str | None] = {
     "left_elbow": "left_shoulder", "right_elbow": "right_shoulder",
     "left_wrist": "left_elbow", "right_wrist": "right_elbow",
 }  # fmt: skip
-_SMPL = {**_HUMANML3D, "left_hand": "left_wrist", "right_hand": "right_wrist"}
+SMPL = {**HUMANML3D, "left_hand": "left_wrist", "right_hand": "right_wrist"}
 _SOMA: dict[str, str | None] = {
     "Hips": None, "Spine1": "Hips", "Spine2": "Spine1", "Chest": "Spine2", "Neck1": "Chest", "Neck2": "Neck1",
     "Head": "Neck2", "Jaw": "Head", "LeftEye": "Head", "RightEye": "Head",
@@ -44,8 +44,35 @@ _SOMA: dict[str, str | None] = {
     "RightLeg": "Hips", "RightShin": "RightLeg", "RightFoot": "RightShin", "RightToeBase": "RightFoot",
 }  # fmt: skip
 
+
+def _soma_hand(side: str) -> dict[str, str | None]:
+    """The joints below a hand of the full SOMA skeleton."""
+    fingers = {"Thumb": 3, "Index": 4, "Middle": 4, "Ring": 4, "Pinky": 4}
+    tree: dict[str, str | None] = {}
+    for finger, joints in fingers.items():
+        above = f"{side}Hand"
+        for part in (*map(str, range(1, joints + 1)), "End"):
+            name = f"{side}Hand{finger}{part}"
+            tree[name], above = above, name
+    return tree
+
+
+_SOMA_FULL: dict[str, str | None] = {
+    "Hips": None, "Spine1": "Hips", "Spine2": "Spine1", "Chest": "Spine2", "Neck1": "Chest", "Neck2": "Neck1",
+    "Head": "Neck2", "HeadEnd": "Head", "Jaw": "Head", "LeftEye": "Head", "RightEye": "Head",
+    "LeftShoulder": "Chest", "LeftArm": "LeftShoulder", "LeftForeArm": "LeftArm", "LeftHand": "LeftForeArm",
+    **_soma_hand("Left"),
+    "RightShoulder": "Chest", "RightArm": "RightShoulder", "RightForeArm": "RightArm", "RightHand": "RightForeArm",
+    **_soma_hand("Right"),
+    "LeftLeg": "Hips", "LeftShin": "LeftLeg", "LeftFoot": "LeftShin", "LeftToeBase": "LeftFoot",
+    "LeftToeEnd": "LeftToeBase",
+    "RightLeg": "Hips", "RightShin": "RightLeg", "RightFoot": "RightShin", "RightToeBase": "RightFoot",
+    "RightToeEnd": "RightToeBase",
+}  # fmt: skip
+
 JOINT_SETS = (
-    JointSet("the 22 joints of HumanML3D and SMPL", _HUMANML3D, 20.0),
-    JointSet("the 24 joints of SMPL", _SMPL, 30.0),
+    JointSet("the 22 joints of HumanML3D and SMPL", HUMANML3D, 20.0),
+    JointSet("the 24 joints of SMPL", SMPL, 30.0),
     JointSet("the 30 joints of SOMA", _SOMA, 30.0),
+    JointSet("the 77 joints of SOMA", _SOMA_FULL, 30.0),
 )

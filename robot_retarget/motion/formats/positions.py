@@ -3,16 +3,19 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.errors import MotionError, known
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
+from robot_retarget.motion.formats.request import USUAL_FPS, Request
 from robot_retarget.motion.kinematics import backward
 from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.tree import sorted_tree
@@ -20,35 +23,46 @@ from robot_retarget.motion.tree import sorted_tree
 POSITION_KEYS = ("positions", "joints", "posed_joints", "joint_positions", "joints3d", "xyz")
 ROTATION_KEYS = ("rotations", "global_rot_mats", "global_rotations")
 NAME_KEYS = ("names", "joint_names")
-FPS_KEYS = ("fps", "framerate", "frame_rate", "mocap_framerate")
-DEFAULT_FPS = 30.0
-"""Of arrays that say no frame rate and belong to no known set of joints [1/s]."""
+FPS_KEYS = ("fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate")
+CONTACT_KEYS = ("foot_contacts", "contacts")
+"""(T, 4) of left heel, left toe, right heel, right toe, the order of Kimodo."""
+CONTACT = 0.5
+"""Where contacts are probabilities, from which on a part stands."""
 
 
-def read_positions(path: Path, fps: float | None = None, names: Sequence[str] | None = None) -> Capture:
+def told(glimpse: Glimpse) -> bool:
+    """Whether a file holds an array of positions, in whatever shape."""
+    positions = glimpse.arrays & set(POSITION_KEYS)
+    return bool(positions or glimpse.shape or (glimpse.arrays and glimpse.path.suffix.lower() == ".npz"))
+
+
+def read(path: Path, request: Request) -> Capture:
     """Read an array of joint positions (T, J, 3).
 
-    An `.npz` may hold `names`, `parents`, `fps` and rotations in the world frame, (T, J, 4) w x y z or (T, J, 3, 3).
-    Without names the number of joints says which known set they are. The skeleton's offsets are those of the first
-    frame.
+    An `.npz` may hold `names`, `parents`, `fps`, rotations in the world frame, (T, J, 4) w x y z or (T, J, 3, 3), and the
+    contacts of the feet (T, 4). Without names the number of joints says which known set they are. The skeleton's offsets
+    are those of the first frame.
 
     Raises:
         MotionError: no such array, a wrong shape, joints that no known set has, or a number that is not finite.
     """
-    file = _File(path, _load(path))
+    file = _File(path, arrays_of(path))
     positions = file.positions()
     count = positions.shape[1]
-    called = file.names(names, count)
+    called = file.names(request.names, count)
     joints = _known_set(file, called, count)
     notes: tuple[str, ...] = ()
     if joints is not None and not called:
         called, notes = joints.names, (f"{count} joints without names: taken as {joints.title}.",)
     parents, order = file.tree(called, joints)
     rotations = file.rotations(positions)
-    rate, rate_notes = (fps, ()) if fps else file.rate(joints)
+    rate, rate_notes = request.rate(file.rate(), joints.fps if joints else USUAL_FPS)
     positions, rotations = positions[:, order], None if rotations is None else rotations[:, order]
     skeleton = Skeleton(tuple(called[k] for k in order), parents, _offsets(parents, positions, rotations))
-    return Capture(skeleton, positions, rotations, rate, str(path), (*notes, *rate_notes))
+    contacts = file.contacts(len(positions))
+    if contacts is not None:
+        rate_notes = (*rate_notes, "The file says when the feet stand: its contacts are taken.")
+    return Capture(skeleton, positions, rotations, rate, str(path), (*notes, *rate_notes), contacts)
 
 
 @dataclass(frozen=True)
@@ -112,22 +126,46 @@ class _File:
             raise MotionError(f"rotations: {error}", self.path) from error
         return turns.as_quat(scalar_first=True).reshape(*shape, 4)
 
-    def rate(self, joints: JointSet | None) -> tuple[float, tuple[str, ...]]:
-        """Frames per second, stored or usual, and a sentence about the usual one."""
-        stored = self.first(FPS_KEYS)
-        if stored is None:
-            usual = joints.fps if joints else DEFAULT_FPS
-            return usual, (f"The file says no frame rate; {usual:g} frames per second were taken.",)
-        if stored.size != 1 or stored.dtype.kind not in "fiu" or not 0 < stored.item() < np.inf:
-            raise MotionError(f"frames per second must be one positive number, got {stored}", self.path)
-        return float(stored.item()), ()
+    def rate(self) -> float | None:
+        """Frames per second, where they are stored."""
+        return stored_rate(self.first(FPS_KEYS), self.path)
+
+    def contacts(self, frames: int) -> Bools | None:
+        """(T, 4) when the feet stand, where it is stored."""
+        values = self.first(CONTACT_KEYS)
+        if values is None:
+            return None
+        if values.shape != (frames, 4) or values.dtype.kind not in "biuf":
+            raise MotionError(
+                f"contacts must be ({frames}, 4) of left heel, left toe, right heel, right toe, got {values.shape}",
+                self.path,
+            )
+        return values > CONTACT
 
 
-def _load(path: Path) -> dict[str, Any]:
+def stored_rate(stored: Any | None, path: Path) -> float | None:
+    """Frames per second as a file stores them.
+
+    Raises:
+        MotionError: not one positive number.
+    """
+    if stored is None:
+        return None
+    if stored.size != 1 or stored.dtype.kind not in "fiu" or not 0 < stored.item() < np.inf:
+        raise MotionError(f"frames per second must be one positive number, got {stored}", path)
+    return float(stored.item())
+
+
+def arrays_of(path: Path) -> dict[str, Any]:
+    """The arrays of an `.npz` by name; an `.npy` is called `positions`.
+
+    Raises:
+        MotionError: no such file, or it would take pickle to read it.
+    """
     try:
         loaded = np.load(path, allow_pickle=False)
         return {"positions": loaded} if isinstance(loaded, np.ndarray) else dict(loaded.items())
-    except (ValueError, EOFError, BadZipFile) as error:
+    except (ValueError, EOFError, BadZipFile, UnpicklingError) as error:
         raise MotionError(f"not an array file that numpy reads without pickle: {error}", path) from error
 
 

@@ -12,31 +12,48 @@ from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh.hierarchy import Hierarchy, parse_hierarchy
 from robot_retarget.motion.formats.bvh.rows import Rows, parse_rows
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.kinematics import forward
 
 _HIERARCHY = re.compile(r"(?im)^[ \t]*HIERARCHY\b")
 _MOTION = re.compile(r"(?im)^[ \t]*MOTION\b")
 
 
-def read_bvh(path: str | Path) -> Capture:
+def told(glimpse: Glimpse) -> bool:
+    """Whether a file begins as BVH does."""
+    return _HIERARCHY.search(glimpse.text) is not None
+
+
+def read(path: Path, request: Request) -> Capture:
+    """`read_bvh` for the table of formats."""
+    return read_bvh(path, request)
+
+
+def read_bvh(path: str | Path, request: Request | None = None) -> Capture:
     """Read a BVH file: every joint's position and rotation at every frame, in the file's unit and axes.
 
     Raises:
         MotionError: the file cannot be read as BVH; names the line and what was expected there.
     """
-    text = _text(Path(path))
-    hierarchy, rows = parse_bvh(text, path)
+    return captured(Path(path).read_bytes(), path, request)
+
+
+def captured(data: bytes, path: str | Path, request: Request | None = None) -> Capture:
+    """What the bytes of a BVH file say; `path` is for messages."""
+    hierarchy, rows = parse_bvh(_text(data), path)
     _check_finite(hierarchy, rows, path)
     translations, turns, notes = local_pose(hierarchy, rows.values)
     positions, rotations = forward(hierarchy.skeleton.parents, translations, turns)
+    rate, said = (request or Request()).rate(_rate(rows.frame_time))
     spoken = any(channel.endswith("rotation") for channels in hierarchy.channels for channel in channels)
     return Capture(
         hierarchy.skeleton,
         positions,
         rotations if spoken else None,
-        _rate(rows.frame_time),
+        rate,
         str(path),
-        (*hierarchy.notes, *rows.notes, *notes),
+        (*hierarchy.notes, *rows.notes, *notes, *said),
     )
 
 
@@ -121,9 +138,8 @@ def _check_finite(hierarchy: Hierarchy, rows: Rows, path: str | Path) -> None:
     )
 
 
-def _text(path: Path) -> str:
-    """The file's text with `\\n` line ends, whatever it is encoded in."""
-    data = path.read_bytes()
+def _text(data: bytes) -> str:
+    """The text with `\\n` line ends, whatever it is encoded in."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = data.decode("utf-16", errors="replace")
     else:

@@ -1,0 +1,94 @@
+"""C3D files of labelled markers: joint centres by published regressions (`markers`)."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import MotionError
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centres
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.points import bridged, of_points
+from robot_retarget.motion.formats.request import Request
+
+UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
+
+
+def told(glimpse: Glimpse) -> bool:
+    """Whether a file begins as C3D does: the block of its parameters, then 0x50."""
+    return len(glimpse.head) >= 512 and glimpse.head[1] == 0x50 and b"\0" in glimpse.head[:512]
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read the markers of a C3D file and put joints where they tell.
+
+    Raises:
+        MotionError: broken, no points, a unit that is not known, or not the markers that joints can be told from; says
+            which are missing.
+    """
+    labels, points, stored = _points(path)
+    markers = Markers({label: points[:, k] for k, label in enumerate(labels) if label})
+    if missing := markers.missing():
+        raise MotionError(_refusal(labels, missing), path)
+    fps, said = request.rate(stored)
+    used = markers.used()
+    paths, _, notes = bridged(np.stack([markers.paths[label] for label in used], axis=1), used, fps, str(path))
+    markers = Markers({label: paths[:, k] for k, label in enumerate(used)})
+    body = joint_centres(markers)
+    title = f"Joints were told from {len(used)} of {len(labels)} markers."
+    return of_points(body, fps, str(path), (title, *markers.notes, *notes, *said))
+
+
+def _points(path: Path) -> tuple[list[str], Any, float | None]:
+    """The labels without the subject's name, the points (T, M, 3) in metres, NaN where lost, and their rate [1/s]."""
+    try:
+        import ezc3d
+    except ImportError as error:
+        raise MotionError("C3D files need ezc3d: pip install 'robot-retarget[c3d]'", path) from error
+    try:
+        file = ezc3d.c3d(str(path))
+        said, data = file["parameters"]["POINT"], file["data"]["points"]
+    except (RuntimeError, OSError, ValueError, KeyError, IndexError) as error:
+        raise MotionError(
+            f"not a C3D file that can be read: {str(error).strip() or 'it is cut short'}", path
+        ) from error
+    points = np.moveaxis(np.asarray(data, dtype=float)[:3], 0, 2).transpose(1, 0, 2)
+    if not points.size:
+        raise MotionError("POINT: it holds no points over time", path)
+    points[(points == 0).all(axis=2)] = np.nan
+    labels = [_bare(label) for label in _all_labels(said)]
+    labels = [*labels, *[""] * points.shape[1]][: points.shape[1]]
+    rate = [value for value in said.get("RATE", {}).get("value", []) if value > 0]
+    return labels, points * _unit(said, path), float(rate[0]) if rate else None
+
+
+def _all_labels(said: Any) -> list[str]:
+    """Labels beyond 255 stand in LABELS2 and on."""
+    keys = ["LABELS", *sorted(key for key in said if re.fullmatch(r"LABELS\d+", key))]
+    return [str(label) for key in keys if key in said for label in said[key]["value"]]
+
+
+def _bare(label: str) -> str:
+    return label.rpartition(":")[2].strip().upper()
+
+
+def _unit(said: Any, path: Path) -> float:
+    units = {str(unit).strip().lower() for unit in said.get("UNITS", {}).get("value", ["mm"])} - {""} or {"mm"}
+    if len(units) > 1 or not units <= UNITS.keys():
+        raise MotionError(f"POINT:UNITS: expected one of {', '.join(UNITS)}, found {', '.join(sorted(units))}", path)
+    return UNITS[units.pop()]
+
+
+def _refusal(labels: list[str], missing: list[str]) -> str:
+    named = [label for label in labels if label]
+    return (
+        f"joints cannot be told from its markers: they must be labelled as {SETS}. Missing: {_some(missing, 6)}. "
+        f"Its labels: {_some(named, 30) or 'none'}. Label them in the capture software, or give joint positions as .npz"
+    )
+
+
+def _some(words: list[str], most: int) -> str:
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

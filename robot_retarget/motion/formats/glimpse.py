@@ -1,0 +1,57 @@
+"""A first look at a file, by which its format is told: its beginning, and what an archive lists."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+
+HEAD = 8192
+"""Of a file that is looked at [bytes]."""
+
+
+@dataclass(frozen=True)
+class Glimpse:
+    """What shows a file's format before it is read."""
+
+    path: Path
+
+    @cached_property
+    def head(self) -> bytes:
+        """The first bytes of the file."""
+        with self.path.open("rb") as file:
+            return file.read(HEAD)
+
+    @cached_property
+    def text(self) -> str:
+        """The beginning as text, where it is any."""
+        if self.head.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return self.head.decode("utf-16", errors="ignore")
+        return "" if b"\0" in self.head else self.head.decode("utf-8-sig", errors="ignore")
+
+    @cached_property
+    def members(self) -> tuple[str, ...]:
+        """What a zip holds; nothing where the file is none."""
+        if not self.head.startswith(b"PK"):
+            return ()
+        try:
+            with ZipFile(self.path) as archive:
+                return tuple(archive.namelist())
+        except BadZipFile:
+            return ()
+
+    @cached_property
+    def arrays(self) -> frozenset[str]:
+        """The names of the arrays in an `.npz`."""
+        return frozenset(name.removesuffix(".npy") for name in self.members if name.endswith(".npy"))
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Of the array in an `.npy`; nothing where the file is none."""
+        if not self.head.startswith(b"\x93NUMPY"):
+            return ()
+        try:
+            return np.load(self.path, mmap_mode="r", allow_pickle=False).shape
+        except ValueError:
+            return ()

@@ -1,0 +1,96 @@
+"""Landmarks of MediaPipe's pose model, from its own files or FreeMoCap's: 33 points on a body, joints between them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MotionError
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.landmarks.tables import read_csv, read_json
+from robot_retarget.motion.formats.points import bridged, of_points
+from robot_retarget.motion.formats.positions import arrays_of
+from robot_retarget.motion.formats.request import Request
+
+LANDMARKS = (
+    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
+    "left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+    "left_wrist", "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb", "right_thumb",
+    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "left_heel", "right_heel",
+    "left_foot_index", "right_foot_index",
+)  # fmt: skip
+"""In the order of the model."""
+COUNTS = (33, 75, 543, 553)
+"""Of the points in an array: the body, with both hands, with the face of 468 or 478 points; the body comes first."""
+# Each joint, its parent, and the landmarks whose middle it is.
+_JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("pelvis", "", ("left_hip", "right_hip")),
+    ("neck", "pelvis", ("left_shoulder", "right_shoulder")),
+    ("head", "neck", ("left_ear", "right_ear")),
+    *(
+        (f"{side}_{part}", f"{side}_{above}" if "_" not in above else above[1:], (f"{side}_{mark}",))
+        for side in ("left", "right")
+        for part, above, mark in (
+            ("hip", "_pelvis", "hip"),
+            ("knee", "hip", "knee"),
+            ("ankle", "knee", "ankle"),
+            ("toe", "ankle", "foot_index"),
+            ("shoulder", "_neck", "shoulder"),
+            ("elbow", "shoulder", "elbow"),
+            ("wrist", "elbow", "wrist"),
+        )
+    ),
+)
+USED = tuple(sorted({mark for *_, marks in _JOINTS for mark in marks}, key=LANDMARKS.index))
+_STILL = 1e-3
+"""How far, over the body's size, the middle of the hips moves in landmarks that are told about it."""
+
+
+def told(glimpse: Glimpse) -> bool:
+    """Whether a file is an array of that many points, or text that names landmarks."""
+    if len(glimpse.shape) == 3 and glimpse.shape[1] in COUNTS and glimpse.shape[2] in (3, 4):
+        return True
+    head = glimpse.text.lower()
+    return glimpse.path.suffix.lower() in (".csv", ".json") and ("landmark" in head or "left_hip" in head)
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read landmarks in space and put joints between them.
+
+    Raises:
+        MotionError: no landmarks, not all that joints need, landmarks of an image, or lost for too long; says which.
+    """
+    points, stored = _points(path)
+    if float(np.nanmin(points)) >= 0 and float(np.nanmax(points)) <= 1.5:
+        raise MotionError("landmarks of an image (0 … 1 of its size): give the world landmarks, in metres", path)
+    fps, said = request.rate(stored)
+    paths, _, notes = bridged(points, USED, fps, str(path))
+    at = {mark: paths[:, k] for k, mark in enumerate(USED)}
+    body = {name: (parent, np.mean([at[mark] for mark in marks], axis=0)) for name, parent, marks in _JOINTS}
+    return of_points(body, fps, str(path), (*_travel(body["pelvis"][1], paths), *notes, *said))
+
+
+def _points(path: Path) -> tuple[Floats, float | None]:
+    """The landmarks in use (T, U, 3), NaN where lost, and frames per second where the file says them."""
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        table, fps = read_csv(path, LANDMARKS)
+    elif suffix == ".json":
+        table, fps = read_json(path, LANDMARKS)
+    else:
+        values = arrays_of(path)["positions"]
+        if values.ndim != 3 or values.shape[2] < 3 or values.dtype.kind not in "fiu" or not len(values):
+            raise MotionError(f"expected landmarks (T, 33, 3), got {values.dtype} {values.shape}", path)
+        table, fps = {name: values[:, k, :3].astype(float) for k, name in enumerate(LANDMARKS)}, None
+    missing = [mark for mark in USED if mark not in table]
+    if missing:
+        raise MotionError(f"lacks the landmarks {', '.join(missing)}", path)
+    return np.stack([table[mark] for mark in USED], axis=1), fps
+
+
+def _travel(pelvis: Floats, paths: Floats) -> tuple[str, ...]:
+    size = float(np.linalg.norm(np.ptp(paths[0], axis=0)))
+    if float(np.ptp(pelvis, axis=0).max()) > _STILL * size:
+        return ()
+    return ("The landmarks are told about the middle of the hips: the body does not travel.",)

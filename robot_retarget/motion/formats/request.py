@@ -1,0 +1,51 @@
+"""What is asked of a motion file beside its path."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_retarget.errors import MotionError, known
+
+USUAL_FPS = 30.0
+"""Of files that say no frame rate and whose kind has no custom of its own [1/s]."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a caller may say about a file; each reader takes what concerns it."""
+
+    fps: float | None = None
+    """Frames per second, in place of what the file says [1/s]."""
+    names: Sequence[str] | None = None
+    """Joint names, for arrays that carry none."""
+    clip: str | None = None
+    """Which of several motions in the file."""
+    body_model: Path | None = None
+    """The body model of SMPL parameters."""
+
+    def rate(self, stored: float | None = None, usual: float = USUAL_FPS) -> tuple[float, tuple[str, ...]]:
+        """Frames per second, asked for, stored or usual, and a sentence where it is not the stored one."""
+        if self.fps is not None:
+            told = stored is not None and stored != self.fps
+            note = f"Read at {self.fps:g} frames per second; the file says {stored:.4g}." if told else ""
+            return self.fps, (note,) if note else ()
+        if stored is None:
+            return usual, (f"The file says no frame rate; {usual:g} frames per second were taken.",)
+        return stored, ()
+
+    def choose(self, clips: Sequence[str], path: str | Path) -> tuple[int, tuple[str, ...]]:
+        """The index of the clip asked for, or of the first, and a sentence about the others.
+
+        Raises:
+            MotionError: no clip has that name; lists those there are.
+        """
+        if self.clip is not None:
+            called = [k for k, name in enumerate(clips) if name.lower() == self.clip.lower()]
+            if not called:
+                raise MotionError(f"holds no motion {self.clip!r}; {known(clips, 100)}", path)
+            return called[0], ()
+        if len(clips) < 2:
+            return 0, ()
+        listed = ", ".join(clips[:8]) + (", …" if len(clips) > 8 else "")
+        ask = f"{Path(path).name}#{clips[1]}"
+        return 0, (f"The first of {len(clips)} motions was read ({listed}); ask for another as {ask!r}.",)

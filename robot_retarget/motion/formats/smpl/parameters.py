@@ -1,0 +1,125 @@
+"""Parameters of the SMPL family: AMASS files and what video trackers (GVHMR, WHAM) give, with no body model."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MotionError
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.positions import FPS_KEYS, arrays_of, stored_rate
+from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
+from robot_retarget.motion.kinematics import forward
+
+WHOLE = ("poses", "pose_world", "pose", "full_pose", "fullpose")
+"""The turns of root and joints together (T, 3 n), n at least 22."""
+ROOT = ("root_orient", "global_orient")
+BODY = ("pose_body", "body_pose")
+PLACE = ("trans", "transl", "trans_world", "translation")
+_PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
+
+
+def told(glimpse: Glimpse) -> bool:
+    """Whether an `.npz` holds turns of a body by one of their names."""
+    names = _bare(dict.fromkeys(glimpse.arrays)).keys()
+    return bool(names & set(WHOLE) or (names & set(BODY) and names & set(ROOT)))
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read turns of the SMPL family's joints and let them turn a rest skeleton.
+
+    Raises:
+        MotionError: a field is missing or of another width; names it and what was expected.
+    """
+    arrays = _bare(arrays_of(path))
+    turns = _turns(arrays, path)
+    place, notes = _place(arrays, len(turns), path)
+    betas = _betas(arrays, path)
+    skeleton, note = mean_skeleton(betas) if request.body_model is None else model_skeleton(request.body_model, betas)
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (len(turns), len(skeleton), 1))
+    local[:, :JOINTS] = turns
+    translations = np.tile(skeleton.offsets, (len(turns), 1, 1))
+    translations[:, 0] += place
+    positions, rotations = forward(skeleton.parents, translations, local)
+    fps, said = request.rate(stored_rate(_first(arrays, FPS_KEYS)[1], path))
+    return Capture(skeleton, positions, rotations, fps, str(path), (note, *notes, *said))
+
+
+def _bare(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays by names without the prefix that a nested result was written with."""
+    best = max(_PREFIXES, key=lambda prefix: (prefix != "") * sum(name.startswith(prefix) for name in arrays))
+    inside = {name.removeprefix(best): value for name, value in arrays.items() if name.startswith(best)}
+    return {**arrays, **inside}
+
+
+def _first(arrays: Mapping[str, Any], keys: tuple[str, ...]) -> tuple[str, Any | None]:
+    return next(((key, arrays[key]) for key in keys if key in arrays), (keys[0], None))
+
+
+def _turns(arrays: Mapping[str, Any], path: Path) -> Floats:
+    """(T, 22, 4) w x y z of the joints in their parents, from vectors of rotation or matrices."""
+    root_key, root = _first(arrays, ROOT)
+    body_key, body = _first(arrays, BODY)
+    if root is not None and body is not None:
+        parts = _quaternions(root, 1, root_key, path), _quaternions(body, JOINTS - 1, body_key, path)
+        if len(parts[0]) != len(parts[1]):
+            raise MotionError(f"{root_key} has {len(parts[0])} frames, {body_key} {len(parts[1])}", path)
+        return np.concatenate(parts, axis=1)
+    key, whole = _first(arrays, WHOLE)
+    if whole is None:
+        wanted = f"{WHOLE[0]}, or {' or '.join(ROOT)} with {' or '.join(BODY)}"
+        raise MotionError(f"no turns of a body: expected {wanted}; it has {', '.join(arrays)}", path)
+    return _quaternions(whole, JOINTS, key, path)
+
+
+def _quaternions(values: Any, least: int, key: str, path: Path) -> Floats:
+    """(T, least, 4) of the first joints of (T, 3 n), (T, n, 3) or (T, n, 3, 3)."""
+    values = np.asarray(values)
+    if values.dtype.kind not in "fiu" or values.ndim < 2 or not len(values):
+        raise MotionError(f"{key}: expected numbers (T, {3 * least}), got {values.dtype} {values.shape}", path)
+    if not np.isfinite(values).all():
+        raise MotionError(f"{key}: frame {int(np.argwhere(~np.isfinite(values))[0, 0])} is not finite", path)
+    matrices = values.ndim >= 3 and values.shape[-2:] == (3, 3) and values.size % (9 * len(values)) == 0
+    flat = values.astype(float).reshape(len(values), -1)
+    size = 9 if matrices and (values.ndim == 4 or least == 1) else 3
+    if flat.shape[1] % size or flat.shape[1] < size * least:
+        raise MotionError(
+            f"{key}: expected {3 * least} numbers a frame or more, a joint three, got {values.shape}", path
+        )
+    first = flat[:, : size * least].reshape(-1, size)
+    turn = Rotation.from_rotvec(first) if size == 3 else _of_matrices(first, key, path)
+    return turn.as_quat(scalar_first=True).reshape(len(values), least, 4)
+
+
+def _of_matrices(flat: Floats, key: str, path: Path) -> Rotation:
+    try:
+        return Rotation.from_matrix(flat.reshape(-1, 3, 3))
+    except ValueError as error:
+        raise MotionError(f"{key}: {error}", path) from error
+
+
+def _place(arrays: Mapping[str, Any], frames: int, path: Path) -> tuple[Floats, tuple[str, ...]]:
+    """(T, 3) how far the root is from its place at rest; 0 where the file does not say."""
+    key, values = _first(arrays, PLACE)
+    if values is None:
+        return np.zeros((frames, 3)), (f"No {' or '.join(PLACE[:2])}: the body stays in place.",)
+    values = np.asarray(values)
+    if values.size != 3 * frames or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise MotionError(f"{key}: expected finite numbers ({frames}, 3), got {values.dtype} {values.shape}", path)
+    return values.astype(float).reshape(frames, 3), ()
+
+
+def _betas(arrays: Mapping[str, Any], path: Path) -> Floats | None:
+    """The shape's parameters (B,), their mean where every frame has its own."""
+    values = arrays.get("betas")
+    if values is None or np.asarray(values).size == 0:
+        return None
+    values = np.asarray(values)
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise MotionError(f"betas: expected finite numbers, got {values.dtype} {values.shape}", path)
+    return values.astype(float).reshape(-1, values.shape[-1]).mean(axis=0)

@@ -1,0 +1,71 @@
+"""Every format of human motion that is read: how a file of it is told, and by what it is read."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_retarget.errors import MotionError, known
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats import (
+    amc,
+    bvh,
+    c3d,
+    deepmimic,
+    gltf,
+    humanml3d,
+    landmarks,
+    positions,
+    refused,
+    smpl,
+    zipped,
+)
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.request import Request
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of motion files."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    """What files of it are usually called; where the content says nothing, this decides."""
+    told: Callable[[Glimpse], bool]
+    """Whether a file is one of it, by its content."""
+    read: Callable[[Path, Request], Capture]
+    takes: frozenset[str] = frozenset()
+    """What of a request beside `fps` concerns it."""
+
+
+FORMATS = (
+    Format("BVH", (".bvh",), bvh.told, bvh.read),
+    Format("ASF/AMC", (".amc",), amc.told, amc.read),
+    Format("ASF skeleton", (".asf",), refused.asf, refused.skeleton_alone),
+    Format("C3D", (".c3d",), c3d.told, c3d.read),
+    Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.told, gltf.read, frozenset({"clip"})),
+    Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
+    Format("DeepMimic", (".txt",), deepmimic.told, deepmimic.read),
+    Format("HumanML3D features", (), humanml3d.told, humanml3d.read),
+    Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.told, landmarks.read),
+    Format("SMPL parameters", (), smpl.told, smpl.read, frozenset({"body_model"})),
+    Format("joint positions", (".npy", ".npz"), positions.told, positions.read, frozenset({"names"})),
+    Format("pickle", (".pkl", ".pickle", ".pt", ".pth", ".joblib"), refused.pickled, refused.convert_pickle),
+    Format("zip of motions", (".zip",), zipped.told, zipped.read, frozenset({"clip"})),
+)
+"""In the order in which they are asked; a file is of the first that tells it."""
+
+
+def format_of(path: Path) -> Format:
+    """The format of a file, by its content; by its suffix where the content says nothing.
+
+    Raises:
+        MotionError: no format is told by it; lists the known ones.
+    """
+    glimpse = Glimpse(path)
+    suffix = path.suffix.lower()
+    found = next((one for one in FORMATS if one.told(glimpse)), None)
+    found = found or next((one for one in FORMATS if suffix in one.suffixes), None)
+    if found is None:
+        listed = (f"{one.name} ({', '.join(one.suffixes)})" for one in FORMATS if one.suffixes)
+        raise MotionError(f"unknown kind of motion file {suffix!r}; {known(listed)}", path)
+    return found
