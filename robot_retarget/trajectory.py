@@ -11,8 +11,11 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError, known
 from robot_retarget.files import replacing
+from robot_retarget.goals import KEYS as GOAL_KEYS
+from robot_retarget.goals import Goals, read_goals
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""1: without `source_time` and goals; still read."""
 KEYS = ("qpos", "fps", "joint_names", "robot", "source", "format_version")
 
 
@@ -31,6 +34,10 @@ class Trajectory:
     source: str = ""
     """The motion it came from."""
     notes: tuple[str, ...] = field(default=())
+    source_time: Floats = field(default_factory=lambda: np.zeros(0))
+    """(T,) the time in the source that each frame answers to [s]; left out, that of its own: k / fps."""
+    goals: Goals | None = None
+    """What the servos are sent in its place, where it was simulated."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "qpos", frozen(self.qpos))
@@ -43,6 +50,25 @@ class Trajectory:
             raise TrajectoryError(f"qpos is not finite at frame {frame}, column {column}")
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise TrajectoryError(f"fps must be positive, got {self.fps}")
+        given = np.asarray(self.source_time)
+        object.__setattr__(self, "source_time", frozen(given if given.size else np.arange(len(self)) / self.fps))
+        self._require_fitting()
+
+    def _require_fitting(self) -> None:
+        """The source's times are one for each frame and never go back; goals have the joints and last as long."""
+        times, goals = self.source_time, self.goals
+        if times.shape != (len(self),):
+            raise TrajectoryError(f"source_time must be ({len(self)},) as there are frames, got {times.shape}")
+        if not (np.isfinite(times).all() and (np.diff(times) >= 0).all()):
+            raise TrajectoryError("source_time must be finite and must not go back")
+        if goals is None:
+            return
+        if goals.angles.shape[1] != len(self.joint_names):
+            raise TrajectoryError(
+                f"goals are of {goals.angles.shape[1]} joints, the trajectory has {len(self.joint_names)}"
+            )
+        if abs(goals.duration - goals.lead_in - self.duration - goals.lead_out) > 1.5 / goals.rate:
+            raise TrajectoryError(f"goals last {goals.duration:.3f} s, not as long as the trajectory and its settling")
 
     def __len__(self) -> int:
         return len(self.qpos)
@@ -74,6 +100,8 @@ class Trajectory:
             robot=self.robot,
             source=self.source,
             format_version=FORMAT_VERSION,
+            source_time=self.source_time,
+            **(self.goals.arrays() if self.goals else {}),
         )
         return stream.getvalue()
 
@@ -106,7 +134,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
             missing = [key for key in KEYS if key not in archive.files]
             if missing:
                 raise TrajectoryError(f"{path}: no key {missing[0]!r}; {known(archive.files)}")
-            values = {key: archive[key] for key in KEYS}
+            values = {key: archive[key] for key in (*KEYS, "source_time", *GOAL_KEYS) if key in archive.files}
     except OSError as error:
         raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
     except (ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
@@ -122,6 +150,8 @@ def load_trajectory(path: str | Path) -> Trajectory:
             tuple(values["joint_names"].tolist()),
             str(values["robot"]),
             str(values["source"]),
+            source_time=values.get("source_time", np.zeros(0)),
+            goals=read_goals(values),
         )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None

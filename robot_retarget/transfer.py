@@ -117,7 +117,9 @@ def _in_balance(draft: Result, edges: Edges, problem: Problem, legs: str, mode: 
     frames = np.round(found.score.at).astype(int)
     solution = draft.solution
     stress = [np.abs(problem.stress(q, edges.distance[t])[0]) for q, t in zip(found.qpos, frames, strict=True)]
-    trajectory = replace(draft.trajectory, qpos=found.qpos)
+    source = draft.trajectory
+    times = np.interp(found.score.at, np.arange(len(source)), source.source_time)
+    trajectory = replace(source, qpos=found.qpos, source_time=times)
     timings = {**solution.timings, "balance": time.perf_counter() - began}
     solution = replace(
         solution,

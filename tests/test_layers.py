@@ -70,6 +70,8 @@ def test_a_module_imports_only_from_its_layers(path: Path) -> None:
         "arrays.py",
         "keypoints.py",
         "trajectory.py",
+        "goals.py",
+        "toml_lines.py",
         "shipped.py",
         "motors.py",
     ):

@@ -51,7 +51,7 @@ def sample_hinges(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats
 
 
 def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
-    """The trajectory at another frame rate; its last frame is the last that fits before the end.
+    """The trajectory at another frame rate, without goals; its last frame is the last that fits before the end.
 
     Raises:
         UsageError: the rate is not positive.
@@ -60,8 +60,9 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     if not (np.isfinite(fps) and fps > 0):
         raise UsageError(f"frames per second must be positive, got {fps}")
     require_same_robot(trajectory, robot)
-    count = int(np.floor(trajectory.duration * fps + TICK)) + 1
-    return replace(trajectory, qpos=sample(trajectory, robot, np.arange(count) / fps), fps=fps)
+    times = np.arange(int(np.floor(trajectory.duration * fps + TICK)) + 1) / fps
+    source = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
+    return replace(trajectory, qpos=sample(trajectory, robot, times), fps=fps, source_time=source, goals=None)
 
 
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:

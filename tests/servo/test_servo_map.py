@@ -89,7 +89,7 @@ def test_a_map_that_means_nothing_is_refused_by_name(tmp_path: Path, text: str, 
     assert str(path) in str(caught.value)
 
 
-WELL = """robot = "arm"
+WELL: str = """robot = "arm"
 baud = 1000000
 [limits]
 speed = 4.0

@@ -1,0 +1,75 @@
+"""What the servos are sent, tick by tick: kept in the trajectory's file, judged by `simulate`, sent by `play`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import TrajectoryError
+
+KEYS = ("goals", "goals_rate", "goals_lead_in", "goals_lead_out", "goals_servos")
+"""Of the trajectory file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Goals:
+    """Goals at even times: a settling lead-in on the first pose, the motion, a lead-out on the last pose."""
+
+    angles: Floats
+    """(N, n) [rad], a column for each of the trajectory's joints; each row is held until the next."""
+    rate: float
+    """Rows a second [1/s]."""
+    lead_in: float = 0.0
+    """From the first row to the trajectory's first frame [s]."""
+    lead_out: float = 0.0
+    """From the trajectory's last frame to the last row [s]."""
+    servos: str = ""
+    """The servo map they are for (`ServoMap.fingerprint`); empty for the model's own actuators."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "angles", frozen(self.angles))
+        if self.angles.ndim != 2 or not self.angles.size:
+            raise TrajectoryError(f"goals must be (N, n) with at least one row, got {self.angles.shape}")
+        if not np.isfinite(self.angles).all():
+            row, column = np.argwhere(~np.isfinite(self.angles))[0]
+            raise TrajectoryError(f"goals are not finite at row {row}, column {column}")
+        for name, low in (("rate", 1e-3), ("lead_in", 0.0), ("lead_out", 0.0)):
+            value = float(getattr(self, name))
+            object.__setattr__(self, name, value)
+            if not (np.isfinite(value) and value >= low):
+                raise TrajectoryError(f"goals_{name} must be a number of at least {low:g}, got {value}")
+
+    def __len__(self) -> int:
+        return len(self.angles)
+
+    @property
+    def times(self) -> Floats:
+        """(N,) on the trajectory's clock [s]: negative in the lead-in."""
+        return np.arange(len(self)) / self.rate - self.lead_in
+
+    @property
+    def duration(self) -> float:
+        """From the first row to the last [s]."""
+        return (len(self) - 1) / self.rate
+
+    def arrays(self) -> dict[str, Any]:
+        """The keys of the trajectory file."""
+        values = self.angles, self.rate, self.lead_in, self.lead_out, self.servos
+        return dict(zip(KEYS, values, strict=True))
+
+
+def read_goals(values: Mapping[str, Any]) -> Goals | None:
+    """The goals among the keys of a trajectory file, or None where it has none.
+
+    Raises:
+        TrajectoryError: a key is missing, or the goals are not as they must be.
+    """
+    there = [key for key in KEYS if key in values]
+    if not there:
+        return None
+    if len(there) < len(KEYS):
+        raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
+    angles, rate, lead_in, lead_out, servos = (values[key] for key in KEYS)
+    return Goals(angles, float(rate), float(lead_in), float(lead_out), str(servos))
