@@ -18,7 +18,10 @@ def draw(name: str, robot: rr.Robot, target: Path) -> Path:
     """Retarget a sample clip and show some moments of it, the human beside the robot."""
     first, stop, count = MOMENTS[name]
     result = rr.retarget(rr.read_motion(SAMPLES / f"{name}.bvh"), robot)
-    shown = replace(result.trajectory, qpos=result.trajectory.qpos[first:stop])
+    part = slice(first, stop)
+    shown = replace(
+        result.trajectory, qpos=result.trajectory.qpos[part], source_time=result.trajectory.source_time[part]
+    )
     human = result.match.human_positions(result.motion)[first:stop]
     picture = strip(robot, shown, human, result.match.bones, count=count, height=HEIGHT)
     if not isinstance(picture, Picture):

@@ -54,7 +54,7 @@ def compensated(
     goals = _ahead(qpos[:, index] + leads, playback)
     told = qpos.copy()
     told[:, index] = goals
-    return replace(trajectory, qpos=told, fps=playback.rate)
+    return replace(trajectory, qpos=told, fps=playback.rate, source_time=np.zeros(0), goals=None)
 
 
 def _spline(plant: Plant, trajectory: Trajectory, rate: float) -> Floats:
