@@ -13,8 +13,7 @@ from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import ARM, KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
-from robot_retarget.robot import Anatomy, Points, Robot, override, read_toml, world_points
-from robot_retarget.robot import recognise as recognise_robot
+from robot_retarget.robot import Anatomy, Points, Robot, read_toml, recognise_with, world_points
 
 TABLES = ("human", "robot")
 
@@ -35,7 +34,7 @@ class Match:
     rest: Floats
     """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
-    """Of the robot's ankles over its soles where it stands, 0 without legs [m]."""
+    """Of the robot's ankles over its soles where they are level, 0 without legs [m]."""
     itself: bool
     """Whether the source is the robot itself: its bones are all what the robot's can be."""
 
@@ -101,7 +100,7 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
 
     Args:
         overrides: a TOML file with tables `[human]` (keypoint = "Joint") and `[robot]`
-            (keypoint = ["body", x, y, z]) that replace any line of the map.
+            (keypoint = ["body", x, y, z], forward = [x, y, z]) that replace any line of the map.
 
     Raises:
         MatchError: the motion is not human, the robot is no humanoid, an override names what is not there, or the two
@@ -110,7 +109,7 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
     tables = _read_overrides(Path(overrides)) if overrides is not None else {}
     recognition = recognise(motion.skeleton, motion.positions)
     recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
-    anatomy = override(recognise_robot(robot), robot, tables.get("robot", {}))
+    anatomy = recognise_with(robot, tables.get("robot", {}))
     return match_bodies(motion, robot, recognition, anatomy)
 
 
@@ -141,7 +140,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         human_bones=source,
         robot_bones=bone_lengths(rest, parents) if own is None else own,
         rest=frozen(rest[0]),
-        ankle_height=_ankle_height(robot, anatomy),
+        ankle_height=_ankle_height(anatomy),
         itself=own is not None,
     )
 
@@ -161,13 +160,12 @@ def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[
     return recognition.place(motion.positions)[:, columns]
 
 
-def _ankle_height(robot: Robot, anatomy: Anatomy) -> float:
+def _ankle_height(anatomy: Anatomy) -> float:
+    """The mean of both feet, over what is lowest where the sole is level [m]."""
     heights = []
     for side, sole in anatomy.soles.items():
-        ankle = anatomy.spots[f"{side}_ankle"]
-        points = Points(np.append(sole.bodies, ankle.body), np.vstack([sole.offsets, ankle.offset]))
-        z = world_points(robot, points, robot.standing()[None])[0, :, 2]
-        heights.append(z[-1] - z[:-1].min())
+        up = anatomy.frames[f"{side}_foot"][1][:, 2]
+        heights.append(float(anatomy.spots[f"{side}_ankle"].offset @ up - (sole.offsets @ up).min()))
     return float(np.mean(heights)) if heights else 0.0
 
 

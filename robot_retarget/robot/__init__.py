@@ -8,5 +8,6 @@ from robot_retarget.robot.catalog import shipped_robots as shipped_robots
 from robot_retarget.robot.kinematics import Points as Points
 from robot_retarget.robot.kinematics import world_points as world_points
 from robot_retarget.robot.model import Robot as Robot
-from robot_retarget.robot.recognise import override as override
+from robot_retarget.robot.override import override as override
+from robot_retarget.robot.override import recognise_with as recognise_with
 from robot_retarget.robot.recognise import recognise as recognise

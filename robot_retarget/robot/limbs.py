@@ -9,6 +9,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.links import Axis, Links, meeting_point
 
+LEFT_WORDS = {"l", "left", "ll", "fl"}
+RIGHT_WORDS = {"r", "right", "lr", "fr"}
 ELBOW_WORDS = {"elbow", "el", "elb", "forearm", "lowerarm", "radius", "lradius", "rradius"}
 KNEE_WORDS = {"knee", "kne", "shin", "tibia", "shank", "kfe", "calf"}
 _ARM_WORDS = ELBOW_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
@@ -164,6 +166,12 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
 
 
+def foot_links(links: Links, legs: Pair) -> list[int]:
+    """The links that carry the ankles of both legs."""
+    found = [leg_centres(links, chain, legs.lateral).get("ankle") for chain in legs.chains]
+    return [ankle.link for ankle in found if ankle is not None]
+
+
 def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre:
     """Where the ankle's axes meet, or the point of its one axis above the middle of the foot."""
     if pitch is None:
@@ -253,7 +261,8 @@ def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
     if named:
         best = max(named, key=crosswise)
         return best, "by name, and it bends the arm", 0.97
-    bending = [a for a in later if crosswise(a) > 1 - TWIST] or later
+    apart = [a for a in later if a.distance(chain.start) > MEETING * chain.reach]  # others belong to the shoulder
+    bending = [a for a in apart if crosswise(a) > 1 - TWIST] or apart or later
     return max(bending, key=middling), "the bending axis nearest to the middle of the arm", 0.7
 
 

@@ -4,7 +4,7 @@ A link is a body together with everything welded to it. All positions are in the
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -19,6 +19,8 @@ _GRID = np.array(list(itertools.product(np.linspace(-1, 1, 5), repeat=3)))
 _SPHERE = _GRID[np.abs(_GRID).max(1) == 1]
 _SPHERE = _SPHERE / np.linalg.norm(_SPHERE, axis=1, keepdims=True)
 _DISC = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8), np.zeros(16)], 1)
+PARALLEL = 0.95
+"""Axes with a larger cosine between them do not tell each other where to be anchored."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class Axis:
     link: int
     """The link it carries."""
     anchor: Floats
+    """Of the points of the line one that does not depend on where the model has the joint: see `Links.axes`."""
     direction: Floats
 
     def nearest(self, point: Floats) -> Floats:
@@ -39,6 +42,13 @@ class Axis:
     def distance(self, point: Floats) -> float:
         """From `point` to the line [m]."""
         return float(np.linalg.norm(point - self.nearest(point)))
+
+
+def _nearest_on(axis: Axis, others: list[Axis]) -> Floats:
+    """The point of an axis nearest to other lines in the least squares."""
+    across = [np.eye(3) - np.outer(a.direction, a.direction) for a in others]
+    pull = sum(float(axis.direction @ p @ (a.anchor - axis.anchor)) for p, a in zip(across, others, strict=True))
+    return axis.anchor + axis.direction * (pull / sum(float(axis.direction @ p @ axis.direction) for p in across))
 
 
 def meeting_point(axes: list[Axis], near: Floats) -> Floats:
@@ -103,10 +113,37 @@ class Links:
         return line[::-1]
 
     def axes(self, link: int) -> list[Axis]:
-        """The hinges that carry a link, from the parent's side on."""
+        """The hinges that carry a link, from the parent's side on.
+
+        A joint turns alike wherever on its axis the model has it. The anchor is therefore the point nearest to the axes
+        of the next hinges that are not parallel, of those before where there are none after.
+        """
+        return [self._settled(axis, k) for k, axis in enumerate(self._lines(link))]
+
+    def _lines(self, link: int) -> list[Axis]:
+        """The hinges that carry a link, anchored where the model has them."""
         first, count = self.model.body_jntadr[link], self.model.body_jntnum[link]
         hinges = [j for j in range(first, first + count) if j in self.robot.joint_ids]
         return [Axis(j, link, self.data.xanchor[j].copy(), self.data.xaxis[j].copy()) for j in hinges]
+
+    def _settled(self, axis: Axis, place: int) -> Axis:
+        """An axis, that of so many on its link, anchored near its neighbours, or near the surface it carries."""
+        own = self._lines(axis.link)
+        after, before = own[place + 1 :], [a for link in self.path(axis.link)[:-1] for a in self._lines(link)]
+        groups = [[a] for a in after] + self._below(axis.link) + [[a] for a in reversed(before + own[:place])]
+        for group in groups:
+            crossing = [a for a in group if abs(a.direction @ axis.direction) < PARALLEL]
+            if crossing:
+                return replace(axis, anchor=_nearest_on(axis, crossing))
+        return replace(axis, anchor=axis.nearest(self.surface(axis.link).mean(0)))
+
+    def _below(self, link: int) -> list[list[Axis]]:
+        """The hinges of all links that a link carries, those as many links away together."""
+        level, found = self.children[link], []
+        while level:
+            found.append([a for child in level for a in self._lines(child)])
+            level = [c for child in level for c in self.children[child]]
+        return found
 
     def axes_along(self, links: list[int]) -> list[Axis]:
         """The hinges of a chain of links, in order."""
@@ -139,6 +176,10 @@ class Links:
     def local(self, body: int, point: Floats) -> Floats:
         """A world point in a body's frame."""
         return (point - self.data.xpos[body]) @ self.data.xmat[body].reshape(3, 3)
+
+    def place(self, body: int, offset: Floats) -> Floats:
+        """Where a point of a body's frame is in the world."""
+        return self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ offset
 
     def words(self, link: int) -> str:
         """The names of a link's bodies and joints, for a human eye or a search."""

@@ -4,23 +4,22 @@ Evidence comes from the tree (mirrored pairs of chains), from geometry (flexion 
 stands on the floor) and from names, in this order; each keypoint says how sure it is and why.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import ARM, KEYPOINTS
+from robot_retarget.errors import MatchError
+from robot_retarget.keypoints import ARM
 from robot_retarget.robot.anatomy import Anatomy, Spot
 from robot_retarget.robot.evening import both_soles, evened
+from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
-    Chain,
     Pair,
     arm_centres,
     box_middle,
+    foot_links,
     leg_centres,
     mirrored_pairs,
     toe_centre,
@@ -28,20 +27,23 @@ from robot_retarget.robot.limbs import (
 )
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.soles import sole, tread
+from robot_retarget.robot.soles import flat_footed, sole, tread
 
-LEFT_WORDS = {"l", "left", "ll", "fl"}
-RIGHT_WORDS = {"r", "right", "lr", "fr"}
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
 HEAD_OVER = 0.3
 """A trunk of one piece ends in a head where it stands over the shoulders by this share of their height over the pelvis."""
+NECK = 0.3
+"""A neck whose hinges do not tell where it begins is this share of the way from the shoulders to the head."""
 LEGS_BELOW = 0.35
 """Legs begin below this share of the trunk's height, head included, arms above it."""
 
 
-def recognise(robot: Robot) -> Anatomy:
+def recognise(robot: Robot, forward: Floats | None = None) -> Anatomy:
     """Find pelvis, trunk, head, arms and legs of a robot, and its soles.
+
+    Args:
+        forward: (3,) where the robot looks in its reference pose, where that is known better than by `facing`.
 
     Raises:
         MatchError: the model is no humanoid; the message says why.
@@ -56,26 +58,8 @@ def recognise(robot: Robot) -> Anatomy:
             f"{robot.name} is no humanoid: no two chains of hinges mirror each other as arms or legs "
             f"({len(robot.joint_names)} hinges, {len(links.leaves)} ends)"
         )
-    return _assemble(robot, links, legs, arms)
-
-
-def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatomy:
-    """Replace keypoints by lines `keypoint = ["body", x, y, z]` of a correspondence file.
-
-    Raises:
-        MatchError: an unknown keypoint or body, or a line of another form.
-    """
-    bodies = {robot.model.body(b).name: b for b in range(1, robot.model.nbody)}
-    spots = dict(anatomy.spots)
-    for keypoint, line in table.items():
-        if keypoint not in KEYPOINTS:
-            raise MatchError(f"override names the keypoint {keypoint!r}; {known(KEYPOINTS)}")
-        if not (isinstance(line, list) and len(line) == 4 and isinstance(line[0], str)):
-            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], got {line!r}')
-        if line[0] not in bodies:
-            raise MatchError(f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies)}")
-        spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
-    return replace(anatomy, spots=spots)
+    flat = flat_footed(links, foot_links(links, legs) if legs else [])
+    return _assemble(robot, (links, flat), legs, arms, facing(links, flat, legs, arms, forward))
 
 
 def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
@@ -124,71 +108,8 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
         )
 
 
-@dataclass(frozen=True)
-class _Sides:
-    """Which chain is left, and where forward is."""
-
-    forward: Floats
-    left: Floats
-    notes: tuple[str, ...]
-
-    def of(self, pair: Pair) -> dict[str, Chain]:
-        first_is_left = (pair.chains[0].end - pair.chains[1].end) @ self.left > 0
-        return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
-
-
-def _sides(links: Links, standing: Links, legs: Pair | None, arms: Pair | None) -> _Sides:
-    """Forward is where feet point and knees go, left follows; names are heard as one more witness."""
-    pair = legs or arms
-    assert pair is not None
-    up = np.array([0.0, 0.0, 1.0])
-    lateral = pair.lateral
-    by_shape = _forward_votes(links, standing, legs, np.cross(lateral, up)) if legs else 0
-    by_name = int(np.sign(_handedness(links, pair.chains[0]) - _handedness(links, pair.chains[1])))
-    by_axis = 1 if lateral[1] >= 0 else -1
-    sign = int(np.sign(2 * by_shape + by_name)) or by_axis
-    notes = []
-    if by_name and by_name != sign:
-        notes.append("names call the left side right: feet and knees followed")
-    elif not by_name:
-        witness = "feet and knees" if by_shape else "the model's y axis"
-        notes.append(f"names do not tell left from right: {witness} followed")
-    return _Sides(np.cross(sign * lateral, up), sign * lateral, tuple(notes))
-
-
-def _forward_votes(links: Links, standing: Links, legs: Pair, across: Floats) -> int:
-    """+1 where `across` is forward by both witnesses, −1 where backward, 0 where they disagree or say nothing.
-
-    Feet reach further ahead of the ankle than behind it; knees fold the shin backward.
-    """
-    feet, knees = 0.0, 0.0
-    for chain in legs.chains:
-        foot = standing.surface(chain.links[-1])
-        foot = foot[foot[:, 2] <= foot[:, 2].mean() + 1e-9]
-        feet += ((foot.max(0) + foot.min(0)) / 2 - standing.data.xanchor[chain.axes[-1].joint]) @ across
-        knee = [a for a in chain.axes if abs(a.direction @ legs.lateral) > 0.8][1:2]
-        for axis in knee:
-            k = links.robot.joint_ids.tolist().index(axis.joint)
-            middle = float(links.robot.lower[k] + links.robot.upper[k]) / 2
-            knees -= middle * (np.cross(axis.direction, [0.0, 0.0, -1.0]) @ across)
-    reach = max(c.reach for c in legs.chains)
-    return int(np.sign(np.sign(feet) * (abs(feet) > 0.02 * reach) + np.sign(knees) * (abs(knees) > 0.1)))
-
-
-def _handedness(links: Links, chain: Chain) -> int:
-    """Links named left less links named right; a leading letter counts too (`lfemur`)."""
-    total = 0
-    for link in chain.links:
-        text = words(links.words(link))
-        initial = links.model.body(link).name[:1].lower()
-        vote = bool(text & LEFT_WORDS) - bool(text & RIGHT_WORDS)
-        total += vote or (initial == "l") - (initial == "r")
-    return total
-
-
-def _assemble(robot: Robot, links: Links, legs: Pair | None, arms: Pair | None) -> Anatomy:
-    standing = Links(robot, robot.standing())
-    sides = _sides(links, standing, legs, arms)
+def _assemble(robot: Robot, poses: tuple[Links, Links], legs: Pair | None, arms: Pair | None, sides: Facing) -> Anatomy:
+    links, standing = poses
     spots = _limbs(links, sides, legs, arms)
     spots |= _trunk(links, legs, arms, spots)
     feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
@@ -210,7 +131,7 @@ def _evened(links: Links, spots: dict[str, Spot], left: Floats) -> dict[str, Spo
     return {k: replace(spot, offset=links.local(spot.body, places[k])) for k, spot in spots.items()}
 
 
-def _limbs(links: Links, sides: _Sides, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
+def _limbs(links: Links, sides: Facing, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
     found: dict[str, Spot] = {}
     for side, chain in (sides.of(legs) if legs else {}).items():
         centres = leg_centres(links, chain, sides.left)
@@ -228,7 +149,7 @@ def _partial(spots: dict[str, Spot]) -> list[str]:
 
 
 def _world(links: Links, spot: Spot) -> Floats:
-    return links.data.xpos[spot.body] + links.data.xmat[spot.body].reshape(3, 3) @ spot.offset
+    return links.place(spot.body, spot.offset)
 
 
 def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: str) -> Spot:
@@ -278,12 +199,12 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     """The head by name, else the topmost link above the shoulders, else the top of the trunk itself."""
     height = float(shoulders[2] - pelvis[2])
     free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
-    top = _topmost(links, free, shoulders, height) if free else _trunk_top(links, trunk, shoulders, height)
+    top = _topmost(links, trunk, free, shoulders) if free else _trunk_top(links, trunk, shoulders, height)
     if top is None or not (free or arms):
         return {}
     head = box_middle(top.cloud)
     head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
-    neck = top.base if top.base is not None else shoulders + 0.3 * (head - shoulders)
+    neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
     return {
         "neck": _spot(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
@@ -291,13 +212,14 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     }
 
 
-def _topmost(links: Links, free: list[int], shoulders: Floats, height: float) -> _Top:
+def _topmost(links: Links, trunk: int, free: list[int], shoulders: Floats) -> _Top:
     """The highest of those links that are named a head, of all if none is."""
     named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
     link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
     cloud = links.surface(link)
-    axes = [a for a in links.axes_along(links.path(link)) if a.anchor[2] > shoulders[2] - 0.1 * height]
-    base = axes[-1].nearest(axes[0].anchor) if axes else shoulders + 0.3 * (box_middle(cloud) - shoulders)
+    axes = links.axes_along([x for x in links.path(link) if x not in links.path(trunk)])
+    between = shoulders + NECK * (box_middle(cloud) - shoulders)
+    base = axes[-1].nearest(axes[0].anchor if len(axes) > 1 else between) if axes else between
     return _Top(link, cloud, *(("by name", 0.95) if named else ("topmost link", 0.7)), base)
 
 
@@ -320,7 +242,7 @@ def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
     return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
-def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: _Sides) -> dict[str, tuple[int, Floats]]:
+def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: Facing) -> dict[str, tuple[int, Floats]]:
     """Each segment's body with its forward, left and up; a head that cannot turn against the chest has none.
 
     Feet are read where they stand flat, the rest in the reference pose.

@@ -1,8 +1,10 @@
 """The points of a foot that matter to the floor: those that can be its lowest, and those that carry it."""
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import sole_cloud
 from robot_retarget.robot.links import Links
@@ -12,6 +14,46 @@ SOLE_TILTS = (0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
 TREAD = 0.0005
 """What is solid of a foot and this near to its lowest carries it where it stands flat [m]."""
+FLAT = 0.2
+"""A face of a foot's hull is its sole where it has this share of the hull's area: 0.23 … 0.43 for soles of plates and meshes."""
+STEEP = 0.8
+"""It looks down by at least this cosine."""
+EVEN = 0.9986
+"""Facets whose normals have this cosine (3°) are one face; a sole this level is left as it is."""
+
+
+def flat_footed(links: Links, feet: list[int]) -> Links:
+    """The robot in its reference pose, but for ankles that are turned so that soles with a flat face are level.
+
+    Args:
+        feet: the links that carry them.
+    """
+    robot = links.robot
+    qpos = np.array(robot.model.qpos0)
+    for foot in feet:
+        face, ankle = _flat_face(links.surface(foot)), links.axes_along(links.path(foot))[-2:]
+        if face is None or -face[2] > EVEN or not ankle:
+            continue
+        turn = Rotation.align_vectors(np.array([[0.0, 0.0, -1.0]]), face[None])[0].as_rotvec()
+        angles = np.linalg.lstsq(np.array([axis.direction for axis in ankle]).T, turn)[0]
+        qpos[[robot.model.jnt_qposadr[axis.joint] for axis in ankle]] += angles
+    return links if np.array_equal(qpos, robot.model.qpos0) else Links(robot, qpos)
+
+
+def _flat_face(cloud: Floats) -> Floats | None:
+    """(3,) the outward normal of the largest face under points (P, 3), None where none is large enough to be a sole."""
+    try:
+        hull = ConvexHull(cloud)
+    except (QhullError, ValueError):  # a point, or all points in one plane
+        return None
+    normals, corners = hull.equations[:, :3], cloud[hull.simplices]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    down = np.flatnonzero(-normals[:, 2] > STEEP)
+    alike = normals[down] @ normals.T > EVEN
+    if not down.size or (alike @ areas).max() < FLAT * areas.sum():
+        return None
+    face = alike[(alike @ areas).argmax()]
+    return unit(areas[face] @ normals[face])
 
 
 def sole(standing: Links, foot: int, surface: Floats) -> Points:

@@ -1,0 +1,211 @@
+"""Where a robot looks: several witnesses vote, each only where it is sure by a margin.
+
+None of them looks at where a joint is anchored on its axis, which is arbitrary. Up and across (the line through both
+legs or arms) are known; what is asked is which of the two ways across that is forward.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError
+from robot_retarget.robot.limbs import LEFT_WORDS, RIGHT_WORDS, Chain, Pair, arm_centres, leg_centres, sole_cloud, words
+from robot_retarget.robot.links import Axis, Links
+
+FEET = 0.05
+"""Soles reach further ahead of the ankle than behind it by this share of their length, or do not tell."""
+TOES = 0.05
+"""A joint of toes is ahead of the ankle by this share of the leg."""
+BEND = 0.15
+"""Knees and elbows bend further one way than the other by this angle, on the average of their range [rad]."""
+BENT = 0.05
+"""A keyframe bends the knees by this angle [rad]."""
+ACROSS = 0.5
+"""A direction is forward or backward where its cosine with them is larger: where an elbow moves the hand, where a user says."""
+SURE = 2
+"""A majority by so many votes is sure."""
+
+
+@dataclass(frozen=True)
+class Vote:
+    """What one witness says."""
+
+    witness: str
+    sign: int
+    """+1 for the way that was asked about, −1 for the other, 0 where it does not tell."""
+    weight: int = 1
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Which way is forward, and left."""
+
+    forward: Floats
+    left: Floats
+    notes: tuple[str, ...]
+
+    def of(self, pair: Pair) -> dict[str, Chain]:
+        """The left and the right of two limbs."""
+        first_is_left = (pair.chains[0].end - pair.chains[1].end) @ self.left > 0
+        return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
+
+
+def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, told: Floats | None = None) -> Facing:
+    """Forward by the votes of feet, toes, knees, elbows, a keyframe and names, or as `told` (3,).
+
+    The robot stands in its reference pose, and with its soles `flat`. Where nothing tells, or as many say one thing as
+    the other, the model's x axis is forward.
+
+    Raises:
+        MatchError: the robot cannot look where it is told to: its limbs are not to the left and right of that.
+    """
+    pair = legs or arms
+    assert pair is not None
+    across = np.cross(pair.lateral, [0.0, 0.0, 1.0])
+    if told is not None:
+        sign, notes = _as_told(told, across), ()
+    else:
+        votes = _votes(links, flat, legs, arms, across)
+        count = sum(vote.sign * vote.weight for vote in votes)
+        sign = int(np.sign(count)) or (1 if across[0] >= 0 else -1)
+        notes = _notes(votes, count, sign)
+    return Facing(sign * across, sign * pair.lateral, notes)
+
+
+def _as_told(told: Floats, across: Floats) -> int:
+    cosine = float(told @ across) / float(np.linalg.norm(told))
+    if abs(cosine) < ACROSS:
+        raise MatchError(
+            f"forward = {told.tolist()} is not across the robot's legs or arms: it looks along ±{across.round(2).tolist()}"
+        )
+    return int(np.sign(cosine))
+
+
+def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, across: Floats) -> list[Vote]:
+    votes = [Vote("names", _names(links, [pair for pair in (legs, arms) if pair]), 2)]
+    if legs:
+        votes += [
+            Vote("feet", _feet(links, flat, legs, across)),
+            Vote("toes", _toes(links, legs, across)),
+            Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BEND), 2),
+            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BENT)),
+        ]
+    if arms:
+        votes.append(Vote("elbows", _elbows(links, arms, across)))
+    return votes
+
+
+def _notes(votes: Sequence[Vote], count: int, sign: int) -> tuple[str, ...]:
+    """Who was outvoted by whom, and what is hardly told."""
+    won = [v.witness for v in votes if v.sign == sign]
+    lost = [v.witness for v in votes if v.sign == -sign]
+    if not count:
+        against = f": {_listed(won)} against {_listed(lost)}" if won or lost else ""
+        return (f"nothing tells front from back{against}; the model's x axis followed. {_REMEDY}",)
+    notes = [f"{_listed(lost)} say that it looks the other way, outvoted by {_listed(won)}"] if lost else []
+    if "names" in lost:
+        notes[0] = f"names call the left side right: {notes[0]}"
+    elif not any(v.witness == "names" and v.sign for v in votes):
+        notes.append(f"names do not tell left from right: {_listed(won)} followed")
+    return (*notes, f"{_listed(won)} alone tell front from back. {_REMEDY}") if abs(count) < SURE else tuple(notes)
+
+
+_REMEDY = "The line `forward = [x, y, z]` in [robot] of a map file decides it"
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]])) or "nobody"
+
+
+def _beyond(value: float, margin: float) -> int:
+    return int(np.sign(value)) if abs(value) > margin else 0
+
+
+def _names(links: Links, pairs: list[Pair]) -> int:
+    """Whether the first chain of limbs, which lies on the asked-about left, is called left."""
+    lateral = pairs[0].lateral
+    said = 0
+    for pair in pairs:
+        first = int(np.sign((pair.chains[0].end - pair.chains[1].end) @ lateral))
+        said += first * int(np.sign(_handedness(links, pair.chains[0]) - _handedness(links, pair.chains[1])))
+    return int(np.sign(said))
+
+
+def _handedness(links: Links, chain: Chain) -> int:
+    """Links named left less links named right; a leading letter counts too (`lfemur`)."""
+    total = 0
+    for link in chain.links:
+        text = words(links.words(link))
+        initial = links.model.body(link).name[:1].lower()
+        vote = bool(text & LEFT_WORDS) - bool(text & RIGHT_WORDS)
+        total += vote or (initial == "l") - (initial == "r")
+    return total
+
+
+def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
+    """Soles, toes and all, reach further ahead of the ankles than behind them."""
+    ahead, length = 0.0, 0.0
+    for chain in legs.chains:
+        ankle = leg_centres(links, chain, legs.lateral).get("ankle")
+        if ankle is None:
+            continue
+        foot = np.concatenate([flat.surface(link) for link in links.links_of(ankle.link)])
+        along = (sole_cloud(foot) - flat.place(ankle.link, links.local(ankle.link, ankle.point))) @ across
+        ahead, length = ahead + along.max() + along.min(), length + np.ptp(along)
+    return _beyond(ahead / max(length, 1e-9), FEET)
+
+
+def _toes(links: Links, legs: Pair, across: Floats) -> int:
+    """The hinges of toes are ahead of the ankles."""
+    ahead = 0.0
+    for chain in legs.chains:
+        ankle = leg_centres(links, chain, legs.lateral).get("ankle")
+        beyond = links.links_of(ankle.link)[1:] if ankle else []
+        hinges = [a for a in links.axes_along(beyond) if abs(a.direction @ legs.lateral) > 0.8]
+        ahead += sum(float((a.nearest(ankle.point) - ankle.point) @ across) / chain.reach for a in hinges[:1] if ankle)
+    return _beyond(ahead / 2, TOES)
+
+
+def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
+    """By how much hinge angles (n,) from the reference pose fold the shins backward, the mean of both legs [rad]."""
+    folded = 0.0
+    for chain in legs.chains:
+        knee = leg_centres(links, chain, legs.lateral).get("knee")
+        hinges = [a for a in chain.axes if knee and abs(a.direction @ legs.lateral) > 0.8 and a.link == knee.link]
+        for axis in hinges[:1]:
+            folded -= _angle(links, axis, angles) * float(np.cross(axis.direction, [0.0, 0.0, -1.0]) @ across)
+    return folded / 2
+
+
+def _elbows(links: Links, arms: Pair, across: Floats) -> int:
+    """Elbows bring the hands forward."""
+    forward = 0.0
+    for chain in arms.chains:
+        centres = arm_centres(links, chain)
+        if not centres:
+            continue
+        forearm = centres["hand"].point - centres["elbow"].point
+        hinges = [a for a in chain.axes if a.link == centres["elbow"].link]
+        for axis in hinges[-1:]:
+            moved = np.cross(axis.direction, forearm)
+            cosine = float(moved @ across) / max(float(np.linalg.norm(moved)), 1e-9)
+            forward += _angle(links, axis, _middle_of_range(links)) * cosine * (abs(cosine) > ACROSS)
+    return _beyond(forward / 2, BEND)
+
+
+def _middle_of_range(links: Links) -> Floats:
+    """(n,) the middles of the joints' ranges, counted from the reference pose [rad]."""
+    robot = links.robot
+    return (robot.lower + robot.upper) / 2 - robot.model.qpos0[robot.qpos_index]
+
+
+def _standing(links: Links) -> Floats:
+    """(n,) the angles of the keyframe in which the robot stands, counted from the reference pose [rad]."""
+    robot = links.robot
+    return (robot.standing() - robot.model.qpos0)[robot.qpos_index]
+
+
+def _angle(links: Links, axis: Axis, angles: Floats) -> float:
+    return float(angles[links.robot.joint_ids.tolist().index(axis.joint)])
