@@ -51,7 +51,7 @@ class Report:
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
     """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `error` and `plain` (F, n) [rad], the last NaN where
-    plain playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]. Of standing (`Stance`), as simulated in mode
+    plain playback had broken down; `torque` (F, n) and `bounds` (n,) [N m]; `simulated` (F, nq). Of standing (`Stance`), as simulated in mode
     `free`, else as planned, for a robot with feet: `state_time` (N,) [s]; `com`, `zmp` (N, 2) [m]; `com_margin`,
     `zmp_margin` (N,) [m]; `soles` (N, K, 2) [m] and
     `down` (N, K)."""
@@ -109,7 +109,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     free = played.mode == "free"
     tracking = at_frames(trajectory, robot, rollout)
     fall = fall_figures(rollout, robot, trajectory) if free else {}
-    stance = stance_of(plant, rollout) if free else planned_stance(plant, trajectory)
+    stance = stance_of(plant, rollout) if free else planned_stance(robot, trajectory)
     until = fall.get("fall_s")
     figures: dict[str, Any] = {
         "mode": played.mode,
@@ -128,6 +128,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     }
     reasons = judge(figures, thresholds)
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
+    series["simulated"] = _poses(rollout, tracking.times)
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
@@ -152,6 +153,13 @@ def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floa
         "torque": tracking.torque,
         "bounds": plant.bounds,
     }
+
+
+def _poses(rollout: Rollout, times: Floats) -> Floats:
+    """(F, nq) the states next to times (F,)."""
+    if not len(times):
+        return rollout.qpos[:0]
+    return rollout.qpos[np.clip(np.searchsorted(rollout.times, times), 0, len(rollout.times) - 1)]
 
 
 def _so_far(values: Floats, frames: int) -> Floats:

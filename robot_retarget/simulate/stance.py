@@ -15,6 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.balance.zmp import GRAVITY, support
 from robot_retarget.robot.dynamics import momenta, zero_moment_points
 from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.feet import Feet, feet_of
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
@@ -69,12 +70,12 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
     return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
 
 
-def planned_stance(plant: Plant, trajectory: Trajectory) -> Stance | None:
+def planned_stance(robot: Robot, trajectory: Trajectory) -> Stance | None:
     """How the robot would stand if it followed the trajectory on a floor under its lowest sole point of every frame.
 
     None for a robot without recognised feet or a free root.
     """
-    robot, feet = plant.robot, feet_of(plant.robot)
+    feet = feet_of(robot)
     if not feet.names or not robot.floating:
         return None
     points = world_points(robot, feet.soles, trajectory.qpos)

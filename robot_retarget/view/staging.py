@@ -49,6 +49,8 @@ class Staging:
     """(F, J, 3) [m]."""
     bones: Ints
     """(B, 2) indices of points."""
+    aside: float
+    """The human stands so far rightward of where the robot is [m]."""
     targets: Floats
     """(F, 3) where the camera looks [m]."""
     azimuth: float
@@ -100,6 +102,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
         qpos=sample(trajectory, robot, times),
         human=_at(figure, times, trajectory.duration) + (way + human_at * right)[:, None],
         bones=pairs,
+        aside=human_at,
         targets=way + camera * right + [0, 0, tall / 2],
         azimuth=azimuth,
         distance=float(MARGIN * tall / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2)) + np.abs(moved).max() / 2),

@@ -1,0 +1,10 @@
+"""The web viewer: robots, the human, and what was foreseen, asked and simulated, on one page that needs no network.
+
+The same page is a file (`Viewer.save`), is served (`serve`) and stands in a notebook's cell. It was built once, with three.js
+for the scene and uPlot for the curves, rather than a second time on a viewer's library for the served case.
+"""
+
+from robot_retarget.view.web.page import Viewer as Viewer
+from robot_retarget.view.web.page import view as view
+from robot_retarget.view.web.take import Human as Human
+from robot_retarget.view.web.take import Take as Take

@@ -1,0 +1,115 @@
+// Puts the page together.
+
+import { Raycaster, Vector2, Vector3 } from "#vendor";
+import { castOf } from "#cast";
+import { Charts } from "#charts";
+import { embedded } from "#data";
+import { Panel } from "#panel";
+import { Player } from "#player";
+import { Stage } from "#stage";
+import { Timeline } from "#timeline";
+
+const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
+const show = await embedded();
+const takes = show.takes, { casts, span } = castOf(takes);
+const height = Math.max(...takes.map((take) => take.height)), floor = Math.min(...takes.map((take) => take.floor));
+const stage = new Stage(scene, canvas, height, takes.length > 1 ? span : 0);
+casts.forEach((cast) => stage.scene.add(cast));
+
+const player = new Player(Math.max(...takes.map((take) => (take.frames - 1) / take.fps)), Math.max(...takes.map((take) => take.fps)));
+const panel = new Panel(player, stage, casts);
+new Timeline(player, takes);
+const charts = new Charts(player, takes);
+
+/** The middle of everything that is looked at. */
+function target() {
+  return casts.reduce((sum, cast) => sum.add(cast.target()), new Vector3()).divideScalar(casts.length);
+}
+
+function pose() {
+  casts.forEach((cast) => cast.pose(player.time));
+  stage.follow(target(), floor);
+}
+
+function home() {
+  const narrow = Math.max(1, 1.25 / Math.max(stage.camera.aspect, 0.2));
+  const wide = takes.length > 1 ? span / Math.max(stage.camera.aspect, 0.5) / (2 * Math.tan(Math.PI / 12)) : 0;
+  stage.look(target(), takes[0].azimuth, Math.max(...takes.map((take) => 0.72 * take.distance * narrow), wide));
+}
+
+player.onchange(pose);
+player.onpace = (interval) => stage.keepPace(interval);
+panel.onreset = home;
+pose();
+requestAnimationFrame(home);
+
+const labels = document.getElementById("labels"), place = new Vector3();
+stage.after.push(() => {
+  const { clientWidth, clientHeight } = scene;
+  const said = casts.flatMap((cast) => cast.labels());
+  while (labels.children.length < said.length) labels.append(document.createElement("div"));
+  let below = -Infinity;
+  const placed = said.map((label) => {
+    place.copy(label.at).project(stage.camera);
+    return { ...label, x: ((place.x + 1) / 2) * clientWidth, y: ((1 - place.y) / 2) * clientHeight };
+  }).sort((a, b) => a.y - b.y);
+  [...labels.children].forEach((element, k) => {
+    const label = placed[k];
+    element.hidden = !label;
+    if (!label) return;
+    below = Math.max(label.y, below + 19); // one under the other where they would overlap
+    element.className = label.kind;
+    element.textContent = label.text;
+    element.style.transform = `translate(${label.x + 12}px, ${below - 9}px)`;
+  });
+});
+
+// What is under the pointer: the body, and the joint that moves it; a click shows that joint's curves.
+const ray = new Raycaster(), pointer = new Vector2(), said = document.getElementById("said");
+
+function under(event) {
+  const box = canvas.getBoundingClientRect();
+  pointer.set(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+  ray.setFromCamera(pointer, stage.camera);
+  for (const [k, cast] of casts.entries()) {
+    const [hit] = cast.parts.robot.visible ? ray.intersectObject(cast.parts.robot) : [];
+    if (hit) return { take: k, ...cast.take.bodies[hit.object.userData.body] };
+  }
+  return null;
+}
+
+let pressed = null;
+canvas.addEventListener("pointerdown", (event) => (pressed = [event.clientX, event.clientY]));
+canvas.addEventListener("pointerup", (event) => {
+  const still = pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4;
+  const body = still && under(event);
+  if (body) charts.choose(body.take, body.joint);
+});
+canvas.addEventListener("pointermove", (event) => {
+  const body = event.buttons || player.playing ? null : under(event);
+  said.textContent = body ? saying(body) : "";
+});
+
+function saying({ take, name, joint }) {
+  const { joints } = takes[take];
+  if (joint < 0) return name;
+  const frame = Math.min(Math.round(player.time * takes[take].fps), takes[take].frames - 1);
+  const degrees = (joints.angles.values[frame * joints.angles.width + joint] * 180) / Math.PI;
+  return `${name} · ${joints.names[joint]} ${degrees.toFixed(1)}° of ${joints.lower[joint].toFixed(0)} … ${joints.upper[joint].toFixed(0)}°`;
+}
+
+const verdict = takes.map(({ title, report }) => ({ title, report }));
+const heading = Object.assign(document.createElement("div"), { id: "heading" });
+heading.append(...verdict.map(({ title, report }) => {
+  const line = document.createElement("div");
+  line.append(Object.assign(document.createElement("b"), { textContent: title }));
+  if (report) {
+    const badge = Object.assign(document.createElement("i"), { className: report.verdict, textContent: report.verdict });
+    line.append(badge, Object.assign(document.createElement("span"), { textContent: report.reasons[0] ?? "" }));
+  }
+  return line;
+}));
+scene.append(heading);
+
+window.viewer = { stage, player, panel, casts, charts, takes };
+document.documentElement.dataset.ready = "yes";

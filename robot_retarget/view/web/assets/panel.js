@@ -1,0 +1,132 @@
+// Buttons, the scrub bar, and the keys.
+
+import { LAYERS } from "#layers";
+import { SPEEDS } from "#player";
+
+const KEYS = [
+  ["space", "play, pause"], ["← →", "a frame back, on"], ["shift ← →", "a second back, on"], ["home end", "the beginning, the end"],
+  ["[ ]", "slower, faster"], ["L", "loop"], ["H", "human beside, over, off"], ["1 … 9", "layers"], ["F", "camera goes along"],
+  ["R", "camera back"], ["?", "these keys"],
+];
+const STANDS = ["beside", "over", "off"];
+
+function element(kind, attributes = {}, ...children) {
+  const made = Object.assign(document.createElement(kind), attributes);
+  made.append(...children);
+  return made;
+}
+
+export class Panel {
+  constructor(player, stage, casts) {
+    Object.assign(this, { player, stage, casts, shown: {} });
+    this.#layers(document.getElementById("layers"));
+    this.#transport(document.getElementById("transport"));
+    this.#help(document.getElementById("help"));
+    document.addEventListener("keydown", (event) => this.#key(event));
+    player.onchange(() => this.#update());
+    this.#update();
+  }
+
+  #layers(holder) {
+    const takes = this.casts.map((cast) => cast.take);
+    this.chips = Object.fromEntries(LAYERS.map(({ id, name, on, lacks }, k) => {
+      const why = takes.every((take) => lacks?.(take)) && lacks?.(takes[0]);
+      const chip = element("button", { id: `layer-${id}`, textContent: name, title: why || `key ${k + 1}`, disabled: Boolean(why) });
+      chip.addEventListener("click", () => this.toggle(id));
+      this.shown[id] = Boolean(on) && !why;
+      chip.classList.toggle("on", this.shown[id]);
+      holder.append(chip);
+      return [id, chip];
+    }));
+  }
+
+  toggle(id) {
+    if (this.chips[id].disabled) return;
+    if (id === "human") return this.stand();
+    this.shown[id] = !this.shown[id];
+    this.chips[id].classList.toggle("on", this.shown[id]);
+    this.casts.forEach((cast) => cast.show(id, this.shown[id]));
+    this.stage.draw();
+  }
+
+  /** The human: beside the robot, then over it, then off. */
+  stand() {
+    const humans = this.casts.map((cast) => cast.parts.human).filter(Boolean);
+    if (!humans.length) return;
+    const next = STANDS[(STANDS.indexOf(humans[0].where) + 1) % STANDS.length];
+    humans.forEach((human) => human.stand(next));
+    this.casts.forEach((cast) => cast.show("human", next !== "off"));
+    this.chips.human.classList.toggle("on", next !== "off");
+    this.chips.human.textContent = next === "off" ? "Human" : `Human ${next}`;
+    this.stage.draw();
+  }
+
+  #transport(holder) {
+    const { player } = this;
+    this.button = element("button", { id: "play", title: "play, pause (space)" });
+    this.button.addEventListener("click", () => player.toggle());
+    this.scrub = element("input", { type: "range", id: "scrub", min: 0, max: player.duration, step: 0.001, value: 0 });
+    this.scrub.setAttribute("aria-label", "time");
+    this.scrub.addEventListener("input", () => {
+      player.pause();
+      player.seek(Number(this.scrub.value));
+    });
+    this.clock = element("output", { id: "clock" });
+    const options = SPEEDS.map((speed) => element("option", { value: speed, textContent: `${speed}×` }));
+    this.speed = element("select", { id: "speed", title: "speed ([ and ])" }, ...options);
+    this.speed.addEventListener("change", () => player.setSpeed(Number(this.speed.value)));
+    this.loop = element("button", { id: "loop", textContent: "loop", title: "start again at the end (L)" });
+    this.loop.addEventListener("click", () => player.toggleLoop());
+    this.followed = element("button", { id: "follow", textContent: "follow", title: "the camera goes along (F)" });
+    this.followed.addEventListener("click", () => this.follow());
+    const keys = element("button", { textContent: "?", title: "keys" });
+    keys.addEventListener("click", () => this.toggleHelp());
+    holder.append(this.button, this.scrub, this.clock, this.speed, this.loop, this.followed, keys);
+  }
+
+  follow() {
+    this.stage.following = !this.stage.following;
+    this.#update();
+  }
+
+  #help(holder) {
+    this.help = holder;
+    holder.append(...KEYS.flatMap(([key, what]) => [element("kbd", { textContent: key }), element("span", { textContent: what })]));
+    holder.addEventListener("click", () => this.toggleHelp());
+  }
+
+  toggleHelp() {
+    this.help.hidden = !this.help.hidden;
+  }
+
+  #update() {
+    const { player } = this;
+    this.button.textContent = player.playing ? "❚❚" : "▶";
+    this.button.setAttribute("aria-label", player.playing ? "pause" : "play");
+    this.scrub.value = player.time;
+    this.scrub.style.setProperty("--share", `${(100 * player.time) / Math.max(player.duration, 1e-9)}%`);
+    const frame = Math.round(player.time * player.fps);
+    this.clock.textContent = `${player.time.toFixed(2)} / ${player.duration.toFixed(2)} s · frame ${frame}`;
+    this.speed.value = player.speed;
+    this.loop.classList.toggle("on", player.loop);
+    this.followed.classList.toggle("on", this.stage.following);
+  }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || /^(TEXTAREA|SELECT)$/.test(event.target.tagName)) return;
+    if (event.target.tagName === "INPUT" && event.target.type !== "range") return;
+    const { player } = this, far = event.shiftKey ? Math.round(player.fps) : 1;
+    const does = {
+      " ": () => player.toggle(), ArrowLeft: () => player.step(-far), ArrowRight: () => player.step(far),
+      Home: () => player.seek(0), End: () => player.seek(player.duration), "[": () => player.faster(-1), "]": () => player.faster(1),
+      l: () => player.toggleLoop(), h: () => this.stand(), f: () => this.follow(), r: () => this.onreset(), "?": () => this.toggleHelp(),
+      Escape: () => (this.help.hidden = true),
+    };
+    const layer = LAYERS[Number(event.key) - 1];
+    const act = does[event.key] ?? does[event.key.toLowerCase()] ?? (layer && (() => this.toggle(layer.id)));
+    if (!act) return;
+    event.preventDefault();
+    document.activeElement?.blur?.();
+    act();
+  }
+}

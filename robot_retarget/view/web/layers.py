@@ -1,0 +1,140 @@
+"""What is laid over a robot in motion, frame by frame: keypoints, joints, footholds and support, pairs that come near."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import MatchError
+from robot_retarget.keypoints import parents_within
+from robot_retarget.retarget.states import State
+from robot_retarget.retarget.warn import Warnings
+from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.recognise import recognise
+from robot_retarget.simulate.stance import Stance
+
+PAIRS = 12
+"""So many pairs of links are followed, the nearest ones."""
+NEAR = 0.05
+"""Pairs whose interaction distance is under this part of the robot's height are near."""
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """K recognised points of a robot over T frames."""
+
+    names: tuple[str, ...]
+    points: Floats
+    """(T, K, 3) [m]."""
+    bones: Ints
+    """(B, 2)."""
+
+
+def keypoints_of(robot: Robot, qpos: Floats) -> Keypoints | None:
+    """The keypoints at configurations (T, nq); None for a robot that is no humanoid."""
+    try:
+        anatomy = recognise(robot)
+    except MatchError:
+        return None
+    names = anatomy.names
+    tree = parents_within(names)
+    bones = np.array([(names.index(child), names.index(parent)) for child, parent in tree.items()])
+    return Keypoints(names, world_points(robot, anatomy.points, qpos), bones.reshape(-1, 2))
+
+
+def anchors(robot: Robot, qpos: Floats) -> Floats:
+    """Where the hinges are (T, n, 3) at configurations (T, nq) [m]."""
+    data, found = mujoco.MjData(robot.model), np.empty((len(qpos), len(robot.joint_ids), 3))
+    for t, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        found[t] = data.xanchor[robot.joint_ids]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Foothold:
+    """A foot that stands where it is for a while."""
+
+    foot: str
+    first: int
+    last: int
+    """Frames."""
+    outline: Floats
+    """(N, 2) of the sole points that carry, in the middle of that time [m]."""
+
+
+def outline(corners: Floats) -> Floats:
+    """The convex hull (N, 2) of points (M, 2), anticlockwise; points without an inside as they are [m]."""
+    try:
+        return corners[ConvexHull(corners).vertices]
+    except (QhullError, ValueError):
+        return corners
+
+
+def footholds(stance: Stance, fps: float) -> list[Foothold]:
+    """Every stretch of a foot on the floor, by feet, in order of time; `stance` at times of frames."""
+    found = []
+    for k, name in enumerate(stance.feet.names):
+        mine = stance.feet.owner == k
+        for first, last in runs(stance.touching[:, k]):
+            middle = (first + last) // 2
+            carrying = mine & stance.down[middle]
+            if carrying.any():
+                found.append(Foothold(name, first, last, outline(stance.points[middle, carrying, :2])))
+    return found
+
+
+def runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and last place of every stretch of flags (T,)."""
+    edge = np.diff(np.asarray(flags).astype(np.int8), prepend=0, append=0)
+    return zip(np.flatnonzero(edge == 1).tolist(), (np.flatnonzero(edge == -1) - 1).tolist(), strict=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """The P pairs of links that come nearest, over T frames."""
+
+    columns: Ints
+    """(P,) their places in the warnings."""
+    ends: Floats
+    """(T, P, 2, 3) the nearest points of their surfaces, NaN where they are far from each other [m]."""
+
+
+def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) -> Near:
+    """Where the surfaces of pairs that come near are nearest to each other, by MuJoCo's distance of geoms.
+
+    Pairs that are near for most of the time are neighbours by construction: they are shown where they are warned of.
+
+    Args:
+        height: of the robot [m].
+    """
+    near = warnings.ahead < NEAR * height
+    shown = (near & (near.mean(axis=0) < 0.5)) | (warnings.state > State.CLEAR)
+    columns = np.flatnonzero(shown.any(axis=0))
+    columns = columns[np.argsort(warnings.ahead[:, columns].min(axis=0), kind="stable")][:PAIRS]
+    model, data, geoms = robot.model, mujoco.MjData(robot.model), collision_geoms(robot)
+    links = [tuple(model.body(name).id for name in warnings.pairs[column]) for column in columns.tolist()]
+    ends = np.full((len(qpos), len(columns), 2, 3), np.nan)
+    for t in np.flatnonzero(shown[:, columns].any(axis=1)).tolist():
+        data.qpos[:] = qpos[t]
+        mujoco.mj_kinematics(model, data)
+        for p in np.flatnonzero(shown[t, columns]).tolist():
+            ends[t, p] = _nearest(model, data, *(geoms[link] for link in links[p]))
+    return Near(columns, ends)
+
+
+def _nearest(model: mujoco.MjModel, data: mujoco.MjData, first: list[int], second: list[int]) -> Floats:
+    """The ends (2, 3) of the shortest line between two lists of geoms [m]."""
+    best, line, found = np.inf, np.zeros(6), np.full(6, np.nan)
+    for a in first:
+        for b in second:
+            distance = mujoco.mj_geomDistance(model, data, a, b, 1.0, line)
+            if distance < min(best, 1.0):
+                best, found = distance, line.copy()
+    return found.reshape(2, 3)

@@ -1,0 +1,93 @@
+"""What of a robot is seen: its geoms, those of meshes with few enough triangles for a page."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import UsageError
+from robot_retarget.robot.model import Robot
+from robot_retarget.view.staging import visible
+
+_GEOM = mujoco.mjtGeom
+KINDS = {
+    int(_GEOM.mjGEOM_SPHERE): "sphere",
+    int(_GEOM.mjGEOM_CAPSULE): "capsule",
+    int(_GEOM.mjGEOM_ELLIPSOID): "ellipsoid",
+    int(_GEOM.mjGEOM_CYLINDER): "cylinder",
+    int(_GEOM.mjGEOM_BOX): "box",
+    int(_GEOM.mjGEOM_MESH): "mesh",
+}
+TRIANGLES = 60_000
+"""A robot's meshes have at most so many triangles together: about one for each pixel that it covers."""
+FEWEST = 40
+"""No mesh is brought under so many triangles."""
+PLAIN = (0.5, 0.5, 0.5, 1.0)
+"""MuJoCo's colour of a geom that was given none; its material's counts then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A geom: a kind, its size as MuJoCo has it, and where it is in its body's frame."""
+
+    body: int
+    kind: str
+    size: Floats
+    """(3,) [m]."""
+    position: Floats
+    """(3,) [m]."""
+    quaternion: Floats
+    """(4,) w x y z."""
+    colour: Floats
+    """(4,) red, green, blue, alpha, 0 … 1."""
+    mesh: tuple[Floats, Ints] | None = None
+    """Vertices (V, 3) [m] and triangles (F, 3)."""
+
+
+def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
+    """The visible geoms of a robot, its collision geoms where none is visible.
+
+    Args:
+        triangles: all meshes together are brought under so many, evenly.
+
+    Raises:
+        UsageError: the meshes are finer than that, and the library that thins them is not there.
+    """
+    model = robot.model
+    geoms = [int(geom) for geom in visible(model) if int(model.geom_type[geom]) in KINDS]
+    counts = {g: int(model.mesh_facenum[model.geom_dataid[g]]) for g in geoms if model.geom_type[g] == _GEOM.mjGEOM_MESH}
+    share = min(1.0, triangles / max(sum(counts.values()), 1))
+    meshes = {g: _thinned(*_mesh(model, g), max(int(share * count), FEWEST)) for g, count in counts.items()}
+    return [_shape(model, geom, meshes.get(geom)) for geom in geoms]
+
+
+def _shape(model: mujoco.MjModel, geom: int, mesh: tuple[Floats, Ints] | None) -> Shape:
+    material, own = int(model.geom_matid[geom]), model.geom_rgba[geom]
+    colour = model.mat_rgba[material] if material >= 0 and np.allclose(own, PLAIN) else own
+    place = model.geom_pos[geom], model.geom_quat[geom]
+    return Shape(int(model.geom_bodyid[geom]), KINDS[int(model.geom_type[geom])], model.geom_size[geom], *place, colour, mesh)
+
+
+def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Floats, Ints]:
+    """Vertices and triangles as they were compiled, vertices that coincide made one."""
+    mesh = int(model.geom_dataid[geom])
+    first, faces = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+    vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
+    triangles = model.mesh_face[faces : faces + int(model.mesh_facenum[mesh])]
+    once, place = np.unique(np.asarray(vertices, float).round(6), axis=0, return_inverse=True)
+    return once, place.ravel()[triangles]
+
+
+def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints]:
+    """A mesh with at most so many triangles, by quadric edge collapse."""
+    if len(triangles) <= most:
+        return vertices, triangles
+    try:
+        from fast_simplification import simplify
+    except ImportError:
+        raise UsageError(
+            f"meshes of more than {TRIANGLES} triangles are thinned by fast-simplification: install robot-retarget[view]"
+        ) from None
+    points, faces = simplify(vertices.astype(np.float32), triangles.astype(np.int32), 1 - most / len(triangles))
+    return np.asarray(points, float), np.asarray(faces, np.int64)

@@ -1,0 +1,55 @@
+"""What is looked at: a robot's trajectory, and everything known of it."""
+
+from dataclasses import dataclass
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.motion import Motion
+from robot_retarget.retarget.match import Match
+from robot_retarget.retarget.warn import Warnings
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.simulate.report import Report
+from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Human:
+    """The human's keypoints over the duration of a trajectory."""
+
+    points: Floats
+    """(T', K, 3), z up [m]."""
+    bones: Ints
+    """(B, 2) which keypoints a bone joins."""
+    names: tuple[str, ...]
+    """K keypoints."""
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One robot in motion.
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+    """
+
+    robot: Robot
+    trajectory: Trajectory
+    human: Human | None = None
+    """The motion that it came from."""
+    warnings: Warnings | None = None
+    """Of the trajectory (`warnings_of`)."""
+    report: Report | None = None
+    """Of the trajectory (`simulate`)."""
+
+    def __post_init__(self) -> None:
+        require_same_robot(self.trajectory, self.robot)
+
+    @property
+    def title(self) -> str:
+        """What it is, for a person."""
+        return f"{self.trajectory.source or 'a trajectory'} on {self.robot.name}"
+
+
+def human_of(match: Match, motion: Motion) -> Human:
+    """The human of a motion, in the keypoints of its match."""
+    return Human(match.human_positions(motion), match.bones, match.keypoints)
