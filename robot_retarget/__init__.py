@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from robot_retarget.trajectory import Trajectory as Trajectory
     from robot_retarget.transfer import Result as Result
     from robot_retarget.transfer import retarget as retarget
+    from robot_retarget.view.web.page import view as view
 
 __version__ = "0.1.0"
 
@@ -55,8 +56,9 @@ _HOME = {
     "simulate": "simulate.rollout",
     "Trajectory": "trajectory",
     "load_trajectory": "formats",
+    "view": "view.web.page",
 }
-_FOLDERS = {"simulate"}
+_FOLDERS = {"simulate", "view"}
 """Folders that are called like their function."""
 
 

@@ -41,6 +41,7 @@ LIBRARIES = {
     "rich": ("cli/console.py",),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/file.py",),
+    "fast_simplification": ("view/web/",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
 

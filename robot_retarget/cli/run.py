@@ -27,7 +27,7 @@ def run(
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
     json: Json = False,
 ) -> None:
-    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, warnings.csv, strip.png."""
+    """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
     verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, video, json)
     raise typer.Exit(0 if verdict == "pass" else 1)

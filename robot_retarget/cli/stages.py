@@ -36,7 +36,8 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
         result.trajectory.save(target / "trajectory.npz")
         report, warnings = _tried(result, target)
         pictures = _shown(result, target, film, quiet=json)
-        write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures)
+        viewer = _write_viewer(result, report, target / "viewer.html")
+        write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
     solved = describe_solution(result.solution, result.notes)
     files = sorted(path.name for path in target.iterdir())
     if json:
@@ -117,6 +118,13 @@ def _shown(result: "Result", target: Path, film: bool, quiet: bool) -> tuple[Pat
     return drawn
 
 
+def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
+    """Write the page on which the motion is looked at."""
+    from robot_retarget.view.web import view
+
+    return view(result, report=report).save(page)
+
+
 def write_page(
     report: "Report",
     trajectory: Path,
@@ -124,12 +132,13 @@ def write_page(
     page: Path,
     strip: Path | None = None,
     film: Path | None = None,
+    viewer: Path | None = None,
 ) -> None:
     """Write the report's page; what hinders it is said."""
     from robot_retarget.view import Unavailable
     from robot_retarget.view.page import save_page
 
-    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film)
+    drawn = save_page(report, trajectory, page, warnings=warnings, strip=strip, film=film, viewer=viewer)
     if isinstance(drawn, Unavailable):
         console.note(drawn.reason)
 

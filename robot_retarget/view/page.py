@@ -32,6 +32,7 @@ def save_page(
     warnings: Warnings | None = None,
     strip: Path | None = None,
     film: Path | None = None,
+    viewer: Path | None = None,
 ) -> Path | Unavailable:
     """Write `report.html`, whole or not at all.
 
@@ -40,6 +41,7 @@ def save_page(
         warnings: of the trajectory, for the timeline.
         strip: a picture (PNG) to embed, where there is one.
         film: an mp4 to embed, where there is one.
+        viewer: the viewer's page to link to, in the same folder, where there is one.
 
     Raises:
         TrajectoryError: the report is of another trajectory.
@@ -60,7 +62,7 @@ def save_page(
         how=_how(report),
         reasons=_reasons(report),
         cards=_cards(report.figures),
-        pictures=_pictures(strip, film),
+        pictures=_pictures(strip, film, viewer),
         charts=_charts(report, warnings),
         checks=_checks(report),
         joints=_joints(report.figures["joints"]),
@@ -131,8 +133,10 @@ def _scaled(value: float | None, scale: float, unit: str) -> str:
     return "–" if value is None else f"{scale * value:.3g} {unit}"
 
 
-def _pictures(strip: Path | None, film: Path | None) -> str:
+def _pictures(strip: Path | None, film: Path | None, viewer: Path | None) -> str:
     parts = []
+    if viewer is not None and viewer.is_file():
+        parts.append(f"<p class='said'><a href='{html.escape(viewer.name)}'>Look at it from all sides</a></p>")
     if strip is not None and strip.is_file():
         parts.append(f"<img alt='moments of the motion' src='data:image/png;base64,{_encoded(strip)}'>")
     if film is not None and film.is_file():

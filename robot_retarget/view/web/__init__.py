@@ -8,3 +8,4 @@ from robot_retarget.view.web.page import Viewer as Viewer
 from robot_retarget.view.web.page import view as view
 from robot_retarget.view.web.take import Human as Human
 from robot_retarget.view.web.take import Take as Take
+from robot_retarget.view.web.take import take_of as take_of

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.collision.states import State
+from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import parents_within
-from robot_retarget.retarget.states import State
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.robot.capsules import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot

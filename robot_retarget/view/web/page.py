@@ -15,8 +15,8 @@ from robot_retarget.view.web.show import told
 from robot_retarget.view.web.take import Take, human_of
 
 if TYPE_CHECKING:
-    from robot_retarget.retarget.transfer import Result
     from robot_retarget.simulate.report import Report
+    from robot_retarget.transfer import Result
 
 ASSETS = Path(__file__).with_name("assets")
 CELL = 720
@@ -68,7 +68,9 @@ def view(*shown: "Take | Result", report: "Report | None" = None) -> Viewer:
     Args:
         report: of the first (`simulate`), for its verdict and for what the servos made of it.
     """
-    takes = tuple(what if isinstance(what, Take) else _take(what, report if k == 0 else None) for k, what in enumerate(shown))
+    takes = tuple(
+        what if isinstance(what, Take) else _take(what, report if k == 0 else None) for k, what in enumerate(shown)
+    )
     return Viewer(takes)
 
 
@@ -84,5 +86,3 @@ def _asset(name: str) -> str:
 def _module(path: Path) -> str:
     """A script as an address that a page without a server can import from."""
     return "data:text/javascript;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
-
-

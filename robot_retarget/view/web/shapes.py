@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import UsageError
 from robot_retarget.robot.model import Robot
 from robot_retarget.view.staging import visible
 
@@ -49,14 +48,14 @@ def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
     """The visible geoms of a robot, its collision geoms where none is visible.
 
     Args:
-        triangles: all meshes together are brought under so many, evenly.
-
-    Raises:
-        UsageError: the meshes are finer than that, and the library that thins them is not there.
+        triangles: all meshes together are brought under so many, evenly, where the extra `view` is installed; else
+            they stay as fine as they are.
     """
     model = robot.model
     geoms = [int(geom) for geom in visible(model) if int(model.geom_type[geom]) in KINDS]
-    counts = {g: int(model.mesh_facenum[model.geom_dataid[g]]) for g in geoms if model.geom_type[g] == _GEOM.mjGEOM_MESH}
+    counts = {
+        g: int(model.mesh_facenum[model.geom_dataid[g]]) for g in geoms if model.geom_type[g] == _GEOM.mjGEOM_MESH
+    }
     share = min(1.0, triangles / max(sum(counts.values()), 1))
     meshes = {g: _thinned(*_mesh(model, g), max(int(share * count), FEWEST)) for g, count in counts.items()}
     return [_shape(model, geom, meshes.get(geom)) for geom in geoms]
@@ -66,7 +65,9 @@ def _shape(model: mujoco.MjModel, geom: int, mesh: tuple[Floats, Ints] | None) -
     material, own = int(model.geom_matid[geom]), model.geom_rgba[geom]
     colour = model.mat_rgba[material] if material >= 0 and np.allclose(own, PLAIN) else own
     place = model.geom_pos[geom], model.geom_quat[geom]
-    return Shape(int(model.geom_bodyid[geom]), KINDS[int(model.geom_type[geom])], model.geom_size[geom], *place, colour, mesh)
+    return Shape(
+        int(model.geom_bodyid[geom]), KINDS[int(model.geom_type[geom])], model.geom_size[geom], *place, colour, mesh
+    )
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Floats, Ints]:
@@ -86,8 +87,6 @@ def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints
     try:
         from fast_simplification import simplify
     except ImportError:
-        raise UsageError(
-            f"meshes of more than {TRIANGLES} triangles are thinned by fast-simplification: install robot-retarget[view]"
-        ) from None
-    points, faces = simplify(vertices.astype(np.float32), triangles.astype(np.int32), 1 - most / len(triangles))
-    return np.asarray(points, float), np.asarray(faces, np.int64)
+        return vertices, triangles
+    made = simplify(vertices, triangles.astype(np.int32), 1 - most / len(triangles))
+    return np.asarray(made[0], float), np.asarray(made[1], np.int64)

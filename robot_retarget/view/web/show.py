@@ -192,4 +192,3 @@ def _report(robot: Robot, report: Report, shapes: list[Shape], packer: Packer) -
         "torque": packer.add(series["torque"], COARSE) if "torque" in series else None,
         "bounds": [float(b) if np.isfinite(b) else None for b in series.get("bounds", ())],
     }
-

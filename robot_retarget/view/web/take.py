@@ -1,11 +1,12 @@
 """What is looked at: a robot's trajectory, and everything known of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.collision.warn import Warnings, warnings_of
+from robot_retarget.describe.match import Match, match
 from robot_retarget.motion import Motion
-from robot_retarget.retarget.match import Match
-from robot_retarget.retarget.warn import Warnings
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.report import Report
@@ -53,3 +54,27 @@ class Take:
 def human_of(match: Match, motion: Motion) -> Human:
     """The human of a motion, in the keypoints of its match."""
     return Human(match.human_positions(motion), match.bones, match.keypoints)
+
+
+def take_of(
+    trajectory: Trajectory,
+    robot: Robot,
+    motion: Motion | None = None,
+    *,
+    overrides: str | Path | None = None,
+    report: Report | None = None,
+) -> Take:
+    """A trajectory with what can be said of it: its warnings, and the human where a motion is given.
+
+    Args:
+        motion: over the same duration.
+        overrides: a TOML file that replaces lines of the keypoint map (`describe.match.match`).
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+        MatchError: the motion is not human, or the robot no humanoid.
+    """
+    require_same_robot(trajectory, robot)
+    human = None if motion is None else human_of(match(motion, robot, overrides), motion)
+    warnings = warnings_of(trajectory, robot) if len(trajectory) > 1 else None
+    return Take(robot, trajectory, human, warnings, report)

@@ -1,0 +1,125 @@
+"""`view`: trajectories to look at, in a browser, on a page of their own, as a film or as pictures."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Frames, Limits, Overrides
+from robot_retarget.cli.stages import load, read_clip
+from robot_retarget.errors import UsageError
+
+if TYPE_CHECKING:
+    from robot_retarget.view.web import Take, Viewer
+
+commands = typer.Typer()
+
+Output = Path | None
+
+
+@commands.command(epilog="Example: robot-retarget view dance.npz --robot op3 --motion dance.bvh")
+def view(
+    trajectories: Annotated[list[Path], typer.Argument(help="Trajectories .npz, side by side.")],
+    robot: Annotated[
+        list[str],
+        typer.Option("--robot", "-r", help="As for solve; once for all trajectories, or once for each of them."),
+    ],
+    motion: Annotated[Path | None, typer.Option(help="The clip they came from: the human beside the robot.")] = None,
+    frames: Frames = None,
+    map_file: Overrides = None,
+    simulated: Annotated[
+        str | None, typer.Option("--simulate", help="Play them on simulated servos before: pinned or free.")
+    ] = None,
+    static: Annotated[Output, typer.Option(help="A page to write (.html), that opens without a network.")] = None,
+    video: Annotated[Output, typer.Option(help="A film to write (.mp4), of the first trajectory.")] = None,
+    gif: Annotated[Output, typer.Option(help="An animated GIF to write, of the first trajectory.")] = None,
+    strip: Annotated[Output, typer.Option(help="A strip of moments to write (.png), of the first trajectory.")] = None,
+    port: Annotated[int, typer.Option(help="Where to serve the page; 0 takes a free port.")] = 8410,
+    browser: Annotated[bool, typer.Option(help="Open a browser on it, where there is a screen.")] = True,
+    limits: Limits = None,
+) -> None:
+    """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
+    from robot_retarget.files import require_writable
+    from robot_retarget.view.web import Viewer
+
+    for path in filter(None, (static, video, gif, strip)):
+        require_writable(path)
+    takes = _takes(trajectories, robot, motion, frames, map_file, simulated, limits)
+    _draw(takes[0], video, gif, strip)
+    if static is not None:
+        page = Viewer(takes).save(static)
+        console.say(f"wrote {page}, {page.stat().st_size / 1e6:.1f} MB")
+    if not any((static, video, gif, strip)):
+        _serve(Viewer(takes), port, browser)
+
+
+def _takes(
+    trajectories: list[Path],
+    robots: list[str],
+    motion: Path | None,
+    frames: str | None,
+    map_file: Path | None,
+    mode: str | None,
+    limits: Path | None,
+) -> "tuple[Take, ...]":
+    from robot_retarget.simulate.rollout import simulate
+    from robot_retarget.trajectory import load_trajectory
+    from robot_retarget.view.web import take_of
+
+    if len(robots) not in (1, len(trajectories)):
+        raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
+    clip = None if motion is None else read_clip(motion, frames)
+    models = {name: load(name, limits) for name in robots}
+    takes = []
+    for path, name in zip(trajectories, robots * (len(trajectories) // len(robots)), strict=True):
+        played = load_trajectory(path)
+        report = None if mode is None else simulate(played, models[name], mode=mode)
+        takes.append(take_of(played, models[name], clip, overrides=map_file, report=report))
+    return tuple(takes)
+
+
+def _draw(take: "Take", video: Output, gif: Output, strip: Output) -> None:
+    """Write the pictures that were asked for; what cannot be drawn is said."""
+    from robot_retarget.view import Unavailable
+    from robot_retarget.view import gif as write_gif
+    from robot_retarget.view import strip as draw_strip
+    from robot_retarget.view import video as write_video
+
+    shown = (take.human.points, take.human.bones) if take.human else (None, None)
+    what = take.robot, take.trajectory
+    if strip is not None:
+        drawn = draw_strip(*what, *shown)
+        _tell(drawn if isinstance(drawn, Unavailable) else drawn.save(strip), strip)
+    if video is not None:
+        with console.progress("film", False) as advance:
+            film = write_video(*what, video, *shown, progress=advance)
+        _tell(film, video)
+    if gif is not None:
+        with console.progress("gif", False) as advance:
+            film = write_gif(*what, gif, *shown, progress=advance)
+        _tell(film, gif)
+
+
+def _tell(outcome: object, path: Path) -> None:
+    from robot_retarget.view import Film, Unavailable
+
+    if isinstance(outcome, Unavailable):
+        raise UsageError(f"cannot draw {path}: {outcome.reason}")
+    if isinstance(outcome, Film) and outcome.note:
+        console.note(outcome.note)
+    console.say(f"wrote {path}")
+
+
+def _serve(viewer: "Viewer", port: int, browser: bool) -> None:
+    import os
+    import sys
+    import webbrowser
+
+    from robot_retarget.view.web.serve import serve
+
+    served = serve(viewer, port)
+    console.say(f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends.")
+    if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
+        webbrowser.open(served.address)
+    served.forever()
