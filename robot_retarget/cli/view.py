@@ -63,8 +63,8 @@ def _takes(
     mode: str | None,
     limits: Path | None,
 ) -> "tuple[Take, ...]":
+    from robot_retarget.formats import load_trajectory
     from robot_retarget.simulate.rollout import simulate
-    from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view.web import take_of
 
     if len(robots) not in (1, len(trajectories)):
@@ -73,7 +73,7 @@ def _takes(
     models = {name: load(name, limits) for name in robots}
     takes = []
     for path, name in zip(trajectories, robots * (len(trajectories) // len(robots)), strict=True):
-        played = load_trajectory(path)
+        played = load_trajectory(path, models[name])
         report = None if mode is None else simulate(played, models[name], mode=mode)
         takes.append(take_of(played, models[name], clip, overrides=map_file, report=report))
     return tuple(takes)
@@ -118,7 +118,7 @@ def _serve(viewer: "Viewer", port: int, browser: bool) -> None:
 
     from robot_retarget.view.web.serve import serve
 
-    served = serve(viewer, port)
+    served = serve(viewer.page, port)
     console.say(f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends.")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)

@@ -6,7 +6,6 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from robot_retarget.errors import UsageError
-from robot_retarget.view.web.page import Viewer
 
 HOST = "127.0.0.1"
 """Only this machine is served: who is elsewhere comes through ssh."""
@@ -15,7 +14,7 @@ PORT = 8410
 
 @dataclass(frozen=True, eq=False)
 class Served:
-    """A viewer at an address."""
+    """A page at an address."""
 
     server: ThreadingHTTPServer
 
@@ -42,8 +41,8 @@ class Served:
         return f"ssh -L {self.server.server_port}:localhost:{self.server.server_port} {socket.gethostname()}"
 
 
-def serve(viewer: Viewer, port: int = PORT) -> Served:
-    """Open a port for the viewer; `forever` answers.
+def serve(page: str, port: int = PORT) -> Served:
+    """Open a port for a page; `forever` answers.
 
     Args:
         port: 0 takes one that is free.
@@ -51,7 +50,7 @@ def serve(viewer: Viewer, port: int = PORT) -> Served:
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    page = viewer.page.encode()
+    content = page.encode()
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -60,9 +59,9 @@ def serve(viewer: Viewer, port: int = PORT) -> Served:
                 return
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page)))
+            self.send_header("Content-Length", str(len(content)))
             self.end_headers()
-            self.wfile.write(page)
+            self.wfile.write(content)
 
         def log_message(self, format: str, *args: object) -> None:
             pass  # a person at a terminal is told the address, not every request

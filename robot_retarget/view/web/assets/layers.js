@@ -76,11 +76,20 @@ function polygon(outline, z) {
   return { rim, face };
 }
 
+/** An outline with its corners farther from its middle by a margin, so that it is seen under a sole that covers it. */
+function grown(outline, margin) {
+  const [x, y] = [0, 1].map((axis) => outline.reduce((sum, corner) => sum + corner[axis], 0) / outline.length);
+  return outline.map((corner) => {
+    const away = [corner[0] - x, corner[1] - y], length = Math.hypot(...away) || 1;
+    return corner.map((value, axis) => value + (away[axis] / length) * margin);
+  });
+}
+
 class Footholds extends Group {
   constructor({ stance, floor, height }) {
     super();
     this.holds = stance.footholds.map((hold, k) => {
-      const shape = polygon(hold.outline, floor + height * (0.003 + 2e-5 * k)), color = hold.foot.startsWith("l") ? TEAL : PLUM;
+      const shape = polygon(grown(hold.outline, 0.015 * height), floor + height * (0.003 + 2e-5 * k)), color = hold.foot.startsWith("l") ? TEAL : PLUM;
       const fill = new Mesh(shape.face, flat(color, 0.15)), rim = new LineLoop(shape.rim, new LineBasicMaterial({ color }));
       this.add(fill, rim);
       return { ...hold, fill, rim };

@@ -68,8 +68,9 @@ export class Panel {
     this.scrub = element("input", { type: "range", id: "scrub", min: 0, max: player.duration, step: 0.001, value: 0 });
     this.scrub.setAttribute("aria-label", "time");
     this.scrub.addEventListener("input", () => {
+      const time = Number(this.scrub.value); // before pausing sets it back
       player.pause();
-      player.seek(Number(this.scrub.value));
+      player.seek(time);
     });
     this.clock = element("output", { id: "clock" });
     const options = SPEEDS.map((speed) => element("option", { value: speed, textContent: `${speed}×` }));

@@ -1,0 +1,193 @@
+"""The viewer in a browser: everything can be seen, the time moves it, keys work, and the console is quiet."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Tab, needs_browser, tab
+from made_trajectories import swing
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.describe.match import match
+from robot_retarget.motion import read_motion
+from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.timing import resample
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.simulate.rollout import simulate
+from robot_retarget.view.web import Take, Viewer, take_of
+from robot_retarget.view.web.serve import serve
+from robot_retarget.view.web.take import human_of
+
+G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
+ROBOTS = [pytest.param(("op3", 3.0), id="op3"), pytest.param((str(G1), 15.0), id="g1", marks=needs_shared)]
+ARM = {"op3": "l_sho_roll", "unitree_g1": "left_shoulder_roll_joint"}
+CLIP = SAMPLES / "wave.bvh"
+
+
+def moved(robot: Robot) -> Take:
+    """An arm that swings into the trunk, with everything that can be said of it."""
+    trajectory = resample(swing(robot, ARM[robot.name], 0.9, 0.5, 2.0), robot, 20)
+    motion = read_motion(CLIP)
+    report = simulate(trajectory, robot, mode="pinned")
+    take = take_of(trajectory, robot, report=report)
+    return Take(robot, trajectory, human_of(match(motion, robot), motion), take.warnings, report)
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    name, most = request.param
+    path = Viewer((moved(load_robot(name)),)).save(tmp_path_factory.mktemp("viewer") / "viewer.html")
+    assert path.stat().st_size < most * 1e6
+    return path
+
+
+@pytest.fixture(scope="module", params=["file", "served"])
+def opened(request: pytest.FixtureRequest, page: Path) -> Iterator[Tab]:
+    """The page as a file, and as the live command serves it."""
+    with tab() as browser:
+        if request.param == "file":
+            browser.open(page.as_uri())
+            yield browser
+            return
+        served = serve(page.read_text(), 0)
+        thread = threading.Thread(target=served.forever, daemon=True)
+        thread.start()
+        browser.open(served.address)
+        yield browser
+        served.server.shutdown()
+        thread.join()
+
+
+@needs_browser
+def test_robot_and_human_are_to_be_seen(opened: Tab) -> None:
+    opened.run("viewer.player.seek(0)")
+    for layer, least in (("robot", 0.01), ("human", 0.01)):
+        hide = f"viewer.casts[0].show('{layer}', false)"
+        assert opened.changed(lambda hide=hide: opened.run(hide)) > least
+        opened.run(f"viewer.casts[0].show('{layer}', true)")
+
+
+@needs_browser
+def test_the_time_moves_them(opened: Tab) -> None:
+    opened.run("viewer.player.seek(0)")
+    scrub = "const bar = document.getElementById('scrub'); bar.value = 1.2; bar.dispatchEvent(new Event('input'))"
+    assert opened.changed(lambda: opened.run(scrub)) > 0.003
+    assert opened.run("return viewer.player.time") == pytest.approx(1.2)
+    assert "1.20 /" in opened.run("return document.getElementById('clock').textContent")
+
+
+@needs_browser
+@pytest.mark.parametrize("layer", ["keypoints", "support", "limits", "simulated", "footholds", "near"])
+def test_every_layer_appears(opened: Tab, layer: str) -> None:
+    nearest = "const w = viewer.takes[0].warnings; let best = 0; w.state.values.forEach((s, k) => {"
+    nearest += (
+        "if (s > w.state.values[best]) best = k}); return Math.floor(best / w.pairs.length) / viewer.takes[0].fps"
+    )
+    opened.run(f"viewer.player.seek({opened.run(nearest)})")
+    shown = opened.run(f"return viewer.panel.shown['{layer}']")
+    chip = f"document.getElementById('layer-{layer}').click()"
+    least = 0.0001 if layer in ("support", "footholds") else 0.0005
+    if layer == "simulated":  # lies over the robot where the servos follow well
+        opened.run("viewer.panel.toggle('robot')")
+    assert opened.changed(lambda: opened.run(chip)) > least
+    assert opened.run(f"return viewer.panel.shown['{layer}']") is not shown
+    opened.run(chip)
+    if layer == "simulated":
+        opened.run("viewer.panel.toggle('robot')")
+
+
+@needs_browser
+def test_near_pairs_say_how_near_and_when(opened: Tab) -> None:
+    first = opened.run("const t = viewer.takes[0]; return t.warnings.events[0].first / t.fps")
+    opened.run(f"viewer.player.seek({first})")
+    opened.until(
+        "return [...document.querySelectorAll('#labels div:not([hidden])')].some(e => /D .* cm · α \\d+/.test(e.textContent))"
+    )
+
+
+@needs_browser
+def test_keys_work(opened: Tab) -> None:
+    def time() -> float:
+        return opened.run("return viewer.player.time")
+
+    opened.run("viewer.player.pause(); viewer.player.seek(0.5)")
+    fps = opened.run("return viewer.player.fps")
+    opened.keys("\ue014")  # right
+    assert time() == pytest.approx(0.5 + 1 / fps)
+    opened.keys("\ue012", "\ue012")  # left
+    assert time() == pytest.approx(0.5 - 1 / fps)
+    opened.keys("\ue010")  # end
+    assert time() == pytest.approx(opened.run("return viewer.player.duration"))
+    opened.keys("\ue011", " ")  # home, space
+    opened.until("return viewer.player.playing && viewer.player.time > 0.05")
+    opened.keys(" ")
+    assert not opened.run("return viewer.player.playing")
+    speed, loop = opened.run("return [viewer.player.speed, viewer.player.loop]")
+    opened.keys("]", "l", "h", "3")
+    assert opened.run("return viewer.player.speed") == 2 * speed
+    assert opened.run("return viewer.player.loop") is not loop
+    assert opened.run("return viewer.casts[0].parts.human.where") == "over"
+    assert opened.run("return viewer.casts[0].parts.keypoints.visible")
+    opened.keys("[", "l", "h", "h", "3")
+
+
+@needs_browser
+def test_curves_follow_the_time_and_a_click_in_the_scene(opened: Tab) -> None:
+    opened.run("viewer.player.seek(0)")
+    head = "return document.querySelector('.chart .head').style.transform"
+    before = opened.run(head)
+    opened.run("viewer.player.seek(1)")
+    assert opened.run(head) != before
+    opened.run("viewer.charts.choose(0, 2)")
+    name = opened.run("return viewer.takes[0].joints.names[2]")
+    assert name in opened.run("return document.querySelector('.chart figcaption').textContent")
+
+
+@needs_browser
+def test_the_console_stays_quiet(opened: Tab) -> None:
+    assert not [line for line in opened.complaints() if "GPU stall" not in line and "WebGL-" not in line]
+
+
+@needs_browser
+def test_takes_stand_side_by_side(tmp_path: Path) -> None:
+    robot = load_robot("op3")
+    take = moved(robot)
+    with tab() as browser:
+        browser.open(Viewer((take, take)).save(tmp_path / "two.html").as_uri())
+        apart = browser.run("const [a, b] = viewer.casts; return a.position.distanceTo(b.position)")
+        assert apart > 0.5
+        for k in (0, 1):
+            hide = f"viewer.casts[{k}].show('robot', false)"
+            assert browser.changed(lambda hide=hide: browser.run(hide)) > 0.005
+        assert not browser.complaints()
+
+
+def test_the_page_asks_for_nothing_from_elsewhere(page: Path) -> None:
+    text = page.read_text()
+    head = text[: text.index('<script type="application/octet-stream"')]
+    assert "src=" not in head.split("<script")[0] and 'href="http' not in head and "@import" not in head
+    assert "MIT License" in text
+
+
+def test_arrays_come_back_from_a_page_as_they_went_in() -> None:
+    import gzip
+    import json
+
+    from robot_retarget.view.web.pack import Packer
+
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(50, 4, 3)).cumsum(axis=0)
+    values[7, 2] = np.nan
+    packer = Packer()
+    data = gzip.decompress(packer.packed({"a": packer.add(values, 1e-3), "b": packer.add(values * 100, 1e-3)}))
+    size = int.from_bytes(data[:4], "little")
+    for name, scale in (("a", 1), ("b", 100)):
+        told = json.loads(data[4 : 4 + size])[name]
+        kind = np.dtype(f"<{told['type']}")
+        whole = np.frombuffer(data, kind, int(np.prod(told["shape"])), 4 + size + told["offset"]).reshape(told["shape"])
+        with np.errstate(over="ignore"):
+            summed = np.cumsum(whole, axis=0, dtype=kind)
+        found = np.where(summed == np.iinfo(kind).min, np.nan, summed * told["step"])
+        np.testing.assert_allclose(found, scale * values, atol=0.51e-3)
