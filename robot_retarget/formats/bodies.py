@@ -82,3 +82,24 @@ def body_tracks(motion: RobotMotion, qvel: Floats) -> BodyTracks:
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, six, 0)
             found.linear_of_mass[t, body] = six[3:]
     return found
+
+
+def onward_velocities(motion: RobotMotion) -> Floats:
+    """(T, nv) MuJoCo's qvel from each frame to the next, q_t ⊕ v_t / f = q_{t+1}; the last frame repeats the one before."""
+    found = np.zeros((len(motion), motion.robot.model.nv))
+    for t in range(len(motion) - 1):
+        mujoco.mj_differentiatePos(motion.robot.model, found[t], 1 / motion.fps, motion.qpos[t], motion.qpos[t + 1])
+    found[-1] = found[max(len(motion) - 2, 0)]
+    return found
+
+
+def motor_tracks(motion: RobotMotion, qvel: Floats) -> tuple[Floats, Floats]:
+    """(T, nu) lengths of the actuators [rad or m] and (T, nu) their rates, by MuJoCo's transmissions."""
+    model, data = motion.robot.model, mujoco.MjData(motion.robot.model)
+    lengths, rates = np.zeros((len(motion), model.nu)), np.zeros((len(motion), model.nu))
+    for t in range(len(motion)):
+        data.qpos[:], data.qvel[:] = motion.qpos[t], qvel[t]
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        lengths[t], rates[t] = data.actuator_length, data.actuator_velocity
+    return lengths, rates

@@ -27,11 +27,13 @@ class Format:
     """Programs that read it."""
     fps: float | None = None
     """Rate that its readers take for granted [1/s]; None where the file says its own."""
-    names: bool = True
-    """Whether the file itself says joint names and quaternion order; if not, a JSON file beside it does."""
+    complete: bool = True
+    """Whether the file itself says joint names, quaternion order and rate; if not, a JSON file beside it does."""
     ordered: bool = False
     """Whether the joints can be written in any order (`--joints`)."""
     exact: bool = True
     """Whether what was written reads back to 1e-9 m and rad."""
+    root: bool = True
+    """Whether the file holds the pose of the root."""
     quaternion: str = "wxyz"
     """How the file orders the root's quaternion, or `euler`, `rotvec`, `none`."""

@@ -1,6 +1,6 @@
 """What a writer gets: a trajectory on its robot, split into root and joints."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -103,4 +103,4 @@ def continuous(trajectory: Trajectory, robot: Robot) -> Trajectory:
     signs = np.concatenate([[1.0], np.cumprod(np.where(turned, -1.0, 1.0))])
     qpos = trajectory.qpos.copy()
     qpos[:, columns] *= signs[:, None]
-    return Trajectory(qpos, trajectory.fps, trajectory.joint_names, trajectory.robot, trajectory.source)
+    return replace(trajectory, qpos=qpos)

@@ -1,9 +1,19 @@
 """The one table of formats; a new format is a file in one of the folders beside this one and a line here."""
 
 from robot_retarget.formats.format import Format
-from robot_retarget.formats.npz import beyondmimic, locomujoco, mjlab, native, omniretarget, omniretarget_training
-from robot_retarget.formats.pickles import gmr
-from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, unitree
+from robot_retarget.formats.npz import (
+    beyondmimic,
+    core,
+    locomujoco,
+    mjlab,
+    native,
+    omniretarget,
+    omniretarget_training,
+    pyroki,
+)
+from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
+from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, scene, skeleton
+from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
 
 FORMATS: dict[str, Format] = {
     module.FORMAT.name: module.FORMAT
@@ -12,12 +22,24 @@ FORMATS: dict[str, Format] = {
         named_csv,
         unitree,
         kimodo,
-        protomotions_csv,
         gmr,
         beyondmimic,
         mjlab,
         omniretarget,
         omniretarget_training,
         locomujoco,
+        pyroki,
+        protomotions_csv,
+        mimickit,
+        phc,
+        keyframe_kit,
+        core,
+        soma,
+        keyframes,
+        scene,
+        joint_trajectory,
+        bag,
+        skeleton,
+        servo_ticks,
     )
 }

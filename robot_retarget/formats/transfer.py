@@ -8,7 +8,7 @@ from robot_retarget.files import replacing, replacing_folder, require_writable
 from robot_retarget.formats.columns import assembled
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.options import Options
-from robot_retarget.formats.robot_motion import robot_motion
+from robot_retarget.formats.robot_motion import continuous, robot_motion
 from robot_retarget.formats.sidecar import beside, describing
 from robot_retarget.formats.source import Source
 from robot_retarget.formats.table import FORMATS
@@ -31,11 +31,11 @@ def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, 
     kind, options, target = _format(format), options or Options(), Path(path)
     require_same_robot(trajectory, robot)
     motion = robot_motion(trajectory, robot, options, kind.fps, kind.ordered, kind.name)
-    if not kind.names:
+    if not kind.complete:
         require_writable(beside(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:
         kind.write(motion, scratch)
-        said = "" if kind.names else describing(motion, kind.name, kind.quaternion, scratch)
+        said = "" if kind.complete else describing(motion, kind.name, kind.quaternion, scratch)
     if said:
         with replacing(beside(target)) as scratch:
             scratch.write_text(said, encoding="utf-8")
@@ -62,7 +62,7 @@ def import_motion(
     try:
         columns = kind.read(source)
         columns = columns if columns.source else replace(columns, source=str(where))
-        trajectory = assembled(columns, robot, options, kind.fps)
+        trajectory = continuous(assembled(columns, robot, options, kind.fps), robot)
     except TrajectoryError as error:
         raise TrajectoryError(_about(where, kind, error)) from None
     return resample(trajectory, robot, options.fps) if options.fps else trajectory

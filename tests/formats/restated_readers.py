@@ -8,9 +8,13 @@ import pickle
 from dataclasses import dataclass
 from pathlib import Path
 
+import joblib
 import mujoco
 import numpy as np
 import pandas
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 
 @dataclass
@@ -138,6 +142,186 @@ def locomujoco(path, model) -> Pose:
     return Pose(root[:, :3], root[:, 3:], joints, float(data["frequency"]), bodies)
 
 
+def pyroki(path, model) -> Pose:
+    """ProtoMotions' converter: base_frame_pos, base_frame_wxyz, joint_angles in the order of the MJCF's joints."""
+    data = np.load(path)
+    joints = named(hinge_names(model), data["joint_angles"])
+    return Pose(data["base_frame_pos"], data["base_frame_wxyz"], joints, float(data["fps"]))
+
+
+def mimickit(path, model) -> Pose:
+    """Motion.load: frames are root position, exponential map, joints."""
+    data = pickle.loads(path.read_bytes())
+    frames = np.array(data["frames"])
+    angle = np.linalg.norm(frames[:, 3:6], axis=1, keepdims=True)
+    wxyz = np.hstack([np.cos(angle / 2), np.sin(angle / 2) * frames[:, 3:6] / angle])
+    assert data["loop_mode"] in (0, 1)
+    return Pose(frames[:, :3], wxyz, named(hinge_names(model), frames[:, 6:]), data["fps"])
+
+
+def phc(path, model) -> Pose:
+    """joblib.load, one clip; joints from pose_aa by the axes of the MJCF, as their forward kinematics takes them."""
+    (clip,) = joblib.load(path).values()
+    names = hinge_names(model)
+    axes = np.array([model.joint(name).axis for name in names])
+    angles = np.einsum("tni,ni->tn", clip["pose_aa"][:, 1 : 1 + len(names)], axes)
+    np.testing.assert_allclose(angles, clip["dof"], atol=1e-5)
+    assert not clip["pose_aa"][:, 1 + len(names) :].any() and clip["pose_aa"].shape[1] == len(names) + 4
+    joints = named(names, clip["dof"])
+    return Pose(clip["root_trans_offset"], clip["root_rot"][:, [3, 0, 1, 2]], joints, clip["fps"])
+
+
+def keyframe_kit(path, model) -> Pose:
+    """The editor's _load_data: joblib.load, qpos as wide as the model, keyframes with motor_pos and qpos."""
+    data = joblib.load(path)
+    assert data["qpos"].shape[1] == model.nq
+    assert all(len(k["motor_pos"]) == model.nu and len(k["qpos"]) == model.nq for k in data["keyframes"])
+    names = {k["name"] for k in data["keyframes"]}
+    assert [name for name, _ in data["timed_sequence"]] and {name for name, _ in data["timed_sequence"]} <= names
+    qpos, bodies = data["qpos"], np.moveaxis(data["body_pos"], 1, 0)
+    places = {model.body(b).name: places for b, places in enumerate(bodies)}
+    fps = 1 / float(np.median(np.diff(data["time"])))
+    return Pose(qpos[:, :3], qpos[:, 3:7], named(hinge_names(model), qpos[:, 7:]), fps, places)
+
+
+def core(path, model) -> Pose:
+    """CoRe's documents: no object arrays; qpos by qpos_layout, joint_names; unit quaternions; even timestamps."""
+    data = np.load(path, allow_pickle=False)
+    assert data["format"] == "core-robot-motion-v1" and int(data["schema_version"]) == 1
+    assert data["qpos_layout"] == "root_xyz_quat_wxyz_then_model_joint_qpos"
+    np.testing.assert_allclose(np.diff(data["timestamps_s"]), 1 / data["fps"], rtol=1e-7)
+    assert not data["contact_labels"][:, ~data["contact_availability"]].any()
+    qpos = data["qpos"]
+    return Pose(qpos[:, :3], qpos[:, 3:7], named(data["joint_names"], qpos[:, 7:]), float(data["fps"]))
+
+
+def soma(path, model) -> Pose:
+    """BONES-SEED's loader: centimetres, degrees, R = Rz Ry Rx, columns NAME_dof."""
+    table = pandas.read_csv(path)
+    place = table[[f"root_translate{a}" for a in "XYZ"]].to_numpy() / 100
+    x, y, z = np.radians(table[[f"root_rotate{a}" for a in "XYZ"]].to_numpy()).T / 2
+    wxyz = product(half(z, 2), product(half(y, 1), half(x, 0)))
+    joints = {c.removesuffix("_dof"): np.radians(table[c].to_numpy()) for c in table.columns if c.endswith("_dof")}
+    return Pose(place, wxyz, joints, 120)
+
+
+def half(angles: np.ndarray, axis: int) -> np.ndarray:
+    quaternion = np.zeros((len(angles), 4))
+    quaternion[:, 0], quaternion[:, 1 + axis] = np.cos(angles), np.sin(angles)
+    return quaternion
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    out = np.empty_like(a)
+    for row, left, right in zip(out, a, b, strict=True):
+        mujoco.mju_mulQuat(row, left, right)
+    return out
+
+
+def keyframes(path, model) -> Pose:
+    """MuJoCo's own compiler: a spec of the file's keys, attached by including it in a model of as many coordinates."""
+    geom, joints = '<geom size="1" mass="1"/>', model.nq - 7
+    chain = f"<body><joint/>{geom}" * joints + "</body>" * joints
+    holder = path.with_name("holder.xml")
+    holder.write_text(
+        f'<mujoco><include file="{path.name}"/><worldbody><body><freejoint/>{geom}{chain}</body></worldbody></mujoco>'
+    )
+    return _keys(mujoco.MjModel.from_xml_path(str(holder)), model)
+
+
+def scene(path, model) -> Pose:
+    """MuJoCo loads the folder's scene, of the same bodies."""
+    loaded = mujoco.MjModel.from_xml_path(str(path / "scene.xml"))
+    assert [loaded.body(b).name for b in range(loaded.nbody)] == [model.body(b).name for b in range(model.nbody)]
+    return _keys(loaded, model)
+
+
+def _keys(loaded, model) -> Pose:
+    frames = [key for key in range(loaded.nkey) if loaded.key(key).name.startswith("frame_")]
+    qpos = loaded.key_qpos[frames]
+    fps = 1 / float(np.median(np.diff(loaded.key_time[frames])))
+    return Pose(qpos[:, :3], qpos[:, 3:7], named(hinge_names(model), qpos[:, 7:]), fps)
+
+
+def joint_trajectory(path, model) -> Pose:
+    """Plain YAML, as rosidl's message from it; the root is not in it."""
+    message = yaml.safe_load(path.read_text())
+    stamps = [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] / 1e9 for p in message["points"]]
+    joints = named(message["joint_names"], [p["positions"] for p in message["points"]])
+    return Pose(np.empty((0, 3)), np.empty((0, 4)), joints, 1 / float(np.median(np.diff(stamps))))
+
+
+def bag(path, model) -> Pose:
+    """The mcap library's reader; bodies by chaining the transforms of /tf, as tf2 does."""
+    states, trees = [], []
+    with path.open("rb") as stream:
+        for _, channel, message, content in make_reader(
+            stream, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            (states if channel.topic == "/joint_states" else trees).append((message.log_time, content))
+    names, world = states[0][1].name, []
+    for _, tree in trees:
+        world.append(chained(tree.transforms))
+    root = model.body(1).name
+    joints = named(names, [state.position for _, state in states])
+    places = {body: np.array([frames[body][0] for frames in world]) for body in world[0]}
+    position, wxyz = (np.array([frames[root][k] for frames in world]) for k in (0, 1))
+    return Pose(position, wxyz, joints, 1e9 / float(np.median(np.diff([t for t, _ in states]))), places)
+
+
+def chained(transforms) -> dict:
+    """Every frame in the world: (position, w x y z)."""
+    found = {"world": (np.zeros(3), np.array([1.0, 0, 0, 0]))}
+    for t in transforms:
+        place, turn = found[t.header.frame_id]
+        move, spin = t.transform.translation, t.transform.rotation
+        carried, turned = np.empty(3), np.empty(4)
+        mujoco.mju_rotVecQuat(carried, np.array([move.x, move.y, move.z]), turn)
+        mujoco.mju_mulQuat(turned, turn, np.array([spin.w, spin.x, spin.y, spin.z]))
+        found[t.child_frame_id] = (place + carried, turned)
+    return {name: pose for name, pose in found.items() if name != "world"}
+
+
+def bvh(path, model) -> Pose:
+    """A BVH player of a dozen lines: offsets and channels down the tree, y up and centimetres."""
+    lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
+    start = next(k for k, words in enumerate(lines) if words[0] == "MOTION")
+    joints, stack = [], []
+    for words in lines[1:start]:
+        if words[0] in ("ROOT", "JOINT", "End"):
+            joints.append([words[1], stack[-1] if stack else None, None, []])
+            stack.append(len(joints) - 1)
+        elif words[0] == "OFFSET":
+            joints[stack[-1]][2] = np.array(words[1:], float)
+        elif words[0] == "CHANNELS":
+            joints[stack[-1]][3] = words[2:]
+        elif words[0] == "}":
+            stack.pop()
+    rows = np.array(lines[start + 3 :], float)
+    places: dict[str, list] = {name: [] for name, *_ in joints if name != "Site"}
+    for row in rows:
+        world, at = [], 0
+        for name, parent, offset, channels in joints:
+            move, turn = offset.copy(), np.eye(3)
+            for channel in channels:
+                axis = "XYZ".index(channel[0])
+                if channel.endswith("position"):
+                    move[axis] = row[at]
+                else:
+                    c, s = np.cos(np.radians(row[at])), np.sin(np.radians(row[at]))
+                    spin = np.eye(3)
+                    k, m = (axis + 1) % 3, (axis + 2) % 3
+                    spin[k, k], spin[m, m], spin[m, k], spin[k, m] = c, c, s, -s
+                    turn = turn @ spin
+                at += 1
+            above = world[parent] if parent is not None else (np.zeros(3), np.eye(3))
+            world.append((above[0] + above[1] @ move, above[1] @ turn))
+            if name in places:
+                places[name].append(world[-1][0][[2, 0, 1]] / 100)
+    fps = 1 / float(lines[start + 2][2])
+    return Pose(np.empty((0, 3)), np.empty((0, 4)), {}, fps, {name: np.array(p) for name, p in places.items()})
+
+
 READERS = {
     "csv": csv,
     "unitree": unitree,
@@ -149,4 +333,15 @@ READERS = {
     "omniretarget": omniretarget,
     "omniretarget-training": omniretarget_training,
     "locomujoco": locomujoco,
+    "protomotions-pyroki": pyroki,
+    "mimickit": mimickit,
+    "phc": phc,
+    "keyframe-kit": keyframe_kit,
+    "core": core,
+    "soma": soma,
+    "mujoco-keyframes": keyframes,
+    "mujoco-scene": scene,
+    "ros-joint-trajectory": joint_trajectory,
+    "mcap": bag,
+    "bvh": bvh,
 }

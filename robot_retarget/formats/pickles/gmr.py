@@ -62,7 +62,7 @@ FORMAT = Format(
     read=read,
     claims=lambda source: holds(source.pickled, "root_pos", "root_rot", "dof_pos"),
     readers="GMR, TWIST, TWIST2, MimicKit (gmr_to_mimickit)",
-    names=False,
+    complete=False,
     ordered=True,
     quaternion="xyzw",
 )

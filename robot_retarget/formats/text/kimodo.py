@@ -31,7 +31,7 @@ FORMAT = Format(
     claims=looks_like_rows,
     readers="Kimodo's tools",
     fps=30.0,
-    names=False,
+    complete=False,
     ordered=True,
     quaternion="wxyz",
 )

@@ -31,7 +31,7 @@ FORMAT = Format(
     claims=looks_like_rows,
     readers="ProtoMotions (data/scripts, csv to motion)",
     fps=30.0,
-    names=False,
+    complete=False,
     ordered=True,
     quaternion="wxyz",
 )

@@ -31,7 +31,7 @@ FORMAT = Format(
     claims=looks_like_rows,
     readers="mjlab and whole_body_tracking (csv_to_npz), unitree_rl_lab",
     fps=30.0,
-    names=False,
+    complete=False,
     ordered=True,
     quaternion="xyzw",
 )

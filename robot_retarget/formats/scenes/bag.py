@@ -1,0 +1,168 @@
+"""Format `mcap`: a ROS 2 bag with `/joint_states` (sensor_msgs/JointState) and `/tf` (tf2_msgs/TFMessage).
+
+Every frame is a message each, stamped from zero. /tf holds every body in its parent's frame, the root in `world`, so that a
+viewer shows the robot with or without robot_state_publisher. Quaternions x y z w, as ROS has them.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.formats.bodies import central
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.orders import robot_bodies
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.text.named_csv import rate
+from robot_retarget.formats.text.rows import FIRST_LAST
+from robot_retarget.formats.unpack import LARGEST
+from robot_retarget.robot.kinematics import body_frames
+
+MAGIC = b"\x89MCAP0\r\n"
+WORLD = "world"
+NANO = 10**9
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the bag (extra `formats`)."""
+    ros = _library()
+    rates, transforms = central(motion.angles, motion.fps), _Transforms(motion)
+    with path.open("wb") as stream:
+        writer = ros.writer.Writer(stream)
+        states = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        frames = writer.register_msgdef("tf2_msgs/msg/TFMessage", TRANSFORMS)
+        for t in range(len(motion)):
+            stamp = round(t / motion.fps * NANO)
+            state = {
+                "header": _header(stamp, ""),
+                "name": list(motion.joints),
+                "position": motion.angles[t].tolist(),
+                "velocity": rates[t].tolist(),
+                "effort": [],
+            }
+            writer.write_message("/joint_states", states, state, stamp, stamp, t)
+            writer.write_message("/tf", frames, {"transforms": transforms.at(t, stamp)}, stamp, stamp, t)
+        writer.finish()
+
+
+class _Transforms:
+    """Every body in its parent's frame over time."""
+
+    def __init__(self, motion: RobotMotion):
+        model = motion.robot.model
+        self.bodies = robot_bodies(motion.robot)
+        self.parents = model.body_parentid[self.bodies]
+        self.names = [model.body(b).name for b in range(model.nbody)]
+        positions, turns = body_frames(motion.robot, motion.qpos)
+        undo = np.swapaxes(turns[:, self.parents], 2, 3)
+        self.places = np.einsum("tbij,tbj->tbi", undo, positions[:, self.bodies] - positions[:, self.parents])
+        local = (undo @ turns[:, self.bodies]).reshape(-1, 3, 3)
+        self.turns = Rotation.from_matrix(local).as_quat().reshape(*self.places.shape[:2], 4)
+
+    def at(self, frame: int, stamp: int) -> list[dict[str, Any]]:
+        return [
+            {
+                "header": _header(stamp, self.names[parent] if parent else WORLD),
+                "child_frame_id": self.names[body],
+                "transform": {
+                    "translation": dict(zip("xyz", self.places[frame, k].tolist(), strict=True)),
+                    "rotation": dict(zip("xyzw", self.turns[frame, k].tolist(), strict=True)),
+                },
+            }
+            for k, (body, parent) in enumerate(zip(self.bodies, self.parents, strict=True))
+        ]
+
+
+def _header(stamp: int, frame: str) -> dict[str, Any]:
+    return {"stamp": {"sec": stamp // NANO, "nanosec": stamp % NANO}, "frame_id": frame}
+
+
+def read(source: Source) -> Columns:
+    """Read joint states, and the root from the transform of the robot's root in `world` where it is there.
+
+    Raises:
+        TrajectoryError: it is no bag, or has no joint states.
+    """
+    states, roots = _messages(source)
+    if not states:
+        raise TrajectoryError("no sensor_msgs/JointState in the bag")
+    times, names = np.array([stamp for stamp, _ in states]) / NANO, tuple(states[0][1].name)
+    if any(tuple(state.name) != names for _, state in states):
+        raise TrajectoryError("joint states of several sets of joints")
+    angles = np.array([state.position for _, state in states])
+    if len(roots) != len(states):
+        return Columns(angles, names, fps=rate(times))
+    pose = np.array([[getattr(part, a) for part, axes in _parts(root) for a in axes] for root in roots])
+    return Columns(angles, names, pose[:, :3], pose[:, 3:][:, FIRST_LAST], rate(times))
+
+
+def _parts(transform: Any) -> tuple[tuple[Any, str], ...]:
+    return (transform.translation, "xyz"), (transform.rotation, "xyzw")
+
+
+def _messages(source: Source) -> tuple[list[tuple[int, Any]], list[Any]]:
+    """Stamped joint states, and the root's transforms."""
+    ros, root = _library(), source.robot.model.body(source.robot.root_body).name
+    states, roots = [], []
+    try:
+        with source.path.open("rb") as stream:
+            reader = ros.reader.make_reader(stream, decoder_factories=[ros.decoder.DecoderFactory()])
+            summary = reader.get_summary()
+            if summary and sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > LARGEST:
+                raise TrajectoryError(f"unpacks to more than {LARGEST} bytes")
+            for schema, _, message, content in reader.iter_decoded_messages():
+                if schema.name == "sensor_msgs/msg/JointState":
+                    states.append((message.log_time, content))
+                elif schema.name == "tf2_msgs/msg/TFMessage":
+                    roots += [t.transform for t in content.transforms if t.child_frame_id == root]
+    except TrajectoryError:
+        raise
+    except Exception as error:
+        raise TrajectoryError(f"broken bag: {error}") from error
+    return states, roots
+
+
+def claims(source: Source) -> bool:
+    """Whether the file begins as a bag does."""
+    if not source.path.is_file():
+        return False
+    with source.path.open("rb") as stream:
+        return stream.read(len(MAGIC)) == MAGIC
+
+
+class _Ros:
+    """The modules of the library."""
+
+    def __init__(self) -> None:
+        import mcap.reader
+        import mcap_ros2.decoder
+        import mcap_ros2.writer
+
+        self.reader: Any = mcap.reader
+        self.decoder: Any = mcap_ros2.decoder
+        self.writer: Any = mcap_ros2.writer
+
+
+def _library() -> _Ros:
+    try:
+        return _Ros()
+    except ImportError:
+        raise UsageError("MCAP needs the extra `formats`: pip install 'robot-retarget[formats]'") from None
+
+
+FORMAT = Format(
+    name="mcap",
+    suffix=".mcap",
+    description="ROS 2 bag: joint states and the transforms of all bodies",
+    write=write,
+    read=read,
+    claims=claims,
+    readers="Foxglove, PlotJuggler, ros2 bag play",
+    ordered=True,
+    quaternion="xyzw",
+)

@@ -1,0 +1,85 @@
+"""Format `ros-joint-trajectory`: a ROS 2 `trajectory_msgs/JointTrajectory` as YAML.
+
+`joint_names`, `points` with `positions` [rad], `velocities` [rad/s] and `time_from_start`. No root. Velocities by central
+differences, at rest at both ends as controllers of ros2_control ask for it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.formats.bodies import central
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.pickles.dictionary import array_in, holds
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.text.named_csv import rate
+
+NANO = 10**9
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the message (extra `formats`)."""
+    yaml = _yaml()
+    rates = central(motion.angles, motion.fps)
+    rates[[0, -1]] = 0.0
+    stamps = [round(frame / motion.fps * NANO) for frame in range(len(motion))]
+    message = {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(motion.joints),
+        "points": [
+            {
+                "positions": angles.tolist(),
+                "velocities": speeds.tolist(),
+                "time_from_start": {"sec": stamp // NANO, "nanosec": stamp % NANO},
+            }
+            for angles, speeds, stamp in zip(motion.angles, rates, stamps, strict=True)
+        ],
+    }
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    with path.open("w", encoding="utf-8") as stream:
+        yaml.dump(message, stream, dumper, default_flow_style=None, sort_keys=False, width=10**6)
+
+
+def read(source: Source) -> Columns:
+    """Read the message.
+
+    Raises:
+        TrajectoryError: it is no YAML, or no JointTrajectory.
+    """
+    yaml = _yaml()
+    try:
+        message: Any = yaml.load(source.text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        points = [(point["positions"], point["time_from_start"]) for point in message["points"]]
+        times = [float(stamp["sec"]) + float(stamp.get("nanosec", 0)) / NANO for _, stamp in points]
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        raise TrajectoryError(f"no JointTrajectory: {error}") from error
+    if not points or not holds(message, "joint_names"):
+        raise TrajectoryError("no JointTrajectory with joint_names and points")
+    angles = array_in({"positions": [angles for angles, _ in points]}, "positions", (len(points), None))
+    return Columns(angles, tuple(map(str, message["joint_names"])), fps=rate(np.array(times)))
+
+
+def _yaml() -> Any:
+    try:
+        import yaml
+    except ImportError:
+        raise UsageError("YAML needs the extra `formats`: pip install 'robot-retarget[formats]'") from None
+    return yaml
+
+
+FORMAT = Format(
+    name="ros-joint-trajectory",
+    suffix=".yaml",
+    description="ROS 2 JointTrajectory: named joints over time; no root",
+    write=write,
+    read=read,
+    claims=lambda source: "joint_names:" in source.text and "time_from_start:" in source.text,
+    readers="ROS 2 (joint_trajectory_controller), rosidl YAML tools",
+    ordered=True,
+    root=False,
+    quaternion="none",
+)

@@ -1,0 +1,108 @@
+"""Format `mujoco-scene`: a folder that plays: the robot's own files on a floor, a keyframe a frame, and `play.py`.
+
+`scene.xml` includes `robot.xml`, a copy of the robot's MJCF, and `keyframes.xml`, which is of the format `mujoco-keyframes`.
+"""
+
+import shutil
+from pathlib import Path, PurePath
+from xml.etree import ElementTree
+
+import mujoco
+
+from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.scenes import keyframes
+from robot_retarget.formats.scenes.keyframes import read_keys
+from robot_retarget.formats.source import Source
+from robot_retarget.robot.model import Robot
+
+SCENE, ROBOT, KEYS = "scene.xml", "robot.xml", "keyframes.xml"
+PLAYER = '''"""Play the keyframes of scene.xml: python play.py (needs mujoco)."""
+
+import time
+from pathlib import Path
+
+import mujoco
+import mujoco.viewer
+
+model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("scene.xml")))
+data = mujoco.MjData(model)
+frames = [key for key in range(model.nkey) if model.key(key).name.startswith("frame_")]
+with mujoco.viewer.launch_passive(model, data) as viewer:
+    while viewer.is_running():
+        began = time.monotonic()
+        for key in frames:
+            mujoco.mj_resetDataKeyframe(model, data, key)
+            mujoco.mj_forward(model, data)
+            viewer.sync()
+            time.sleep(max(0.0, began + model.key_time[key] - time.monotonic()))
+            if not viewer.is_running():
+                break
+'''
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Fill the folder.
+
+    Raises:
+        UsageError: the robot's files are not MJCF, or refer to files outside their folder.
+    """
+    robot = motion.robot
+    for file in _files(robot):
+        copy = path / file
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(robot.path.parent / file, copy)
+    shutil.copyfile(robot.path, path / ROBOT)
+    keyframes.write(motion, path / KEYS)
+    (path / SCENE).write_text(_scene(robot), encoding="utf-8")
+    (path / "play.py").write_text(PLAYER, encoding="utf-8")
+
+
+def _scene(robot: Robot) -> str:
+    """The MJCF text: robot, keyframes, and a floor and a light where the robot's file has none."""
+    floor = (
+        "" if (robot.model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).any() else '<geom type="plane" size="0 0 .05"/>'
+    )
+    light = "" if robot.model.nlight else '<light pos="0 0 3" dir="0 0 -1"/>'
+    return (
+        f'<mujoco model="{robot.name}">\n  <include file="{ROBOT}"/>\n  <include file="{KEYS}"/>\n'
+        f"  <worldbody>{light}{floor}</worldbody>\n</mujoco>\n"
+    )
+
+
+def _files(robot: Robot) -> set[PurePath]:
+    """What the robot's MJCF refers to, relative to its folder: included files, meshes, textures, height fields."""
+    try:
+        spec = mujoco.MjSpec.from_file(str(robot.path))
+        if spec.compile().nq != robot.model.nq:
+            raise UsageError(f"{robot.path} does not hold the model that moves: save it as MJCF first")
+        found = {PurePath(element.get("file", "")) for element in ElementTree.parse(robot.path).iter("include")}
+    except (ValueError, ElementTree.ParseError) as error:
+        raise UsageError(f"MuJoCo does not load {robot.path}: {error}") from error
+    for things, where in ((spec.meshes, spec.meshdir), (spec.textures, spec.texturedir), (spec.hfields, spec.meshdir)):
+        found |= {PurePath(where) / thing.file for thing in things if thing.file}
+    outside = [file for file in found if file.is_absolute() or ".." in file.parts]
+    if outside:
+        raise UsageError(f"{robot.path} refers to {outside[0]}, outside its folder: a scene would not hold it")
+    return found
+
+
+def read(source: Source) -> Columns:
+    """Read the keyframes in the folder."""
+    keys = source.path / KEYS
+    if not keys.is_file():
+        raise TrajectoryError(f"no {KEYS} in the folder")
+    return read_keys(keys.read_text(encoding="utf-8"))
+
+
+FORMAT = Format(
+    name="mujoco-scene",
+    suffix="",
+    description="a folder with the robot, its meshes, a floor, keyframes and a player",
+    write=write,
+    read=read,
+    claims=lambda source: (source.path / SCENE).is_file() and (source.path / KEYS).is_file(),
+    readers="MuJoCo (python play.py)",
+)

@@ -1,0 +1,69 @@
+"""Format `servo-ticks`: goal positions of Dynamixel servos, `time [s]` and `NAME [tick]` a joint, by the robot's servo map.
+
+ticks = zero + sign · gear · q · 4096 / 2π, rounded: what is read back is a tick off at most. Joints without a servo are not
+in the file, and no root is.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.options import Options
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.text.named_csv import TIME, named_table, rate
+from robot_retarget.formats.text.rows import NUMBER
+from robot_retarget.robot.model import Robot
+from robot_retarget.servo.map import ServoMap, load_map, shipped_maps
+
+TICK = " [tick]"
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the table.
+
+    Raises:
+        UsageError: no servo map is known for the robot.
+    """
+    servos, place = _map(motion.robot, motion.options), motion.robot.joint_names
+    joints = [joint for joint in servos.joints if joint in place]
+    ticks = [[servos[j].ticks(q[motion.robot.qpos_index[place.index(j)]]) for j in joints] for q in motion.qpos]
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, lineterminator="\n").writerow([TIME, *(joint + TICK for joint in joints)])
+        table = np.column_stack([np.arange(len(motion)) / motion.fps, np.array(ticks)])
+        np.savetxt(stream, table, fmt=[NUMBER, *["%d"] * len(joints)], delimiter=",")
+
+
+def read(source: Source) -> Columns:
+    """Read the table."""
+    names, rows = named_table(source)
+    joints = [name.removesuffix(TICK) for name in names if name.endswith(TICK)]
+    if TIME not in names or not joints:
+        raise TrajectoryError(f"no {TIME!r} and NAME{TICK} among {', '.join(names[:8])}")
+    servos = _map(source.robot, source.options)
+    columns = [[servos[joint].radians(t) for t in rows[:, names.index(joint + TICK)]] for joint in joints]
+    return Columns(np.array(columns).T, tuple(joints), fps=rate(rows[:, names.index(TIME)]))
+
+
+def _map(robot: Robot, options: Options) -> ServoMap:
+    if options.servos is None and robot.name not in shipped_maps():
+        raise UsageError(f"no servo map for {robot.name!r}: give one with --servos; {known(shipped_maps())}")
+    return load_map(options.servos or robot.name)
+
+
+FORMAT = Format(
+    name="servo-ticks",
+    suffix=".csv",
+    description="goal positions of Dynamixel servos by the robot's servo map; no root",
+    write=write,
+    read=read,
+    claims=lambda source: source.head.startswith(TIME) and TICK in source.head,
+    readers="servo scripts; goal_position of the Dynamixel protocol",
+    exact=False,
+    root=False,
+    quaternion="none",
+)

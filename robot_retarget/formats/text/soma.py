@@ -1,0 +1,68 @@
+"""Format `soma`: SOMA's csv, in which BONES-SEED comes too.
+
+`Frame`, `root_translateX` … **[cm]**, `root_rotateX` … **[degrees]**, R = R_z R_y R_x about fixed axes, then `NAME_dof`
+**[degrees]**. No rate in the file: 120 frames per second are taken.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import Format
+from robot_retarget.formats.robot_motion import RobotMotion
+from robot_retarget.formats.source import Source
+from robot_retarget.formats.text.named_csv import named_table
+from robot_retarget.formats.text.rows import NUMBER
+
+ROOT = [f"root_{what}{axis}" for what in ("translate", "rotate") for axis in "XYZ"]
+JOINT = "_dof"
+CENTIMETRES = 100.0
+
+
+def write(motion: RobotMotion, path: Path) -> None:
+    """Write the table."""
+    motion.require_plain("soma")
+    turns = Rotation.from_quat(motion.quaternion, scalar_first=True).as_euler("xyz", degrees=True)
+    rows = np.column_stack([motion.position * CENTIMETRES, turns, np.degrees(motion.angles)])
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, lineterminator="\n").writerow(["Frame", *ROOT, *(name + JOINT for name in motion.joints)])
+        np.savetxt(
+            stream, np.column_stack([np.arange(len(rows)), rows]), fmt=["%d"] + [NUMBER] * rows.shape[1], delimiter=","
+        )
+
+
+def read(source: Source) -> Columns:
+    """Read the table; columns may stand in any order."""
+    names, rows = named_table(source)
+    found = dict(zip(names, rows.T, strict=True))
+    missing = [name for name in ROOT if name not in found]
+    if missing:
+        raise TrajectoryError(f"no column {missing[0]!r}")
+    joints = [name for name in names if name.endswith(JOINT)]
+    root = np.column_stack([found[name] for name in ROOT])
+    return Columns(
+        np.radians(rows[:, [names.index(name) for name in joints]]),
+        tuple(name.removesuffix(JOINT) for name in joints),
+        root[:, :3] / CENTIMETRES,
+        Rotation.from_euler("xyz", root[:, 3:], degrees=True).as_quat(scalar_first=True),
+        source.told_fps,
+    )
+
+
+FORMAT = Format(
+    name="soma",
+    suffix=".csv",
+    description="SOMA's csv: cm, degrees, Euler angles, named joints",
+    write=write,
+    read=read,
+    claims=lambda source: set(ROOT) <= set(source.head.split(",")),
+    readers="SOMA retargeter, BONES-SEED's tools",
+    fps=120.0,
+    complete=False,
+    ordered=True,
+    quaternion="euler",
+)
