@@ -45,8 +45,8 @@ SKELETON = Skeleton(
 )
 WIDTH = 4 + sum(numbers for *_, numbers in _JOINTS)
 """Numbers of a frame: its duration [s], the root's place [m], then the turns."""
-_QUATERNION = 0.2
-"""How far from 1 the length of a quaternion may be; those of resampled motions are up to 0.05 short."""
+_SHORTEST = 0.5
+"""Least length of a quaternion: those of motions that were resampled are up to a fifth short of 1."""
 
 
 def told(glimpse: Glimpse) -> bool:
@@ -105,7 +105,7 @@ def _rows(path: Path) -> Floats:
 
 def _unit(values: Floats, name: str, path: Path) -> Floats:
     size = np.linalg.norm(values, axis=1)
-    wrong = np.flatnonzero(np.abs(size - 1) > _QUATERNION)
+    wrong = np.flatnonzero((size < _SHORTEST) | (size > 1 / _SHORTEST))
     if wrong.size:
         frame = int(wrong[0])
         raise MotionError(f"Frames[{frame}], {name}: expected a unit quaternion w x y z, found {values[frame]}", path)

@@ -1,6 +1,7 @@
 """C3D files of labelled markers: joint centres by published regressions (`markers`)."""
 
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
 
+_BIG_ENDIAN = 86
+"""The kind of processor whose numbers begin with their highest byte."""
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
 
 
@@ -32,6 +35,8 @@ def read(path: Path, request: Request) -> Capture:
     markers = Markers({label: points[:, k] for k, label in enumerate(labels) if label})
     if missing := markers.missing():
         raise MotionError(_refusal(labels, missing), path)
+    if (announced := _announced(path)) > len(points):
+        raise MotionError(f"truncated: {len(points)} of {announced} frames are there", path)
     fps, said = request.rate(stored)
     used = markers.used()
     paths, _, notes = bridged(np.stack([markers.paths[label] for label in used], axis=1), used, fps, str(path))
@@ -62,6 +67,14 @@ def _points(path: Path) -> tuple[list[str], Any, float | None]:
     labels = [*labels, *[""] * points.shape[1]][: points.shape[1]]
     rate = [value for value in said.get("RATE", {}).get("value", []) if value > 0]
     return labels, points * _unit(said, path), float(rate[0]) if rate else None
+
+
+def _announced(path: Path) -> int:
+    """Frames by the first and last one's numbers in the header, which ezc3d makes fit what is there."""
+    data = path.read_bytes()
+    kind = data[512 * (data[0] - 1) + 3]
+    first, last = struct.unpack_from(">HH" if kind == _BIG_ENDIAN else "<HH", data, 6)
+    return last - first + 1
 
 
 def _all_labels(said: Any) -> list[str]:

@@ -1,0 +1,132 @@
+"""Which format a file is of: told by what is in it, whatever it is called."""
+
+import pickle
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_files import ROOT, SHARED, needs_shared
+
+from robot_retarget.errors import MotionError
+from robot_retarget.motion import read_motion
+from robot_retarget.motion.formats import zipped
+from robot_retarget.motion.formats.table import FORMATS, format_of
+
+WAVE = ROOT / "samples" / "wave.bvh"
+OTHER = SHARED / "motions" / "other"
+SHARED_FILES = {
+    "asfamc/02_01.amc": "ASF/AMC",
+    "asfamc/02.asf": "ASF skeleton",
+    "c3d/ezc3d_Qualisys.c3d": "C3D",
+    "c3d/ezc3d_Optotrak.c3d": "C3D",
+    "c3d/pyc3d_my-motion.c3d": "C3D",
+    "deepmimic/humanoid3d_walk.txt": "DeepMimic",
+    "gltf/three-vrm_test.vrma": "glTF, GLB, VRMA",
+    "gltf/KayKit_Knight_CC0.glb": "glTF, GLB, VRMA",
+    "npz/kimodo_soma30_01_single_text_prompt.npz": "joint positions",
+}
+
+
+def made(folder: Path) -> dict[Path, str]:
+    """A file of every format that can be made here."""
+    arrays = {
+        "positions.npz": ({"positions": np.zeros((3, 22, 3))}, "joint positions"),
+        "amass.npz": ({"poses": np.zeros((3, 156)), "trans": np.zeros((3, 3))}, "SMPL parameters"),
+        "gvhmr.npz": ({"body_pose": np.zeros((3, 63)), "global_orient": np.zeros((3, 3))}, "SMPL parameters"),
+    }
+    files = {}
+    for name, (content, title) in arrays.items():
+        np.savez(folder / name, **content)
+        files[folder / name] = title
+    for name, shape, title in (
+        ("positions.npy", (3, 22, 3), "joint positions"),
+        ("features.npy", (3, 263), "HumanML3D features"),
+        ("landmarks.npy", (3, 33, 3), "MediaPipe or FreeMoCap landmarks"),
+    ):
+        np.save(folder / name, np.zeros(shape))
+        files[folder / name] = title
+    with zipfile.ZipFile(folder / "clips.zip", "w") as archive:
+        archive.write(WAVE, "clips/wave.bvh")
+    (folder / "a.fbx").write_bytes(b"Kaydara FBX Binary  \0" + bytes(100))
+    (folder / "a.pkl").write_bytes(pickle.dumps({"poses": [1]}))
+    shutil.copy(WAVE, folder / "wave.bvh")
+    named = {"clips.zip": "zip of motions", "a.fbx": "FBX", "a.pkl": "pickle", "wave.bvh": "BVH"}
+    return files | {folder / name: title for name, title in named.items()}
+
+
+def test_each_format_is_told_under_any_name(tmp_path):
+    for path, title in made(tmp_path).items():
+        assert format_of(path).name == title
+        other = path.with_name("renamed.dat")
+        if title not in ("joint positions", "MediaPipe or FreeMoCap landmarks") or path.suffix == ".npy":
+            shutil.copy(path, other)
+            assert format_of(other).name == title
+
+
+@needs_shared
+@pytest.mark.parametrize("name", SHARED_FILES)
+def test_files_of_the_wild_are_told_under_any_name(tmp_path, name):
+    shutil.copy(OTHER / name, tmp_path / "renamed.dat")
+    assert format_of(tmp_path / "renamed.dat").name == SHARED_FILES[name]
+    assert sum(one.told(glimpse_of(tmp_path / "renamed.dat")) for one in FORMATS) == 1
+
+
+def glimpse_of(path: Path):
+    from robot_retarget.motion.formats.glimpse import Glimpse
+
+    return Glimpse(path)
+
+
+def test_a_bvh_in_a_zip_is_the_bvh(tmp_path):
+    with zipfile.ZipFile(tmp_path / "pack.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.write(WAVE, "clips/wave.bvh")
+        archive.write(ROOT / "samples" / "walk.bvh", "clips/walk.bvh")
+        archive.writestr("__MACOSX/clips/._wave.bvh", "rubbish")
+    alone, packed = read_motion(WAVE), read_motion(f"{tmp_path / 'pack.zip'}#wave.bvh")
+    assert np.array_equal(alone.positions, packed.positions)
+    assert packed.source.endswith("pack.zip#clips/wave.bvh")
+    first = read_motion(tmp_path / "pack.zip")
+    assert first.source.endswith("#clips/walk.bvh") and any("The first of 2 motions" in note for note in first.notes)
+    with pytest.raises(MotionError, match=r"holds no motion 'run'; known: walk\.bvh, wave\.bvh"):
+        read_motion(f"{tmp_path / 'pack.zip'}#run")
+
+
+def test_a_zip_that_grows_without_end_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(zipped, "LARGEST", 2**20)
+    with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.bvh", b"HIERARCHY\n" + b" " * 2**22)
+    assert (tmp_path / "bomb.zip").stat().st_size < 10000
+    with pytest.raises(MotionError, match=r"bomb\.zip#a\.bvh: more than 1 MB once it is unpacked"):
+        read_motion(tmp_path / "bomb.zip")
+
+
+def test_a_broken_zip_and_one_without_motions_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    with pytest.raises(MotionError, match=r"holds no \.bvh"):
+        read_motion(tmp_path / "a.zip")
+    (tmp_path / "b.zip").write_bytes(b"PK\3\4" + bytes(50))
+    with pytest.raises(MotionError, match="not a zip that can be read"):
+        read_motion(tmp_path / "b.zip")
+
+
+def test_what_is_not_read_is_refused_with_the_line_that_converts_it(tmp_path):
+    class Harm:
+        def __reduce__(self):
+            return Path.touch, (tmp_path / "harmed",)
+
+    (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX Binary  \0")
+    with pytest.raises(
+        MotionError, match=r"blender --background --python-expr .*import_scene\.fbx.*export_scene\.gltf"
+    ):
+        read_motion(tmp_path / "a.fbx")
+    for name, line in (("wham.pkl", r"joblib\.load"), ("hmr4d_results.pt", r"torch\.load.*smpl_params_global")):
+        (tmp_path / name).write_bytes(pickle.dumps(Harm()))
+        with pytest.raises(MotionError, match=rf"pickles are not read, they can run code.*{line}.*numpy\.savez"):
+            read_motion(tmp_path / name)
+    np.save(tmp_path / "b.npy", np.array([Harm()], dtype=object), allow_pickle=True)
+    with pytest.raises(MotionError, match="without pickle"):
+        read_motion(tmp_path / "b.npy")
+    assert not (tmp_path / "harmed").exists()
