@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits
+from robot_retarget.cli.options import BodyModel, Json, Limits, SourceFps
 from robot_retarget.cli.stages import load, names_robot, read_clip
 from robot_retarget.errors import UsageError
 
@@ -19,6 +19,8 @@ def info(
     robot: Annotated[
         str | None, typer.Option("--robot", "-r", help="A robot, where its name is also a file's.")
     ] = None,
+    source_fps: SourceFps = None,
+    body_model: BodyModel = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
@@ -30,7 +32,7 @@ def info(
     if robot is not None or names_robot(str(file)):
         facts = describe_robot(load(str(robot or file), limits))
     else:
-        facts = describe_motion(read_clip(Path(str(file)), None))
+        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model))
     if json:
         console.dump(facts)
     elif facts["kind"] == "robot":

@@ -5,7 +5,17 @@ from typing import Annotated
 
 import typer
 
-MotionFile = Annotated[Path, typer.Argument(help="BVH file, or joint positions as .npy or .npz.")]
+MotionFile = Annotated[
+    Path,
+    typer.Argument(
+        help="A motion: BVH, AMC, C3D, glTF, GLB, VRMA, SMPL or AMASS, DeepMimic, HumanML3D, landmarks, joint positions; "
+        "FILE#NAME where a file holds several."
+    ),
+]
+SourceFps = Annotated[float | None, typer.Option(help="Frames per second of the motion file, in place of its own.")]
+BodyModel = Annotated[
+    Path | None, typer.Option(help="Your .npz of an SMPL model, for the skeleton of SMPL parameters; else a mean one.")
+]
 TrajectoryFile = Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")]
 RobotName = Annotated[
     str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")

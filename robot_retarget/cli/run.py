@@ -6,7 +6,19 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.options import (
+    Balance,
+    BodyModel,
+    Fps,
+    Frames,
+    Json,
+    Legs,
+    Limits,
+    MotionFile,
+    Overrides,
+    RobotName,
+    SourceFps,
+)
 from robot_retarget.cli.stages import Wishes, fill_folder, load, play_on_emulated, read_clip, shipped_clip
 from robot_retarget.shipped import MODELS
 
@@ -20,6 +32,8 @@ def run(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
     frames: Frames = None,
     fps: Fps = None,
+    source_fps: SourceFps = None,
+    body_model: BodyModel = None,
     map_file: Overrides = None,
     limits: Limits = None,
     legs: Legs = "follow",
@@ -29,7 +43,9 @@ def run(
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
-    verdict = fill_folder(read_clip(motion, frames), load(robot, limits), out, wishes, video, json)
+    verdict = fill_folder(
+        read_clip(motion, frames, source_fps, body_model), load(robot, limits), out, wishes, video, json
+    )
     raise typer.Exit(0 if verdict == "pass" else 1)
 
 

@@ -6,7 +6,19 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.options import (
+    Balance,
+    BodyModel,
+    Fps,
+    Frames,
+    Json,
+    Legs,
+    Limits,
+    MotionFile,
+    Overrides,
+    RobotName,
+    SourceFps,
+)
 from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip
 
 commands = typer.Typer()
@@ -19,6 +31,8 @@ def solve(
     output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
     frames: Frames = None,
     fps: Fps = None,
+    source_fps: SourceFps = None,
+    body_model: BodyModel = None,
     map_file: Overrides = None,
     limits: Limits = None,
     legs: Legs = "follow",
@@ -32,7 +46,7 @@ def solve(
 
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance)
-    result = carried_over(read_clip(motion, frames), load(robot, limits), wishes, quiet=json)
+    result = carried_over(read_clip(motion, frames, source_fps, body_model), load(robot, limits), wishes, quiet=json)
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:

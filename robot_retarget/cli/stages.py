@@ -168,11 +168,13 @@ def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) 
         )
 
 
-def read_clip(path: Path, frames: str | None) -> "Motion":
+def read_clip(
+    path: Path, frames: str | None, source_fps: float | None = None, body_model: Path | None = None
+) -> "Motion":
     """The motion of a file, or the part of it that `START:STOP` names."""
     from robot_retarget.motion import read_motion
 
-    motion = read_motion(path)
+    motion = read_motion(path, fps=source_fps, body_model=body_model)
     if frames is None:
         return motion
     start, colon, stop = frames.partition(":")

@@ -16,11 +16,11 @@ from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
 from robot_retarget.motion.kinematics import forward
 
-WHOLE = ("poses", "pose_world", "pose", "full_pose", "fullpose")
-"""The turns of root and joints together (T, 3 n), n at least 22."""
+WHOLE = ("pose_world", "poses", "pose", "full_pose", "fullpose")
+"""The turns of root and joints together (T, 3 n), n at least 22; those in the world before those in a camera."""
 ROOT = ("root_orient", "global_orient")
 BODY = ("pose_body", "body_pose")
-PLACE = ("trans", "transl", "trans_world", "translation")
+PLACE = ("trans_world", "trans", "transl", "translation")
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 
@@ -72,7 +72,7 @@ def _turns(arrays: Mapping[str, Any], path: Path) -> Floats:
         return np.concatenate(parts, axis=1)
     key, whole = _first(arrays, WHOLE)
     if whole is None:
-        wanted = f"{WHOLE[0]}, or {' or '.join(ROOT)} with {' or '.join(BODY)}"
+        wanted = f"{WHOLE[1]}, or {' or '.join(ROOT)} with {' or '.join(BODY)}"
         raise MotionError(f"no turns of a body: expected {wanted}; it has {', '.join(arrays)}", path)
     return _quaternions(whole, JOINTS, key, path)
 
@@ -107,7 +107,7 @@ def _place(arrays: Mapping[str, Any], frames: int, path: Path) -> tuple[Floats, 
     """(T, 3) how far the root is from its place at rest; 0 where the file does not say."""
     key, values = _first(arrays, PLACE)
     if values is None:
-        return np.zeros((frames, 3)), (f"No {' or '.join(PLACE[:2])}: the body stays in place.",)
+        return np.zeros((frames, 3)), (f"No {' or '.join(PLACE[1:3])}: the body stays in place.",)
     values = np.asarray(values)
     if values.size != 3 * frames or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
         raise MotionError(f"{key}: expected finite numbers ({frames}, 3), got {values.dtype} {values.shape}", path)

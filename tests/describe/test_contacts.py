@@ -1,0 +1,62 @@
+"""When feet stand: the schedule that a source says is the one that is kept."""
+
+import numpy as np
+import pytest
+from shared_files import ROOT, SHARED, needs_shared
+
+import robot_retarget as rr
+from robot_retarget.describe.contacts import stances
+from robot_retarget.describe.ground import grounded
+from robot_retarget.describe.match import match
+from robot_retarget.motion import read_motion
+
+NPZ = SHARED / "motions" / "other" / "npz"
+
+
+@pytest.fixture(scope="module")
+def walk():
+    motion = read_motion(ROOT / "samples" / "walk.bvh").resample(30)
+    matched = match(motion, rr.load_robot("op3"))
+    return motion, matched, grounded(matched.human_positions(motion), matched, motion.fps)
+
+
+def test_said_contacts_are_the_stances_side_by_side_and_toe_before_heel(walk):
+    motion, matched, x = walk
+    said = np.zeros((len(motion), 4), dtype=bool)
+    for column, first in enumerate((10, 30, 50, 70)):
+        said[first : first + 15, column] = True
+    found = stances(x, matched, motion.fps, said)
+    assert np.array_equal(found["l"], said[:, [1, 0]])
+    assert np.array_equal(found["r"], said[:, [3, 2]])
+
+
+def test_a_contact_too_short_to_be_true_is_passed_over(walk):
+    motion, matched, x = walk
+    said = np.zeros((len(motion), 4), dtype=bool)
+    said[20:22, 0] = True
+    assert not stances(x, matched, motion.fps, said)["l"].any()
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["01_single_text_prompt", "06_root_waypoints"])
+def test_heels_are_still_while_a_generated_motion_says_they_stand(name):
+    motion = read_motion(NPZ / f"kimodo_soma30_{name}.npz")
+    matched = match(motion, rr.load_robot("op3"))
+    x = grounded(matched.human_positions(motion), matched, motion.fps)
+    said = stances(x, matched, motion.fps, motion.contacts)
+    for side in "lr":
+        ankle = x[:, matched.index(f"{side}_ankle")]
+        speed = np.linalg.norm(np.gradient(ankle, 1 / motion.fps, axis=0), axis=1)
+        standing = said[side][:, 1]
+        assert 0.2 < standing.mean() < 0.6
+        assert np.quantile(speed[standing], 0.9) < 0.15 < np.quantile(speed[~standing], 0.5)
+
+
+@needs_shared
+def test_contacts_keep_their_frames_when_a_motion_is_cut_or_resampled():
+    motion = read_motion(NPZ / "kimodo_soma30_01_single_text_prompt.npz")
+    assert motion.contacts is not None
+    cut, fast = motion.frames(40, 90), motion.resample(60)
+    assert cut.contacts is not None and np.array_equal(cut.contacts, motion.contacts[40:90])
+    assert fast.contacts is not None and fast.contacts.shape == (len(fast), 4)
+    assert np.array_equal(fast.contacts[::2], motion.contacts)
