@@ -29,7 +29,7 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    """What files of it are usually called; where the content says nothing, this decides."""
+    """What files of no other kind are called; where the content says nothing, this decides."""
     told: Callable[[Glimpse], bool]
     """Whether a file is one of it, by its content."""
     read: Callable[[Path, Request], Capture]
@@ -44,7 +44,7 @@ FORMATS = (
     Format("C3D", (".c3d",), c3d.told, c3d.read),
     Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.told, gltf.read, frozenset({"clip"})),
     Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
-    Format("DeepMimic", (".txt",), deepmimic.told, deepmimic.read),
+    Format("DeepMimic", (), deepmimic.told, deepmimic.read),
     Format("HumanML3D features", (), humanml3d.told, humanml3d.read),
     Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.told, landmarks.read),
     Format("SMPL parameters", (), smpl.told, smpl.read, frozenset({"body_model"})),
@@ -66,6 +66,6 @@ def format_of(path: Path) -> Format:
     found = next((one for one in FORMATS if one.told(glimpse)), None)
     found = found or next((one for one in FORMATS if suffix in one.suffixes), None)
     if found is None:
-        listed = (f"{one.name} ({', '.join(one.suffixes)})" for one in FORMATS if one.suffixes)
+        listed = (f"{one.name} ({', '.join(one.suffixes)})" if one.suffixes else one.name for one in FORMATS)
         raise MotionError(f"unknown kind of motion file {suffix!r}; {known(listed)}", path)
     return found
