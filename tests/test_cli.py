@@ -139,7 +139,9 @@ def test_bad_names_and_frames_are_refused_with_what_is_known(tmp_path: Path) -> 
     (tmp_path / "clip.txt").write_text("x")
     (tmp_path / "robot.xml").write_text("<mujoco><worldbody><body></worldbody></mujoco>")
     out = ("-o", tmp_path / "out.npz")
-    assert_refused(run("solve", "clip.txt", "--robot", "op3", *out, cwd=tmp_path), "'.txt'", ".bvh, .npy, .npz")
+    assert_refused(
+        run("solve", "clip.txt", "--robot", "op3", *out, cwd=tmp_path), "'.txt'", "joint positions (.npy, .npz)"
+    )
     assert_refused(run("solve", WAVE, "--robot", "op4", *out), "unknown robot 'op4'", "known: op3")
     assert_refused(run("solve", WAVE, "--robot", tmp_path / "robot.xml", *out), "robot.xml", "MuJoCo does not load it")
     assert_refused(run("solve", WAVE, "--robot", "op3", "--frames", "10:9999", *out), "frames 10:9999", "0:169")

@@ -1,4 +1,4 @@
-"""Every format of human motion that is read: how a file of it is told, and by what it is read."""
+"""Every format of human motion that is read or refused: how a file of it is told, and by what it is read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,19 +40,22 @@ class Format:
 FORMATS = (
     Format("BVH", (".bvh",), bvh.told, bvh.read),
     Format("ASF/AMC", (".amc",), amc.told, amc.read),
-    Format("ASF skeleton", (".asf",), refused.asf, refused.skeleton_alone),
     Format("C3D", (".c3d",), c3d.told, c3d.read),
     Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.told, gltf.read, frozenset({"clip"})),
-    Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
     Format("DeepMimic", (), deepmimic.told, deepmimic.read),
     Format("HumanML3D features", (), humanml3d.told, humanml3d.read),
     Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.told, landmarks.read),
     Format("SMPL parameters", (), smpl.told, smpl.read, frozenset({"body_model"})),
     Format("joint positions", (".npy", ".npz"), positions.told, positions.read, frozenset({"names"})),
-    Format("pickle", (".pkl", ".pickle", ".pt", ".pth", ".joblib"), refused.pickled, refused.convert_pickle),
     Format("zip of motions", (".zip",), zipped.told, zipped.read, frozenset({"clip"})),
 )
 """In the order in which they are asked; a file is of the first that tells it."""
+REFUSED = (
+    Format("ASF skeleton", (".asf",), refused.asf, refused.skeleton_alone),
+    Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
+    Format("pickle", (".pkl", ".pickle", ".pt", ".pth", ".joblib"), refused.pickled, refused.convert_pickle),
+)
+"""Known, and refused with what to do instead."""
 
 
 def format_of(path: Path) -> Format:
@@ -63,8 +66,9 @@ def format_of(path: Path) -> Format:
     """
     glimpse = Glimpse(path)
     suffix = path.suffix.lower()
-    found = next((one for one in FORMATS if one.told(glimpse)), None)
-    found = found or next((one for one in FORMATS if suffix in one.suffixes), None)
+    every = (*FORMATS, *REFUSED)
+    found = next((one for one in every if one.told(glimpse)), None)
+    found = found or next((one for one in every if suffix in one.suffixes), None)
     if found is None:
         listed = (f"{one.name} ({', '.join(one.suffixes)})" if one.suffixes else one.name for one in FORMATS)
         raise MotionError(f"unknown kind of motion file {suffix!r}; {known(listed)}", path)

@@ -12,7 +12,7 @@ from shared_files import ROOT, SHARED, needs_shared
 from robot_retarget.errors import MotionError
 from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats import zipped
-from robot_retarget.motion.formats.table import FORMATS, format_of
+from robot_retarget.motion.formats.table import FORMATS, REFUSED, format_of
 
 WAVE = ROOT / "samples" / "wave.bvh"
 OTHER = SHARED / "motions" / "other"
@@ -70,7 +70,7 @@ def test_each_format_is_told_under_any_name(tmp_path):
 def test_files_of_the_wild_are_told_under_any_name(tmp_path, name):
     shutil.copy(OTHER / name, tmp_path / "renamed.dat")
     assert format_of(tmp_path / "renamed.dat").name == SHARED_FILES[name]
-    assert sum(one.told(glimpse_of(tmp_path / "renamed.dat")) for one in FORMATS) == 1
+    assert sum(one.told(glimpse_of(tmp_path / "renamed.dat")) for one in (*FORMATS, *REFUSED)) == 1
 
 
 def glimpse_of(path: Path):
