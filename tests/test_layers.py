@@ -23,6 +23,7 @@ LAYERS = {
     "simulate": {"motion", "dgp", "robot", "describe", "solve", "collision", "balance", "simulate"},
     "formats": {"motion", "robot", "servo", "formats"},
     "servo": {"motion", "robot", "servo"},
+    "edit": {"motion", "robot", "edit"},
     "view": {"motion", "dgp", "robot", "describe", "solve", "collision", "simulate", "view"},
 }
 LIBRARIES = {

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.view import human
 from robot_retarget.view.gl import open_context
 from robot_retarget.view.picture import Pixels, Unavailable
-from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, VISIBLE_GROUPS, Staging, visible
+from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, Staging, visible
 
 MAX_GEOMS = 10_000
 SAMPLES = 4
@@ -18,6 +18,8 @@ SHADOWS = 2048
 """Width of the shadow map [pixels]; the dearest item without a graphics card."""
 SKY = ((0.97, 0.98, 1.0), (0.80, 0.86, 0.93))
 TILES = ((0.84, 0.86, 0.88), (0.79, 0.81, 0.84))
+PALEST = 0.3
+"""Least opacity of what is seen: collision shapes may be stored as fully transparent."""
 TILE = 0.5
 """A floor tile's side as a part of the robot's height."""
 
@@ -32,8 +34,6 @@ class Stage:
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, MAX_GEOMS)
         self._option, self._perturb = mujoco.MjvOption(), mujoco.MjvPerturb()
-        if (staging.robot.model.geom_group[visible(staging.robot.model)] >= VISIBLE_GROUPS).all():
-            self._option.geomgroup[:] = 1
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation = staging.azimuth, ELEVATION
         self._camera.distance = staging.distance
@@ -49,6 +49,7 @@ class Stage:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
+        self._data.light_xpos[:, :2] += self._staging.targets[k][:2]  # shadows are sharp near their light
         self._camera.lookat[:] = self._staging.targets[k]
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
@@ -92,6 +93,8 @@ def _scenery(staging: Staging, width: int, height: int) -> mujoco.MjModel:
     _paint_floor_and_sky(spec, staging)
     _light(spec, staging)
     model = spec.compile()
+    seen = visible(model)
+    model.geom_group[seen], model.geom_rgba[seen, 3] = 0, np.maximum(model.geom_rgba[seen, 3], PALEST)
     model.stat.extent, model.stat.center[:] = staging.height, [0, 0, staging.height / 2]
     vis = model.vis
     vis.global_.fovy, vis.global_.offwidth, vis.global_.offheight = FIELD_OF_VIEW, width, height

@@ -113,10 +113,11 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
 
 
 def visible(model: mujoco.MjModel) -> Ints:
-    """The robot's geoms that are seen: those of the groups MuJoCo shows, all where it would show none."""
+    """The robot's geoms that are seen: those of the groups MuJoCo shows; all of a body that would show none."""
     own = model.geom_bodyid > 0
     shown = own & (model.geom_group < VISIBLE_GROUPS) & ((model.geom_rgba[:, 3] > 0) | (model.geom_matid >= 0))
-    return np.flatnonzero(shown if shown.any() else own)
+    bare = np.bincount(model.geom_bodyid[shown], minlength=model.nbody) == 0
+    return np.flatnonzero(shown | (own & bare[model.geom_bodyid]))
 
 
 def geom_corners(robot: Robot, qpos: Floats) -> Floats:

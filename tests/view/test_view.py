@@ -15,8 +15,8 @@ from robot_retarget.view import Film, Picture, Unavailable, strip, video
 from robot_retarget.view.draw import Sketch
 from robot_retarget.view.gl import open_context
 from robot_retarget.view.human import COLOUR, figure
-from robot_retarget.view.render import open_stage
-from robot_retarget.view.staging import arrange, geom_corners
+from robot_retarget.view.render import TILE, open_stage
+from robot_retarget.view.staging import arrange, geom_corners, visible
 
 OP3 = load_robot("op3")
 BONES = np.array([(0, 1), (1, 2), (2, 3), (2, 4), (0, 5), (0, 6)])
@@ -116,6 +116,35 @@ def test_rendered_and_drawn_humans_are_in_the_same_place():
     left = slice(0, 170)  # the robot on the right has orange of its own
     both = (rendered & drawn)[:, left].sum()
     assert both > 0.8 * drawn[:, left].sum() and both > 0.8 * rendered[:, left].sum()
+
+
+def test_the_picture_is_the_same_however_far_away_it_is_taken():
+    """Shadows too: they are as sharp nine metres on as at the origin, which is a whole number of the floor's periods."""
+    rendering()
+    pictures, tile = [], TILE * arrange(OP3, hold(OP3), None, None, np.zeros(1)).height
+    for away in (0.0, 36 * tile):
+        qpos = OP3.standing()
+        qpos[0] += away
+        taken = strip(OP3, hold(OP3, qpos=qpos), count=1, height=240)
+        assert isinstance(taken, Picture)
+        pictures.append(taken.pixels.astype(int))
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 25).mean() < 0.002
+
+
+def test_a_body_without_visible_geoms_is_drawn_by_its_collision_shapes(tmp_path):
+    hidden = RAIL.replace('<geom type="capsule"', '<geom name="felt" group="3" rgba="0 0 0 0" type="capsule"')
+    robot = robot_of(hidden, tmp_path / "hidden.xml")
+    assert {robot.model.geom(g).name for g in visible(robot.model)} >= {"felt"}
+    rendering()
+    staging = arrange(robot, hold(robot), None, None, np.zeros(1))
+    pictures = []
+    for opacity in (1.0, 0.0):
+        stage = open_stage(staging, 120, 120)
+        assert not isinstance(stage, Unavailable)
+        stage._model.geom_rgba[stage._model.geom("felt").id, 3] *= opacity
+        pictures.append(stage.frame(0).astype(int))
+        stage.close()
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 5).mean() > 0.005
 
 
 def test_a_strip_has_its_moments_side_by_side_and_is_written_as_png(tmp_path):

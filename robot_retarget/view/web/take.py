@@ -7,6 +7,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.match import Match, match
 from robot_retarget.motion import Motion
+from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.report import Report
@@ -67,7 +68,7 @@ def take_of(
     """A trajectory with what can be said of it: its warnings, and the human where a motion is given.
 
     Args:
-        motion: over the same duration.
+        motion: the trajectory's source; it is shown at the times that the trajectory answers to.
         overrides: a TOML file that replaces lines of the keypoint map (`describe.match.match`).
 
     Raises:
@@ -75,6 +76,11 @@ def take_of(
         MatchError: the motion is not human, or the robot no humanoid.
     """
     require_same_robot(trajectory, robot)
-    human = None if motion is None else human_of(match(motion, robot, overrides), motion)
+    human = None if motion is None else human_of(match(motion, robot, overrides), _in_step(motion, trajectory))
     warnings = warnings_of(trajectory, robot) if len(trajectory) > 1 else None
     return Take(robot, trajectory, human, warnings, report)
+
+
+def _in_step(motion: Motion, trajectory: Trajectory) -> Motion:
+    """The motion at the frames of the trajectory."""
+    return at_frames(motion, trajectory.source_time * motion.fps, trajectory.fps)
