@@ -6,7 +6,7 @@ left of their difference, in position d = a ⊖ b and in velocity v = ȧ − ḃ
     o(u) = d (1 − 10u³ + 15u⁴ − 6u⁵) + v s (u − 6u³ + 8u⁴ − 3u⁵),     u = t/s in [0, 1],
 
 so that position and velocity go on at the seam and position, velocity and acceleration of b are reached at its end.
-⊕ and ⊖ are those of MuJoCo's velocity space (`mj_integratePos`, `mj_differentiatePos`).
+⊕ and ⊖ are those of the robot's velocity space (`robot.kinematics`).
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.robot.tangent import minus, plus
 from robot_retarget.robot.timing import require_same_robot, resample
 from robot_retarget.trajectory import Trajectory
 
@@ -110,16 +110,16 @@ def joined(trajectories: Sequence[Trajectory], robot: Robot, seam: float = SEAM)
 
 def _following(before: Floats, qpos: Floats, robot: Robot, fps: float, seam: float) -> Floats:
     """Configurations (T, nq) set where those before go on, and blended into them."""
-    model = robot.model
-    pace = minus(model, before[-1], before[-2]) if len(before) > 1 else np.zeros(model.nv)
-    goes_on = plus(model, before[-1], pace)
+    still = np.zeros(robot.model.nv)
+    pace = difference(robot, before[-2], before[-1]) if len(before) > 1 else still
+    goes_on = integrate(robot, before[-1], pace)
     placed = _placed(qpos, goes_on, robot) if robot.floating else np.array(qpos)
-    own = minus(model, placed[1], placed[0]) if len(placed) > 1 else np.zeros(model.nv)
-    away, faster = minus(model, goes_on, placed[0]), pace - own
+    own = difference(robot, placed[0], placed[1]) if len(placed) > 1 else still
+    away, faster = difference(robot, placed[0], goes_on), pace - own
     frames = max(min(round(seam * fps), len(placed) - 1), 1)
     u = np.clip(np.arange(len(placed)) / frames, 0, 1)[:, None]
     fading = away * (1 - 10 * u**3 + 15 * u**4 - 6 * u**5) + faster * frames * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
-    blended = np.array([plus(model, q, o) for q, o in zip(placed, fading, strict=True)])
+    blended = np.array([integrate(robot, q, o) for q, o in zip(placed, fading, strict=True)])
     hinges = blended[:, robot.qpos_index]
     bounds = np.minimum(robot.lower, placed[:, robot.qpos_index]), np.maximum(robot.upper, placed[:, robot.qpos_index])
     blended[:, robot.qpos_index] = np.clip(hinges, *bounds)
