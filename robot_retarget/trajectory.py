@@ -5,6 +5,7 @@ import io
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from robot_retarget.errors import TrajectoryError, known
 from robot_retarget.files import replacing
 from robot_retarget.goals import KEYS as GOAL_KEYS
 from robot_retarget.goals import Goals, read_goals
+from robot_retarget.notebook import card, frame
 
 FORMAT_VERSION = 2
 """1: without `source_time` and goals; still read."""
@@ -69,6 +71,27 @@ class Trajectory:
             )
         if abs(goals.duration - goals.lead_in - self.duration - goals.lead_out) > 1.5 / goals.rate:
             raise TrajectoryError(f"goals last {goals.duration:.3f} s, not as long as the trajectory and its settling")
+
+    def __repr__(self) -> str:
+        return f"<Trajectory {self.source or 'made'} on {self.robot}: {', '.join(self._facts().values())}>"
+
+    def _repr_html_(self) -> str:
+        return card(f"{self.source or 'A trajectory'} on {self.robot}", self._facts(), self.notes)
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"length": f"{self.duration:.2f} s", "frames": f"{len(self)} at {self.fps:g}/s"}
+        return facts | {"joints": f"{len(self.joint_names)} joints"}
+
+    def to_frame(self) -> Any:
+        """Configurations as a pandas DataFrame: the root's columns, then hinges by name [rad], a row a frame.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        root = self.qpos.shape[1] - len(self.joint_names)
+        free = ["x", "y", "z", "qw", "qx", "qy", "qz"]
+        names = [*(free if root == len(free) else [f"root {k}" for k in range(root)]), *self.joint_names]
+        return frame(dict(zip(names, self.qpos.T, strict=True)), np.arange(len(self)) / self.fps)
 
     def __len__(self) -> int:
         return len(self.qpos)

@@ -1,11 +1,13 @@
 """The human side's data: a skeleton and its motion."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints, frozen
 from robot_retarget.errors import MotionError, UsageError
+from robot_retarget.notebook import card, frame
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,29 @@ class Motion:
                 raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
+
+    def __repr__(self) -> str:
+        return f"<Motion {self.source or 'made'}: {', '.join(self._facts().values())}>"
+
+    def _repr_html_(self) -> str:
+        return card(self.source or "Motion", self._facts(), self.notes)
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "length": f"{self.duration:.2f} s",
+            "frames": f"{len(self)} at {self.fps:g}/s",
+            "joints": f"{len(self.skeleton)} joints, {'positions only' if self.rotations is None else 'with rotations'}",
+        }
+
+    def to_frame(self) -> Any:
+        """Positions of the joints [m] as a pandas DataFrame: columns (joint, axis), a row a frame.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        names = [(joint, axis) for joint in self.skeleton.names for axis in "xyz"]
+        columns = dict(zip(names, self.positions.reshape(len(self), -1).T, strict=True))
+        return frame(columns, np.arange(len(self)) / self.fps)
 
     def __len__(self) -> int:
         return len(self.positions)

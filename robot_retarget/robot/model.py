@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
+from robot_retarget.notebook import card
 
 FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_FREE,
@@ -64,6 +65,22 @@ class Robot:
                 f"{self.name}: joint {self.joint_names[j]!r} has the range {self.lower[j]:.4g} … {self.upper[j]:.4g} rad, "
                 "lower above upper"
             )
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {', '.join(self._facts().values())}>"
+
+    def _repr_html_(self) -> str:
+        limits = zip(self.joint_names, np.degrees(self.lower), np.degrees(self.upper), self.max_speed, strict=True)
+        joints = {name: f"{low:.0f} … {high:.0f}°, {speed:.1f} rad/s" for name, low, high, speed in limits}
+        return card(self.name, self._facts() | joints, self.notes)
+
+    def _facts(self) -> dict[str, str]:
+        root = "a free root" if self.floating else f"a root of {self.root_joints.size} joints"
+        return {
+            "joints": f"{len(self.joint_names)} joints",
+            "mass": f"{float(np.sum(self.model.body_mass)):.2f} kg",
+            "root": root if self.root_joints.size else "a fixed root",
+        }
 
     @cached_property
     def qpos_index(self) -> Ints:

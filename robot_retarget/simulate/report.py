@@ -12,6 +12,7 @@ from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.files import replacing
+from robot_retarget.notebook import card, frame
 from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.figures import (
     Tracking,
@@ -65,6 +66,25 @@ class Report:
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
         object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
+
+    def __repr__(self) -> str:
+        why = f": {'; '.join(self.reasons)}" if self.reasons else ""
+        return f"<Report {self.verdict}, {self.robot} {self.figures['mode']}{why}>"
+
+    def _repr_html_(self) -> str:
+        shown = {name: value for name, value in self.figures.items() if isinstance(value, int | float | str)}
+        facts = {name.replace("_", " "): f"{v:.4g}" if isinstance(v, float) else str(v) for name, v in shown.items()}
+        return card(f"{self.robot}: {self.verdict}", facts, self.reasons)
+
+    def to_frame(self) -> Any:
+        """What the servos did as a pandas DataFrame: columns (wanted | measured | error [rad] | torque [N m], joint).
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        kinds = [kind for kind in ("wanted", "measured", "error", "torque") if kind in self.series]
+        columns = {(kind, joint): self.series[kind][:, k] for kind in kinds for k, joint in enumerate(self.joint_names)}
+        return frame(columns, self.series.get("time", np.zeros(0)))
 
     def contract(self) -> dict[str, Any]:
         """The content of `report.json`."""
