@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
-import numpy as np
+from robot_retarget.motion.formats.array_file import BROKEN, shape_of
 
 HEAD = 8192
 """Of a file that is looked at [bytes]."""
@@ -38,7 +38,7 @@ class Glimpse:
         try:
             with ZipFile(self.path) as archive:
                 return tuple(archive.namelist())
-        except BadZipFile:
+        except BROKEN:
             return ()
 
     @cached_property
@@ -49,9 +49,4 @@ class Glimpse:
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """Of the array in an `.npy`; nothing where the file is none."""
-        if not self.head.startswith(b"\x93NUMPY"):
-            return ()
-        try:
-            return np.load(self.path, mmap_mode="r", allow_pickle=False).shape
-        except ValueError:
-            return ()
+        return shape_of(self.path) if self.head.startswith(b"\x93NUMPY") else ()

@@ -14,10 +14,11 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.joint_sets import HUMANML3D
 from robot_retarget.motion.formats.points import of_points
-from robot_retarget.motion.formats.positions import CONTACT, arrays_of
+from robot_retarget.motion.formats.positions import CONTACT
 from robot_retarget.motion.formats.request import Request
 
 WIDTH = 263

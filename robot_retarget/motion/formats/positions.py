@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.errors import MotionError, known
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
 from robot_retarget.motion.formats.request import USUAL_FPS, Request
@@ -23,7 +22,6 @@ from robot_retarget.motion.tree import sorted_tree
 POSITION_KEYS = ("positions", "joints", "posed_joints", "joint_positions", "joints3d", "xyz")
 ROTATION_KEYS = ("rotations", "global_rot_mats", "global_rotations")
 NAME_KEYS = ("names", "joint_names")
-FPS_KEYS = ("fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate")
 CONTACT_KEYS = ("foot_contacts", "contacts")
 """(T, 4) of left heel, left toe, right heel, right toe, the order of Kimodo."""
 CONTACT = 0.5
@@ -141,32 +139,6 @@ class _File:
                 self.path,
             )
         return values > CONTACT
-
-
-def stored_rate(stored: Any | None, path: Path) -> float | None:
-    """Frames per second as a file stores them.
-
-    Raises:
-        MotionError: not one positive number.
-    """
-    if stored is None:
-        return None
-    if stored.size != 1 or stored.dtype.kind not in "fiu" or not 0 < stored.item() < np.inf:
-        raise MotionError(f"frames per second must be one positive number, got {stored}", path)
-    return float(stored.item())
-
-
-def arrays_of(path: Path) -> dict[str, Any]:
-    """The arrays of an `.npz` by name; an `.npy` is called `positions`.
-
-    Raises:
-        MotionError: no such file, or it would take pickle to read it.
-    """
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        return {"positions": loaded} if isinstance(loaded, np.ndarray) else dict(loaded.items())
-    except (ValueError, EOFError, BadZipFile, UnpicklingError) as error:
-        raise MotionError(f"not an array file that numpy reads without pickle: {error}", path) from error
 
 
 def _known_set(file: _File, names: tuple[str, ...], count: int) -> JointSet | None:

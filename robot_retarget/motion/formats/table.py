@@ -40,7 +40,7 @@ class Format:
 FORMATS = (
     Format("BVH", (".bvh",), bvh.told, bvh.read),
     Format("ASF/AMC", (".amc",), amc.told, amc.read),
-    Format("C3D", (".c3d",), c3d.told, c3d.read),
+    Format("C3D", (".c3d",), c3d.told, c3d.read, frozenset({"clip"})),
     Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.told, gltf.read, frozenset({"clip"})),
     Format("DeepMimic", (), deepmimic.told, deepmimic.read),
     Format("HumanML3D features", (), humanml3d.told, humanml3d.read),

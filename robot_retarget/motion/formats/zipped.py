@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.array_file import BROKEN
 from robot_retarget.motion.formats.bvh.parse import captured
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.request import Request
@@ -34,7 +35,7 @@ def read(path: Path, request: Request) -> Capture:
             which, notes = request.choose(titles if len(set(titles)) == len(titles) else inside, path)
             with archive.open(inside[which]) as member:
                 data = member.read(LARGEST + 1)
-    except (BadZipFile, RuntimeError, NotImplementedError, EOFError) as error:
+    except (*BROKEN, RuntimeError) as error:
         raise MotionError(f"not a zip that can be read: {error}", path) from error
     title = f"{path}#{inside[which]}"
     if len(data) > LARGEST:

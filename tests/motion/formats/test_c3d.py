@@ -127,6 +127,17 @@ def test_a_chord_is_as_far_as_asked_at_a_right_angle_and_away_from_the_wand(seed
     assert np.dot(np.cross(above[0] - outer[0], centre[0] - outer[0]), normal[0]) < 0
 
 
+def test_one_of_two_people_is_read_by_name(tmp_path):
+    people = {f"Anna:{name}": place for name, place in adult().items()}
+    people |= {f"Ben:{name}": np.add(place, [0, 2000, 0]) for name, place in adult().items()}
+    written(tmp_path / "both.c3d", people)
+    anna, ben = read_motion(tmp_path / "both.c3d"), read_motion(f"{tmp_path / 'both.c3d'}#Ben")
+    assert any("The first of 2 motions was read (Anna, Ben)" in note for note in anna.notes)
+    assert ben.positions - anna.positions == pytest.approx(
+        np.tile([0.0, 2, 0], (*ben.positions.shape[:2], 1)), abs=1e-6
+    )
+
+
 def test_lost_markers_are_bridged_cut_off_or_refused(tmp_path):
     path = {name: np.tile(place, (100, 1)) for name, place in adult().items()}
     path["LKNE"][:, 0] = np.arange(100.0)

@@ -106,6 +106,14 @@ def test_a_body_model_gives_its_own_joints(tmp_path):
         read_motion(tmp_path / "p.npz", body_model=tmp_path / "SMPL.npz")
 
 
+def test_pickles_beside_the_parameters_are_left_out(tmp_path):
+    """As AMASS files of SMPL-X have them."""
+    path = saved(
+        tmp_path, poses=turns(55), trans=np.zeros((T, 3)), markers_latent_vids=np.array({"a": 1}, dtype=object)
+    )
+    assert len(smpl.read(path, Request()).positions) == T
+
+
 def test_a_field_of_another_width_is_named(tmp_path):
     trans = np.zeros((T, 3))
     for arrays, message in (

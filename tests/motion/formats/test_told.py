@@ -1,5 +1,6 @@
 """Which format a file is of: told by what is in it, whatever it is called."""
 
+import contextlib
 import pickle
 import shutil
 import zipfile
@@ -7,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from shared_files import ROOT, SHARED, needs_shared
 
-from robot_retarget.errors import MotionError
+from robot_retarget.errors import MotionError, RobotRetargetError
 from robot_retarget.motion import read_motion
-from robot_retarget.motion.formats import zipped
+from robot_retarget.motion.formats import array_file, zipped
 from robot_retarget.motion.formats.table import FORMATS, REFUSED, format_of
 
 WAVE = ROOT / "samples" / "wave.bvh"
@@ -100,6 +103,27 @@ def test_a_zip_that_grows_without_end_is_refused(tmp_path, monkeypatch):
     assert (tmp_path / "bomb.zip").stat().st_size < 10000
     with pytest.raises(MotionError, match=r"bomb\.zip#a\.bvh: more than 1 MB once it is unpacked"):
         read_motion(tmp_path / "bomb.zip")
+
+
+def test_an_array_that_grows_without_end_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(array_file, "LARGEST", 2**20)
+    np.savez_compressed(tmp_path / "bomb.npz", positions=np.zeros((10**5, 22, 3)))
+    assert (tmp_path / "bomb.npz").stat().st_size < 100_000
+    with pytest.raises(MotionError, match=r"bomb\.npz: positions\.npy is larger than"):
+        read_motion(tmp_path / "bomb.npz")
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_no_damage_to_a_file_ends_in_anything_but_a_sentence(tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("damaged")
+    path = data.draw(st.sampled_from(sorted(made(folder))))
+    content = bytearray(path.read_bytes()[:4000] if data.draw(st.booleans()) else path.read_bytes())
+    for _ in range(data.draw(st.integers(0, 6))):
+        content[data.draw(st.integers(0, min(len(content), 600) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    with contextlib.suppress(RobotRetargetError), np.errstate(all="ignore"):
+        read_motion(path)
 
 
 def test_a_broken_zip_and_one_without_motions_are_refused(tmp_path):

@@ -31,7 +31,10 @@ def read(path: Path, request: Request) -> Capture:
         MotionError: broken, no points, a unit that is not known, or not the markers that joints can be told from; says
             which are missing.
     """
-    labels, points, stored = _points(path)
+    titles, points, stored = _points(path)
+    subjects = sorted({subject for subject, _ in titles if subject}) or [""]
+    which, others = request.choose(subjects, path)
+    labels = [label if subject in ("", subjects[which]) else "" for subject, label in titles]
     markers = Markers({label: points[:, k] for k, label in enumerate(labels) if label})
     if missing := markers.missing():
         raise MotionError(_refusal(labels, missing), path)
@@ -43,11 +46,11 @@ def read(path: Path, request: Request) -> Capture:
     markers = Markers({label: paths[:, k] for k, label in enumerate(used)})
     body = joint_centres(markers)
     title = f"Joints were told from {len(used)} of {len(labels)} markers."
-    return of_points(body, fps, str(path), (title, *markers.notes, *notes, *said))
+    return of_points(body, fps, str(path), (*others, title, *markers.notes, *notes, *said))
 
 
-def _points(path: Path) -> tuple[list[str], Any, float | None]:
-    """The labels without the subject's name, the points (T, M, 3) in metres, NaN where lost, and their rate [1/s]."""
+def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
+    """Each point's subject and label, the points (T, M, 3) in metres, NaN where lost, and their rate [1/s]."""
     try:
         import ezc3d
     except ImportError as error:
@@ -63,10 +66,10 @@ def _points(path: Path) -> tuple[list[str], Any, float | None]:
     if not points.size:
         raise MotionError("POINT: it holds no points over time", path)
     points[(points == 0).all(axis=2)] = np.nan
-    labels = [_bare(label) for label in _all_labels(said)]
-    labels = [*labels, *[""] * points.shape[1]][: points.shape[1]]
+    titles = [_parts(label) for label in _all_labels(said)]
+    titles = [*titles, *[("", "")] * points.shape[1]][: points.shape[1]]
     rate = [value for value in said.get("RATE", {}).get("value", []) if value > 0]
-    return labels, points * _unit(said, path), float(rate[0]) if rate else None
+    return titles, points * _unit(said, path), float(rate[0]) if rate else None
 
 
 def _announced(path: Path) -> int:
@@ -83,8 +86,10 @@ def _all_labels(said: Any) -> list[str]:
     return [str(label) for key in keys if key in said for label in said[key]["value"]]
 
 
-def _bare(label: str) -> str:
-    return label.rpartition(":")[2].strip().upper()
+def _parts(label: str) -> tuple[str, str]:
+    """`Anna:LKNE` as subject and label."""
+    subject, _, bare = label.rpartition(":")
+    return subject.strip(), bare.strip().upper()
 
 
 def _unit(said: Any, path: Path) -> float:

@@ -7,10 +7,10 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.landmarks.tables import read_csv, read_json
 from robot_retarget.motion.formats.points import bridged, of_points
-from robot_retarget.motion.formats.positions import arrays_of
 from robot_retarget.motion.formats.request import Request
 
 LANDMARKS = (

@@ -6,8 +6,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.joint_sets import SMPL
-from robot_retarget.motion.formats.positions import arrays_of
 from robot_retarget.motion.skeleton import Skeleton
 
 JOINTS = 22

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
 from robot_retarget.motion.formats.glimpse import Glimpse
-from robot_retarget.motion.formats.positions import FPS_KEYS, arrays_of, stored_rate
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
 from robot_retarget.motion.kinematics import forward
