@@ -50,8 +50,9 @@ _SHORTEST = 0.5
 
 
 def told(glimpse: Glimpse) -> bool:
-    """Whether a file begins as a DeepMimic motion does."""
-    return glimpse.text.lstrip().startswith("{") and '"Frames"' in glimpse.text
+    """Whether a file begins as a DeepMimic motion or character does."""
+    text = glimpse.text.lstrip()
+    return text.startswith("{") and ('"Frames"' in text or '"TorqueLim"' in text)
 
 
 def read(path: Path, request: Request) -> Capture:
