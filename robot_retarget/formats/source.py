@@ -11,9 +11,9 @@ import numpy as np
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.options import Options
 from robot_retarget.formats.sidecar import read_sidecar
-from robot_retarget.formats.unpack import LZ4_MAGIC, file_bytes, load_npz
-from robot_retarget.formats.unpickle import load_pickle
 from robot_retarget.robot.model import Robot
+from robot_retarget.unpack import LZ4_MAGIC, file_bytes, load_npz
+from robot_retarget.unpickle import load_pickle
 
 PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
 

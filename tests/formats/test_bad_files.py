@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
 
+from robot_retarget import unpack
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
-from robot_retarget.formats import FORMATS, Options, export, import_motion, unpack
-from robot_retarget.formats.unpickle import dump_pickle, load_pickle
+from robot_retarget.formats import FORMATS, Options, export, import_motion
+from robot_retarget.unpickle import dump_pickle, load_pickle
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from robot_retarget.formats.columns import Columns, shaped
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.unpack import save_npz
 from robot_retarget.robot.model import FREE
+from robot_retarget.unpack import save_npz
 
 BODY_FIELDS = ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")
 COORDINATES = {int(FREE): 7, 1: 4}

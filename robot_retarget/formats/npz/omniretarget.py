@@ -15,7 +15,7 @@ from robot_retarget.formats.columns import Columns, shaped
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.unpack import save_npz
+from robot_retarget.unpack import save_npz
 
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
 OBJECT = 7

@@ -17,7 +17,7 @@ from robot_retarget.formats.format import Format
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.unpack import save_npz
+from robot_retarget.unpack import save_npz
 
 
 def write(motion: RobotMotion, path: Path) -> None:

@@ -14,7 +14,7 @@ from robot_retarget.formats.format import Format
 from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.unpickle import dump_pickle
+from robot_retarget.unpickle import dump_pickle
 
 CLAMP = 0
 """A motion ends where it ends."""

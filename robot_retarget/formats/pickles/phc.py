@@ -19,7 +19,7 @@ from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.formats.text.rows import FIRST_LAST, LAST_FIRST
-from robot_retarget.formats.unpickle import dump_pickle
+from robot_retarget.unpickle import dump_pickle
 
 ADDED = 3
 """Rows of zeros behind the joints."""

@@ -20,8 +20,8 @@ from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
 from robot_retarget.formats.source import Source
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.formats.text.rows import FIRST_LAST
-from robot_retarget.formats.unpack import LARGEST
 from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.unpack import LARGEST
 
 MAGIC = b"\x89MCAP0\r\n"
 WORLD = "world"

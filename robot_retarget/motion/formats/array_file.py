@@ -1,56 +1,34 @@
 """NumPy's files, `.npy` and `.npz`, read without pickle and within a limit."""
 
-import io
-import tokenize
-import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from robot_retarget.errors import MotionError
+from robot_retarget.errors import MotionError, TrajectoryError
+from robot_retarget.unpack import BROKEN, load_npz
 
 FPS_KEYS = ("fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate")
-LARGEST = 4 * 2**30
-"""Of an array once it is unpacked; an hour of a body with fingers at 120 frames a second is 0.5 GB [bytes]."""
-BROKEN = (ValueError, EOFError, BadZipFile, NotImplementedError, OverflowError, zlib.error, tokenize.TokenError)
-"""What Python's readers raise at bytes that are no archive, or no array."""
 
 
 def arrays_of(path: Path) -> dict[str, Any]:
     """The arrays of an `.npz` by name; an `.npy` is called `positions`. Arrays of objects, which are pickles, are left out.
 
     Raises:
-        MotionError: no such file, only pickles in it, or arrays larger than `LARGEST`.
+        MotionError: no such file, only pickles in it, or more in it than a machine can hold.
     """
     try:
         with path.open("rb") as file:
-            if file.read(2) == b"PK":
-                return _members(path)
-            file.seek(0)
-            return {"positions": np.lib.format.read_array(file, allow_pickle=False)}
+            if file.read(2) != b"PK":
+                file.seek(0)
+                return {"positions": np.lib.format.read_array(file, allow_pickle=False)}
+        arrays = load_npz(path)
+    except TrajectoryError as error:
+        raise MotionError(str(error).removeprefix(f"{path}: "), path) from error
     except BROKEN as error:
         raise MotionError(f"not an array file that numpy reads without pickle: {error}", path) from error
-
-
-def _members(path: Path) -> dict[str, Any]:
-    arrays, pickles = {}, []
-    with ZipFile(path) as archive:
-        for info in archive.infolist():
-            if info.file_size > LARGEST:
-                raise MotionError(f"{info.filename} is larger than {LARGEST // 2**30} GB once it is unpacked", path)
-            name = info.filename.removesuffix(".npy")
-            with archive.open(info) as member:
-                data = io.BytesIO(member.read())
-            try:
-                arrays[name] = np.lib.format.read_array(data, allow_pickle=False)
-            except ValueError as error:
-                if "Object arrays" not in str(error):
-                    raise
-                pickles.append(name)
-    if pickles and not arrays:
-        raise ValueError(f"{', '.join(pickles)} hold objects")
+    if not arrays:
+        raise MotionError("holds no array that numpy reads without pickle", path)
     return arrays
 
 

@@ -5,7 +5,8 @@ from functools import cached_property
 from pathlib import Path
 from zipfile import ZipFile
 
-from robot_retarget.motion.formats.array_file import BROKEN, shape_of
+from robot_retarget.motion.formats.array_file import shape_of
+from robot_retarget.unpack import BROKEN
 
 HEAD = 8192
 """Of a file that is looked at [bytes]."""

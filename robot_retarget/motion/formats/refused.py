@@ -31,24 +31,3 @@ def convert_fbx(path: Path, request: Request) -> NoReturn:
         f'FBX is not read. Convert it, and give {path.stem}.glb: blender --background --python-expr "{steps}"',
         path,
     )
-
-
-def pickled(glimpse: Glimpse) -> bool:
-    """Whether a file is a pickle, of PyTorch or of Python."""
-    return any(name.endswith("data.pkl") for name in glimpse.members) or glimpse.head[:1] == b"\x80"
-
-
-def convert_pickle(path: Path, request: Request) -> NoReturn:
-    """Refuse pickles, with how to make an `.npz` of what trackers write."""
-    torch = path.suffix.lower() in (".pt", ".pth")
-    load = f"torch.load('{path}', map_location='cpu')" if torch else f"joblib.load('{path}')"
-    person = "d.get('smpl_params_global', d)" if torch else "next(iter(d.values())) if 'poses' not in d else d"
-    steps = (
-        f"import {'torch' if torch else 'joblib'}, numpy; d = {load}; d = {person}; "
-        f"numpy.savez('{path.stem}.npz', **{{k: numpy.asarray(v) for k, v in d.items() if numpy.asarray(v).dtype != object}})"
-    )
-    raise MotionError(
-        f"pickles are not read, they can run code. Where you trust it, convert it and give {path.stem}.npz: "
-        f'python -c "{steps}"',
-        path,
-    )

@@ -46,6 +46,13 @@ FORMATS = (
     Format("HumanML3D features", (), humanml3d.told, humanml3d.read),
     Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.told, landmarks.read),
     Format("SMPL parameters", (), smpl.told, smpl.read, frozenset({"body_model"})),
+    Format(
+        "SMPL parameters in a pickle",
+        (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
+        smpl.pickled.told,
+        smpl.pickled.read,
+        frozenset({"body_model", "clip"}),
+    ),
     Format("joint positions", (".npy", ".npz"), positions.told, positions.read, frozenset({"names"})),
     Format("zip of motions", (".zip",), zipped.told, zipped.read, frozenset({"clip"})),
 )
@@ -53,7 +60,6 @@ FORMATS = (
 REFUSED = (
     Format("ASF skeleton", (".asf",), refused.asf, refused.skeleton_alone),
     Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
-    Format("pickle", (".pkl", ".pickle", ".pt", ".pth", ".joblib"), refused.pickled, refused.convert_pickle),
 )
 """Known, and refused with what to do instead."""
 

@@ -6,10 +6,10 @@ from zipfile import ZipFile
 
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.array_file import BROKEN
 from robot_retarget.motion.formats.bvh.parse import captured
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.unpack import BROKEN
 
 LARGEST = 256 * 2**20
 """Of a member once it is unpacked; an hour of a body with fingers at 60 frames a second is 200 MB of BVH [bytes]."""
@@ -35,7 +35,7 @@ def read(path: Path, request: Request) -> Capture:
             which, notes = request.choose(titles if len(set(titles)) == len(titles) else inside, path)
             with archive.open(inside[which]) as member:
                 data = member.read(LARGEST + 1)
-    except (*BROKEN, RuntimeError) as error:
+    except BROKEN as error:
         raise MotionError(f"not a zip that can be read: {error}", path) from error
     title = f"{path}#{inside[which]}"
     if len(data) > LARGEST:

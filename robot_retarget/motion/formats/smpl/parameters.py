@@ -26,8 +26,12 @@ _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_glob
 
 def told(glimpse: Glimpse) -> bool:
     """Whether an `.npz` holds turns of a body by one of their names."""
-    names = _bare(dict.fromkeys(glimpse.arrays)).keys()
-    return bool(names & set(WHOLE) or (names & set(BODY) and names & set(ROOT)))
+    return holds_turns(_bare(dict.fromkeys(glimpse.arrays)))
+
+
+def holds_turns(arrays: Mapping[str, Any]) -> bool:
+    """Whether there are turns of a body among arrays, by their names."""
+    return bool(arrays.keys() & set(WHOLE) or (arrays.keys() & set(BODY) and arrays.keys() & set(ROOT)))
 
 
 def read(path: Path, request: Request) -> Capture:
@@ -36,7 +40,11 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: a field is missing or of another width; names it and what was expected.
     """
-    arrays = _bare(arrays_of(path))
+    return captured(_bare(arrays_of(path)), path, request)
+
+
+def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture:
+    """What the arrays of one body say; as `read`."""
     turns = _turns(arrays, path)
     place, notes = _place(arrays, len(turns), path)
     betas = _betas(arrays, path)

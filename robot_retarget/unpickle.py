@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats.unpack import unpacked
+from robot_retarget.unpack import unpacked
 
 PROTOCOL = 4
 """Of what is written: Python 3.4 and later read it."""
@@ -29,7 +29,7 @@ def load_pickle(path: Path) -> Any:
     """
     stream = io.BytesIO(unpacked(path))
     try:
-        return _Unpickler(stream).load()
+        return DataUnpickler(stream).load()
     except pickle.UnpicklingError as error:
         raise TrajectoryError(f"{path}: {error}") from error
     except (
@@ -69,7 +69,7 @@ class _JoblibArray:
         self.state: dict[str, Any] = {}
 
 
-class _Unpickler(pickle._Unpickler):  # the compiled one cannot stop at joblib's arrays
+class DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at joblib's arrays
     """Builds nothing but data."""
 
     dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)

@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -14,6 +15,18 @@ from robot_retarget.errors import TrajectoryError
 LARGEST = 2 << 30
 """What a file may hold unpacked [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
 CHUNK = 1 << 20
+BROKEN = (
+    ValueError,
+    EOFError,
+    MemoryError,
+    NotImplementedError,
+    OverflowError,
+    RuntimeError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What Python's readers raise at bytes that are no archive, or no array."""
 LZ4_MAGIC, GZIP_MAGIC, ZLIB_MAGIC = b"\x04\x22\x4d\x18", b"\x1f\x8b", b"\x78"
 
 
@@ -69,20 +82,23 @@ def load_npz(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             if sum(member.file_size for member in archive.infolist()) > LARGEST:
                 raise _too_large(path)
-        found = {}
-        with np.load(path, allow_pickle=False) as arrays:
-            for key in arrays.files:
-                try:
-                    value = arrays[key]
-                except ValueError:
-                    continue
-                if isinstance(value, np.ndarray):
-                    found[key] = value
-        return found
+            names = [name for name in archive.namelist() if name.endswith(".npy")]
+            read = {name.removesuffix(".npy"): _array(archive.read(name)) for name in names}
     except OSError as error:
         raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, EOFError, MemoryError, zlib.error, NotImplementedError) as error:
+    except BROKEN as error:
         raise TrajectoryError(f"{path}: broken .npz: {error}") from error
+    return {name: array for name, array in read.items() if array is not None}
+
+
+def _array(data: bytes) -> np.ndarray | None:
+    """An array of plain numbers or text; None where it is one of objects."""
+    try:
+        return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except ValueError as error:
+        if "Object arrays" in str(error):
+            return None
+        raise
 
 
 def save_npz(path: Path, **arrays: Any) -> None:

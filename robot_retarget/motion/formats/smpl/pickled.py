@@ -1,0 +1,60 @@
+"""Results of video trackers as they write them, pickles of nested dicts (GVHMR's `.pt`, WHAM's `.pkl`), read as data."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.errors import MotionError, TrajectoryError
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
+from robot_retarget.motion.formats.smpl.torch_file import load_torch
+from robot_retarget.unpickle import load_pickle
+
+_PICKLE, _ZLIB = b"\x80", (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda")
+
+
+def told(glimpse: Glimpse) -> bool:
+    """Whether a file is a pickle, of PyTorch, of joblib or of Python."""
+    in_zip = any(name.endswith("data.pkl") for name in glimpse.members)
+    return in_zip or (glimpse.head.startswith((_PICKLE, *_ZLIB)) and not glimpse.head.isascii())
+
+
+def read(path: Path, request: Request) -> Capture:
+    """Read the parameters of the first body in the world, or of the one asked for by its name.
+
+    Raises:
+        MotionError: it would run code, or holds no turns of a body; says what it holds.
+    """
+    try:
+        said = load_torch(path) if path.read_bytes()[:2] == b"PK" else load_pickle(path)
+    except TrajectoryError as error:
+        raise MotionError(str(error).removeprefix(f"{path}: "), path) from error
+    bodies = dict(_bodies(said, ""))
+    if not bodies:
+        held = ", ".join(map(str, said)) if isinstance(said, Mapping) else type(said).__name__
+        raise MotionError(f"no turns of a body in this pickle; it holds {held or 'nothing'}", path)
+    names = sorted(bodies, key=lambda name: "incam" in name)
+    which, notes = request.choose(names, path)
+    capture = captured(bodies[names[which]], path, request)
+    return replace(capture, notes=(*notes, *capture.notes))
+
+
+def _bodies(said: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every dict in the pickle that holds turns of a body, by the keys that lead to it."""
+    if not isinstance(said, Mapping):
+        return
+    arrays = {str(key): np.asarray(value) for key, value in said.items() if _is_plain(value)}
+    if holds_turns(arrays):
+        yield name or "body", arrays
+    for key, value in said.items():
+        yield from _bodies(value, f"{name}/{key}" if name else str(key))
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether a value is numbers."""
+    return isinstance(value, np.ndarray | int | float) and not isinstance(value, bool)

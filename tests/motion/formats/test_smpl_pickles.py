@@ -1,0 +1,135 @@
+"""Pickles of video trackers: read as data, as the `.npz` of the same numbers is, and never run."""
+
+import collections
+import pickle
+import sys
+import types
+import zipfile
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pytest
+
+from robot_retarget.errors import MotionError
+from robot_retarget.motion import read_motion
+
+T = 9
+RNG = np.random.default_rng(9)
+ROOT, BODY = RNG.normal(0, 0.2, (T, 3)).astype("f4"), RNG.normal(0, 0.2, (T, 63)).astype("f4")
+PLACE, BETAS = RNG.normal(0, 1, (T, 3)).astype("f4"), np.zeros((T, 10), "f4")
+
+
+@pytest.fixture
+def expected(tmp_path) -> np.ndarray:
+    np.savez(tmp_path / "clip.npz", global_orient=ROOT, body_pose=BODY, transl=PLACE, betas=BETAS)
+    return read_motion(tmp_path / "clip.npz").positions
+
+
+@pytest.mark.parametrize("pack", [0, 3])
+def test_results_of_wham_are_its_bodies_in_the_world(tmp_path, expected, pack):
+    poses = np.concatenate([ROOT, BODY, np.zeros((T, 6), "f4")], axis=1)
+    world = {"pose_world": poses, "trans_world": PLACE, "betas": BETAS}
+    people = {0: {**world, "pose": poses + 1, "trans": PLACE + 1}, 7: {**world, "trans_world": PLACE + 3}}
+    joblib.dump(people, tmp_path / "wham_output.pkl", compress=pack)
+    motion = read_motion(tmp_path / "wham_output.pkl")
+    assert motion.positions == pytest.approx(expected, abs=1e-6)
+    assert any("The first of 2 motions was read (0, 7)" in note for note in motion.notes)
+    other = read_motion(f"{tmp_path / 'wham_output.pkl'}#7").positions
+    assert np.ptp(other - motion.positions, axis=(0, 1)) == pytest.approx(0, abs=1e-5)
+
+
+def as_torch(path: Path, value, monkeypatch) -> Path:
+    """A file as `torch.save` lays it out; PyTorch itself is stood in for by names."""
+    torch, utils = types.ModuleType("torch"), types.ModuleType("torch._utils")
+
+    class FloatStorage:
+        pass
+
+    def _rebuild_tensor_v2(*_):
+        raise AssertionError("a name only")
+
+    for thing, module, home in ((FloatStorage, "torch", torch), (_rebuild_tensor_v2, "torch._utils", utils)):
+        thing.__module__, thing.__qualname__ = module, thing.__name__
+        setattr(home, thing.__name__, thing)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setitem(sys.modules, "torch._utils", utils)
+    storages: list[bytes] = []
+
+    class Storage:
+        def __init__(self, array: np.ndarray):
+            self.count = array.size
+            storages.append(np.ascontiguousarray(array, "<f4").tobytes())
+            self.name = str(len(storages) - 1)
+
+    class Pickler(pickle._Pickler):
+        def persistent_id(self, obj):
+            return ("storage", FloatStorage, obj.name, "cuda:0", obj.count) if isinstance(obj, Storage) else None
+
+        def save(self, obj, save_persistent_id=True):
+            if isinstance(obj, np.ndarray):
+                obj = Tensor(obj)
+            return super().save(obj, save_persistent_id)  # pyright: ignore[reportAttributeAccessIssue]
+
+    class Tensor:
+        def __init__(self, array: np.ndarray):
+            self.array = array
+
+        def __reduce__(self):
+            steps = tuple(step // 4 for step in np.ascontiguousarray(self.array, "f4").strides)
+            hooks = collections.OrderedDict()
+            return _rebuild_tensor_v2, (Storage(self.array), 0, self.array.shape, steps, False, hooks)
+
+    with zipfile.ZipFile(path, "w") as archive:
+        with archive.open("results/data.pkl", "w") as stream:
+            Pickler(stream, protocol=2).dump(value)
+        for k, data in enumerate(storages):
+            archive.writestr(f"results/data/{k}", data)
+    return path
+
+
+def test_results_of_gvhmr_are_the_body_in_the_world_before_that_in_the_camera(tmp_path, expected, monkeypatch):
+    world = {"body_pose": BODY, "global_orient": ROOT, "transl": PLACE, "betas": BETAS}
+    said = {
+        "smpl_params_incam": {**world, "transl": PLACE + 2},
+        "smpl_params_global": world,
+        "K_fullimg": np.eye(3)[None],
+    }
+    path = as_torch(tmp_path / "hmr4d_results.pt", said, monkeypatch)
+    motion = read_motion(path)
+    assert motion.positions == pytest.approx(expected, abs=1e-6)
+    assert any("smpl_params_global, smpl_params_incam" in note for note in motion.notes)
+
+
+def test_pickles_that_would_run_code_are_refused_and_do_not(tmp_path, monkeypatch):
+    class Harm:
+        def __reduce__(self):
+            return Path.touch, (tmp_path / "harmed",)
+
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"pose": Harm()}))
+    as_torch(tmp_path / "a.pt", {"pose": Harm()}, monkeypatch)
+    for name in ("a.pkl", "a.pt"):
+        with pytest.raises(MotionError, match=rf"{name}: the pickle wants to make .*, which could run code"):
+            read_motion(tmp_path / name)
+    np.save(tmp_path / "b.npy", np.array([Harm()], dtype=object), allow_pickle=True)
+    with pytest.raises(MotionError, match="without pickle"):
+        read_motion(tmp_path / "b.npy")
+    assert not (tmp_path / "harmed").exists()
+
+
+def test_pickles_without_a_body_and_cut_ones_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"dof_pos": np.zeros((4, 29)), "fps": 30}))
+    with pytest.raises(MotionError, match=r"no turns of a body in this pickle; it holds dof_pos, fps"):
+        read_motion(tmp_path / "a.pkl")
+    whole = pickle.dumps({"pose": np.zeros((4, 72))})
+    (tmp_path / "b.pkl").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(MotionError, match=r"b\.pkl: .*pickle"):
+        read_motion(tmp_path / "b.pkl")
+    path = as_torch(tmp_path / "c.pt", {"pose": np.zeros((4, 72), "f4")}, monkeypatch)
+    with zipfile.ZipFile(path) as archive:
+        index = archive.read("results/data.pkl")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("results/data.pkl", index)
+        archive.writestr("results/data/0", bytes(40))
+    with pytest.raises(MotionError, match=r"c\.pt: broken file of PyTorch"):
+        read_motion(path)
