@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import BodyModel, Json, Limits, SourceFps
+from robot_retarget.cli.options import BodyModel, Json, Limits, SourceFps, Up
 from robot_retarget.cli.stages import load, names_robot, read_clip
 from robot_retarget.errors import UsageError
 
@@ -21,6 +21,7 @@ def info(
     ] = None,
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
+    up: Up = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
@@ -32,7 +33,7 @@ def info(
     if robot is not None or names_robot(str(file)):
         facts = describe_robot(load(str(robot or file), limits))
     else:
-        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model))
+        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model, up))
     if json:
         console.dump(facts)
     elif facts["kind"] == "robot":

@@ -38,3 +38,7 @@ Balance = Annotated[
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
 Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
+Up = Annotated[
+    str | None,
+    typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default told from the poses."),
+]

@@ -18,6 +18,7 @@ from robot_retarget.cli.options import (
     Overrides,
     RobotName,
     SourceFps,
+    Up,
 )
 from robot_retarget.cli.stages import Wishes, fill_folder, load, play_on_emulated, read_clip, shipped_clip
 from robot_retarget.shipped import MODELS
@@ -34,6 +35,7 @@ def run(
     fps: Fps = None,
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
+    up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
     legs: Legs = "follow",
@@ -44,7 +46,7 @@ def run(
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
     verdict = fill_folder(
-        read_clip(motion, frames, source_fps, body_model), load(robot, limits), out, wishes, video, json
+        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits), out, wishes, video, json
     )
     raise typer.Exit(0 if verdict == "pass" else 1)
 

@@ -18,6 +18,7 @@ from robot_retarget.cli.options import (
     Overrides,
     RobotName,
     SourceFps,
+    Up,
 )
 from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip
 
@@ -33,6 +34,7 @@ def solve(
     fps: Fps = None,
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
+    up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
     legs: Legs = "follow",
@@ -46,7 +48,9 @@ def solve(
 
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance)
-    result = carried_over(read_clip(motion, frames, source_fps, body_model), load(robot, limits), wishes, quiet=json)
+    result = carried_over(
+        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits), wishes, quiet=json
+    )
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:

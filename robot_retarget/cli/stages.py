@@ -169,12 +169,16 @@ def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) 
 
 
 def read_clip(
-    path: Path, frames: str | None, source_fps: float | None = None, body_model: Path | None = None
+    path: Path,
+    frames: str | None,
+    source_fps: float | None = None,
+    body_model: Path | None = None,
+    up: str | None = None,
 ) -> "Motion":
     """The motion of a file, or the part of it that `START:STOP` names."""
     from robot_retarget.motion import read_motion
 
-    motion = read_motion(path, fps=source_fps, body_model=body_model)
+    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up)
     if frames is None:
         return motion
     start, colon, stop = frames.partition(":")

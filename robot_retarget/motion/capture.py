@@ -1,6 +1,6 @@
 """What a motion file says, before anything is made of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,3 +32,8 @@ class Capture:
             if values is not None and not np.isfinite(values).all():
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+
+    def since(self, first: int) -> "Capture":
+        """The frames from one on."""
+        rotations, contacts = (None if v is None else v[first:] for v in (self.rotations, self.contacts))
+        return replace(self, positions=self.positions[first:], rotations=rotations, contacts=contacts)

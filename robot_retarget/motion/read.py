@@ -16,6 +16,7 @@ def read_motion(
     fps: float | None = None,
     names: Sequence[str] | None = None,
     body_model: str | Path | None = None,
+    up: str | None = None,
 ) -> Motion:
     """Read a human motion, in metres and z up.
 
@@ -26,10 +27,11 @@ def read_motion(
         fps: frames per second, in place of what the file says.
         names: joint names, for arrays that carry none.
         body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
+        up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of what is told from the poses.
 
     Raises:
-        MotionError: the file cannot be read; names the line or field, or the frame and joint, and what was expected.
-        UsageError: `fps` is not positive, or something is given that files of this format do not take.
+        MotionError: the file cannot be read, or which axis points up cannot be told; names the line or field, or the frame and joint, and what was expected.
+        UsageError: `fps` is not positive, `up` is no axis, or something is given that files of this format do not take.
     """
     file, clip = _part(Path(path))
     if fps is not None and not 0 < fps < float("inf"):
@@ -45,7 +47,7 @@ def read_motion(
         capture = chosen.read(file, request)
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
-    return upright(capture)
+    return upright(capture, up)
 
 
 def _part(path: Path) -> tuple[Path, str | None]:

@@ -1,16 +1,17 @@
-"""From a file's unit and axes to metres with z up, decided by the body in its poses, or by its format where that is strict."""
+"""From a file's unit and axes to metres with z up, decided by the body in its poses before anything the file says."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
-from robot_retarget.errors import MatchError
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError, MotionError, UsageError, known
 from robot_retarget.motion.calibration import calibration_frames
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition, recognise
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
+from robot_retarget.motion.vertical import AXES, VerticalRule, find_vertical
 
 UNITS = {
     "metre": 1.0,
@@ -23,31 +24,46 @@ UNITS = {
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
-AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
 
 
-def upright(capture: Capture) -> Motion:
+def upright(capture: Capture, up: str | None = None) -> Motion:
     """A motion in metres, z up, of what a file says; calibration frames at its start are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
     nothing else is moved. A body that is not human keeps y up, its unit guessed from its size.
+
+    Args:
+        up: the axis of the file that points up (`x`, `-y`, …), in place of what the format says or the poses tell.
+
+    Raises:
+        UsageError: `up` is no axis.
+        MotionError: which axis points up cannot be told.
     """
+    told = capture.up if up is None else signed_axis(up)
     try:
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:
-        unit = _likely_unit(capture.positions)
-        reason = str(error)
-        axis = (capture.up or "+y").removeprefix("+")
-        note = f"{reason[:1].upper()}{reason[1:]}; {axis} is taken as up and the {unit} as unit."
-        return _motion(capture, 0, UNITS[unit], capture.up or "+y", (note,))
+        return _stranger(capture, told, str(error))
     first, calibration = calibration_frames(recognition, capture.positions, capture.fps)
-    positions = capture.positions[first:]
-    metres, unit_note = unit_of(recognition, positions)
-    axis = capture.up or up_axis(recognition, positions)
-    notes = (*calibration, unit_note, *recognition.notes)
+    capture = capture.since(first)
+    metres, unit_note = unit_of(recognition, capture.positions)
+    axis, axis_notes = _up(recognition, capture, metres) if told is None else (told, ())
+    notes = (*calibration, *axis_notes, *recognition.notes, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
-    return _motion(capture, first, metres, axis, notes)
+    return _motion(capture, metres, axis, notes)
+
+
+def signed_axis(name: str) -> str:
+    """`y` → `+y`.
+
+    Raises:
+        UsageError: no such axis.
+    """
+    axis = name.lower() if name[:1] in "+-" else f"+{name.lower()}"
+    if axis not in AXES:
+        raise UsageError(f"no axis {name!r}; {known(AXES)}")
+    return axis
 
 
 def unit_of(recognition: Recognition, positions: Floats) -> tuple[float, str]:
@@ -63,40 +79,50 @@ def unit_of(recognition: Recognition, positions: Floats) -> tuple[float, str]:
     )
 
 
-def up_axis(recognition: Recognition, positions: Floats) -> str:
-    """The signed axis that points up.
-
-    Mean of head minus ankles along each axis, less how much the lowest point moves along it: a body that falls and lies
-    leaves the mean, but its lowest point stays on the floor.
-    """
-    x = recognition.place(positions)
-    at = recognition.keypoints.index
-    ankles = x[:, [at("l_ankle"), at("r_ankle")]].mean(axis=1)
-    top = x[:, at("head")] if "head" in recognition.marks else x[:, [at("l_shoulder"), at("r_shoulder")]].mean(axis=1)
-    mean = unit(top - ankles).mean(axis=0)
-    leg = leg_length(recognition, positions)
-    unsteady = np.concatenate([x.min(axis=1).std(axis=0), x.max(axis=1).std(axis=0)]) / leg
-    score = np.concatenate([mean, -mean]) - np.minimum(unsteady, 0.5)
-    return AXES[int(np.argmax(score))]
-
-
 def turn_to_z(axis: str) -> Floats:
     """The proper rotation (3, 3) that takes a signed axis to z: a cyclic change of axes, or half a turn about x after it."""
     matrix = np.roll(np.eye(3), AXES.index(f"+{axis[1]}") - 2, axis=1)
     return matrix if axis[0] == "+" else np.diag([1.0, -1.0, -1.0]) @ matrix
 
 
-def _motion(capture: Capture, first: int, metres: float, axis: str, notes: tuple[str, ...]) -> Motion:
+def _up(recognition: Recognition, capture: Capture, metres: float) -> tuple[str, tuple[str, ...]]:
+    """The axis that points up, and a sentence where its lead is small.
+
+    Raises:
+        MotionError: it has none.
+    """
+    rule = VerticalRule()
+    found = find_vertical(recognition, capture, metres, rule)
+    if found.margin < rule.tie:
+        raise MotionError(
+            f"cannot tell whether {found.axis} or {found.second} points up ({found.reasons}); say which (--up {found.axis})",
+            capture.source,
+        )
+    if found.margin >= rule.doubt:
+        return found.axis, ()
+    sentence = f"It is not sure that {found.axis} points up ({found.share:.0%} against {found.second}; {found.reasons})"
+    return found.axis, (f"{sentence}: if the body should stand otherwise, say --up {found.second}.",)
+
+
+def _stranger(capture: Capture, told: str | None, reason: str) -> Motion:
+    """What is not human, in the unit in which it is about as large as a person, y up unless told otherwise."""
+    unit, axis = _likely_unit(capture.positions), told or "+y"
+    note = f"{reason[:1].upper()}{reason[1:]}; {axis.lstrip('+')} is taken as up and the {unit} as unit."
+    return _motion(capture, UNITS[unit], axis, (note,))
+
+
+def _motion(capture: Capture, metres: float, axis: str, notes: tuple[str, ...]) -> Motion:
     """x' = s M x and R' = M R Mᵀ, of a quaternion (w, M v): joints keep their rest pose, which turns along."""
     turn = turn_to_z(axis)
     rotations = None
     if capture.rotations is not None:
-        rotations = capture.rotations[first:].copy()
+        rotations = capture.rotations.copy()
         rotations[..., 1:] = rotations[..., 1:] @ turn.T
     skeleton = replace(capture.skeleton, offsets=metres * capture.skeleton.offsets @ turn.T)
-    positions = metres * capture.positions[first:] @ turn.T
-    contacts = None if capture.contacts is None else capture.contacts[first:]
-    return Motion(skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes), contacts)
+    positions = metres * capture.positions @ turn.T
+    return Motion(
+        skeleton, positions, rotations, capture.fps, capture.source, (*capture.notes, *notes), capture.contacts
+    )
 
 
 def _likely_unit(positions: Floats) -> str:

@@ -85,8 +85,10 @@ def test_any_axis_and_unit_give_the_same_body(clip, axis, unit, quarter):
     motion = motion_of(clip)
     undo = np.linalg.inv(turn_to_z(axis)) @ Rotation.from_euler("z", 90 * quarter, degrees=True).as_matrix()
     assert motion.rotations is not None
+    skeleton = replace(motion.skeleton, offsets=motion.skeleton.offsets @ undo.T / unit)
     turned = replace(
         capture_of(clip),
+        skeleton=skeleton,
         positions=motion.positions @ undo.T / unit,
         rotations=motion.rotations,
         notes=(),

@@ -1,0 +1,189 @@
+"""Which axis of a file points up: a weighing of everything that tells, with a margin.
+
+Each kind of evidence gives every signed axis a score, a log-likelihood up to a constant; the scores add up. A body that
+lies through the whole clip is still known by the height of its floor, its rest pose, the custom of files and its flights.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.recognise import Recognition
+from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.motion.stature import leg_length
+
+AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
+GRAVITY = 9.81
+"""[m/s²]."""
+SEGMENTS = {
+    ("pelvis", "chest"): 0.497, ("neck", "head"): 0.081,
+    ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
+    ("shoulder", "elbow"): 0.028, ("elbow", "hand"): 0.022,
+}  # fmt: skip
+"""Shares of the body's mass between two keypoints; of one side where there are two [Winter2009]."""
+
+
+@dataclass(frozen=True)
+class VerticalRule:
+    """How much each kind of evidence counts, in natural units of a log-likelihood; lengths in leg lengths."""
+
+    posture: float = 4.0
+    """Head over ankles in every frame: 98 of 100 short windows of motion capture show people upright."""
+    steadiness: float = 4.0
+    """Per leg length by which the lowest point of the body moves: it stays on the floor."""
+    unsteady: float = 0.5
+    """More than this counts no further."""
+    floor: float = 3.5
+    """The lowest point of the clip is at height 0, as in most files ..."""
+    near: float = 0.2
+    """... within about this."""
+    flight: float = 3.0
+    """The centre of mass falls freely, for as long as `airborne` or longer."""
+    airborne: float = 0.15
+    """Of a flight that counts fully [s]."""
+    free: float = 0.25
+    """An acceleration that is gravity within this share of it is free fall."""
+    rest: float = 1.5
+    """Head over ankles in the rest pose: of 115 files of 32 exporters three in four agree with the motion."""
+    climb: float = 3.0
+    """The pelvis travels further than a person climbs: against the axis ..."""
+    height: tuple[float, float] = (1.2, 1.8)
+    """... from the first on, fully from the second."""
+    custom: dict[str, float] = field(
+        default_factory=lambda: {"+x": -1.5, "+y": 0.0, "+z": -0.7, "-x": -1.5, "-y": -1.5, "-z": -1.5}
+    )
+    """How usual the axis is: y, then z."""
+    doubt: float = 1.5
+    """A lead over the second best axis below this is said: odds of less than 4.5 to 1 ..."""
+    tie: float = 0.2
+    """... and below this it is none."""
+
+
+@dataclass(frozen=True)
+class Vertical:
+    """The axis that points up, and what speaks for it."""
+
+    axis: str
+    second: str
+    margin: float
+    """Lead of the best axis over the second: the logarithm of the odds."""
+    evidence: dict[str, Floats]
+    """(6,) per kind, in the order of `AXES`."""
+
+    @property
+    def share(self) -> float:
+        """The odds of the best axis against the second as a probability."""
+        return float(1 / (1 + np.exp(-self.margin)))
+
+    @property
+    def reasons(self) -> str:
+        """The kinds of evidence by which the best axis leads, and those by which it falls behind."""
+        best, second = AXES.index(self.axis), AXES.index(self.second)
+        lead = {kind: float(score[best] - score[second]) for kind, score in self.evidence.items()}
+        for_it = [kind for kind in sorted(lead, key=lambda k: -lead[k]) if lead[kind] > 0.3]
+        against = [kind for kind in sorted(lead, key=lambda k: lead[k]) if lead[kind] < -0.3]
+        told = f"for {self.axis}: {', '.join(for_it) or 'nothing'}"
+        return f"{told}; for {self.second}: {', '.join(against)}" if against else told
+
+
+def find_vertical(
+    recognition: Recognition, capture: Capture, metres: float, rule: VerticalRule | None = None
+) -> Vertical:
+    """Weigh the six signed axes of a file whose unit is so many metres.
+
+    The rest pose speaks where there are rotations: without, the skeleton's offsets are those of a pose of the motion.
+    """
+    rule = rule or VerticalRule()
+    positions = capture.positions
+    leg = leg_length(recognition, positions)
+    keypoints = recognition.place(positions)
+    evidence = {
+        "posture": rule.posture * _signed(_stance(recognition, keypoints).mean(axis=0)),
+        "steady lowest point": -rule.steadiness * _unsteady(positions, leg, rule),
+        "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
+        "free fall": rule.flight * _flights(recognition, keypoints * metres, capture.fps, rule),
+        "rest pose": rule.rest
+        * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
+        "travel": -rule.climb * _climb(recognition, keypoints, leg, rule),
+        "custom": np.array([rule.custom[axis] for axis in AXES]),
+    }
+    total = sum(evidence.values(), np.zeros(len(AXES)))
+    order = np.argsort(-total, kind="stable")
+    margin = float(total[order[0]] - total[order[1]])
+    return Vertical(AXES[order[0]], AXES[order[1]], margin, evidence)
+
+
+def _signed(along: Floats) -> Floats:
+    """(6,) of a vector: along every axis, then against it."""
+    return np.concatenate([along, -along])
+
+
+def _stance(recognition: Recognition, keypoints: Floats) -> Floats:
+    """(T, 3) directions to the head, or to the shoulders of who has none, from the ankle that is farther from it."""
+    at = recognition.keypoints.index
+    top = ["head"] if "head" in recognition.marks else ["l_shoulder", "r_shoulder"]
+    ways = keypoints[:, [at(k) for k in top]].mean(axis=1)[:, None] - keypoints[:, [at("l_ankle"), at("r_ankle")]]
+    farther = np.linalg.norm(ways, axis=2).argmax(axis=1)
+    return unit(ways[np.arange(len(ways)), farther])
+
+
+def _lowest(positions: Floats) -> Floats:
+    """(T, 6) lowest coordinate of the body along every signed axis."""
+    return np.concatenate([positions.min(axis=1), -positions.max(axis=1)], axis=1)
+
+
+def _unsteady(positions: Floats, leg: float, rule: VerticalRule) -> Floats:
+    return np.minimum(_lowest(positions).std(axis=0) / leg, rule.unsteady)
+
+
+def _floor_at_zero(positions: Floats, leg: float, rule: VerticalRule) -> Floats:
+    """(6,) whether the clip begins at height 0; a thin body that stands astride 0 begins nowhere."""
+    low = np.quantile(_lowest(positions), 0.05, axis=0) / leg
+    near = np.exp(-((low / rule.near) ** 4))
+    return np.maximum(near - np.roll(near, 3), 0.0)
+
+
+def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: VerticalRule) -> Floats:
+    """(6,) the longest free fall along every signed axis over `airborne`, 1 at most."""
+    window = 2 * round(rule.airborne * fps / 2) + 1
+    if window < 5 or len(keypoints) < window:
+        return np.zeros(len(AXES))
+    mass = centre_of_mass(recognition, keypoints)
+    acceleration = np.asarray(savgol_filter(mass, window, 2, deriv=2, delta=1 / fps, axis=0), dtype=np.float64)
+    off = np.linalg.norm(acceleration[:, None] + GRAVITY * np.concatenate([np.eye(3), -np.eye(3)]), axis=2)
+    falling = off < rule.free * GRAVITY
+    longest = np.zeros(len(AXES))
+    run = np.zeros(len(AXES))
+    for now in falling:
+        run = (run + 1) * now
+        longest = np.maximum(longest, run)
+    return np.minimum(longest / fps / rule.airborne, 1.0)
+
+
+def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:
+    """(T, 3) of keypoints (T, K, 3), from the segments that the body has."""
+    at, total, mass = recognition.keypoints.index, np.zeros(keypoints[:, 0].shape), 0.0
+    for (upper, lower), share in SEGMENTS.items():
+        for side in ("",) if upper in ("pelvis", "neck") else ("l_", "r_"):
+            ends = [side + end for end in (upper, lower) if side + end in recognition.marks]
+            if ends:
+                total += share * keypoints[:, [at(end) for end in ends]].mean(axis=1)
+                mass += share
+    return total / mass
+
+
+def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
+    """(6,) how much the head stands over the ankles at rest; 0 where it lies along x, as bones do that are laid out."""
+    along = _stance(recognition, recognition.place(skeleton.rest()[None]))[0]
+    clear = np.abs(along[1:]).max() > 0.9
+    return np.maximum(_signed(along * [0.0, 1.0, 1.0]), 0.0) if clear else np.zeros(len(AXES))
+
+
+def _climb(recognition: Recognition, keypoints: Floats, leg: float, rule: VerticalRule) -> Floats:
+    pelvis = keypoints[:, recognition.keypoints.index("pelvis")]
+    low, high = rule.height
+    span = np.clip((np.ptp(pelvis, axis=0) / leg - low) / (high - low), 0.0, 1.0)
+    return np.concatenate([span, span])
