@@ -103,3 +103,14 @@ def motor_tracks(motion: RobotMotion, qvel: Floats) -> tuple[Floats, Floats]:
         mujoco.mj_fwdVelocity(model, data)
         lengths[t], rates[t] = data.actuator_length, data.actuator_velocity
     return lengths, rates
+
+
+def site_tracks(motion: RobotMotion) -> tuple[Floats, Floats]:
+    """(T, S, 3) places of the model's sites [m] and (T, S, 9) their rotations, row by row."""
+    model, data = motion.robot.model, mujoco.MjData(motion.robot.model)
+    places, turns = np.zeros((len(motion), model.nsite, 3)), np.zeros((len(motion), model.nsite, 9))
+    for t in range(len(motion)):
+        data.qpos[:] = motion.qpos[t]
+        mujoco.mj_kinematics(model, data)
+        places[t], turns[t] = data.site_xpos, data.site_xmat
+    return places, turns

@@ -49,7 +49,7 @@ def assembled(columns: Columns, robot: Robot, options: Options, fps: float | Non
             file without joint names whose width is not the robot's.
         UsageError: `options.joints` has another length than the file's columns, or no rate is known.
     """
-    rate = options.source_fps or columns.fps or fps
+    rate = next((told for told in (options.source_fps, columns.fps, fps) if told is not None), None)
     if rate is None:
         raise UsageError("the file does not say its frames per second: say them with --source-fps")
     qpos, notes = _placed(columns, robot, options) if columns.qpos is None else _whole(columns.qpos, robot, options)

@@ -7,6 +7,7 @@ from pathlib import Path
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
+from robot_retarget.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Format:
     description: str
     write: Callable[[RobotMotion, Path], None]
     """Writes the file or folder; raises UsageError when the robot does not suit the format."""
-    read: Callable[[Source], Columns]
+    read: Callable[[Source], Columns | Trajectory]
     """Reads it; raises TrajectoryError when it is not as the format has it."""
     claims: Callable[[Source], bool]
     """Whether a file looks as if it were of this format."""

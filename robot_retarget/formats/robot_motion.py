@@ -77,7 +77,8 @@ def robot_motion(
     Raises:
         UsageError: the rate is not positive, or the joints asked for are not the robot's or cannot be ordered here.
     """
-    rate = options.fps or fps or trajectory.fps
+    rate = trajectory.fps if fps is None else fps
+    rate = rate if options.fps is None else options.fps
     if rate != trajectory.fps:
         trajectory = resample(trajectory, robot, rate)
     joints = robot.joint_names

@@ -60,12 +60,13 @@ def import_motion(
     source = Source(where, robot, options)
     kind = _format(format) if format else recognised(source)
     try:
-        columns = kind.read(source)
-        columns = columns if columns.source else replace(columns, source=str(where))
-        trajectory = continuous(assembled(columns, robot, options, kind.fps), robot)
+        found = kind.read(source)
+        if not isinstance(found, Trajectory):
+            found = continuous(assembled(found, robot, options, kind.fps), robot)
     except TrajectoryError as error:
         raise TrajectoryError(_about(where, kind, error)) from None
-    return resample(trajectory, robot, options.fps) if options.fps else trajectory
+    trajectory = found if found.source else replace(found, source=str(where))
+    return trajectory if options.fps is None else resample(trajectory, robot, options.fps)
 
 
 def load_trajectory(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.bodies import body_tracks, site_tracks, velocities
 from robot_retarget.formats.columns import Columns, shaped
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -18,7 +18,10 @@ from robot_retarget.formats.source import Source
 from robot_retarget.robot.model import FREE
 from robot_retarget.unpack import save_npz
 
-BODY_FIELDS = ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")
+MODEL_FIELDS = (
+    *(f"body_{field}" for field in ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")),
+    *(f"site_{field}" for field in ("bodyid", "pos", "quat")),
+)
 COORDINATES = {int(FREE): 7, 1: 4}
 """How many coordinates a joint of a kind has; slides and hinges one."""
 
@@ -26,7 +29,7 @@ COORDINATES = {int(FREE): 7, 1: 4}
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
     model, qvel = motion.robot.model, velocities(motion)
-    tracks = body_tracks(motion, qvel)
+    tracks, (places, turns) = body_tracks(motion, qvel), site_tracks(motion)
     save_npz(
         path,
         qpos=motion.qpos,
@@ -36,13 +39,17 @@ def write(motion: RobotMotion, path: Path) -> None:
         cvel=tracks.spatial,
         subtree_com=tracks.subtree_mass_centres,
         split_points=np.array([0, len(motion)]),
+        site_xpos=places,
+        site_xmat=turns,
         joint_names=np.array([model.joint(j).name for j in range(model.njnt)]),
         body_names=np.array([model.body(b).name for b in range(model.nbody)]),
+        site_names=np.array([model.site(s).name for s in range(model.nsite)], dtype=np.str_),
         frequency=motion.fps,
         njnt=model.njnt,
         jnt_type=model.jnt_type,
         nbody=model.nbody,
-        **{f"body_{field}": getattr(model, f"body_{field}") for field in BODY_FIELDS},
+        nsite=model.nsite,
+        **{field: getattr(model, field) for field in MODEL_FIELDS},
     )
 
 

@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.robot.timing import require_same_robot
-from robot_retarget.trajectory import KEYS, load_trajectory
+from robot_retarget.trajectory import KEYS, Trajectory, load_trajectory
 
 
 def write(motion: RobotMotion, path: Path) -> None:
@@ -15,15 +14,15 @@ def write(motion: RobotMotion, path: Path) -> None:
     motion.trajectory.save(path)
 
 
-def read(source: Source) -> Columns:
-    """Read the file.
+def read(source: Source) -> Trajectory:
+    """Read the file, with all that it holds beside the motion.
 
     Raises:
         TrajectoryError: it is broken, or another robot's.
     """
     trajectory = load_trajectory(source.path)
     require_same_robot(trajectory, source.robot)
-    return Columns(qpos=trajectory.qpos, fps=trajectory.fps, source=trajectory.source)
+    return trajectory
 
 
 FORMAT = Format(

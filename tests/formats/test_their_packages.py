@@ -1,0 +1,48 @@
+"""The programs themselves read what is written, where they are installed."""
+
+import numpy as np
+import pytest
+from format_moves import motion_of, robot_called
+
+from robot_retarget.formats import export
+
+
+def test_mjlab_loads_its_archive(tmp_path) -> None:
+    commands = pytest.importorskip("mjlab.tasks.tracking.mdp.commands", reason="mjlab is not installed")
+    torch = pytest.importorskip("torch")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    path = export(motion, robot, "mjlab", tmp_path / "a.npz")
+    loaded = commands.MotionLoader(str(path), torch.arange(robot.model.nbody - 1))
+    assert loaded.time_step_total == len(motion)
+    np.testing.assert_allclose(loaded.joint_pos.numpy(), motion.qpos[:, 7:], atol=1e-6)
+
+
+def test_locomujoco_loads_its_trajectory(tmp_path) -> None:
+    theirs = pytest.importorskip("loco_mujoco.trajectory.dataclasses", reason="loco-mujoco is not installed")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    loaded = theirs.Trajectory.load(str(export(motion, robot, "locomujoco", tmp_path / "a.npz")), backend=np)
+    np.testing.assert_array_equal(loaded.data.qpos, motion.qpos)
+    assert loaded.info.frequency == 50 and loaded.info.joint_names[1:] == list(robot.joint_names)
+
+
+def test_the_keyframe_editor_opens_its_file(tmp_path) -> None:
+    kit = pytest.importorskip("robot_keyframe_kit", reason="robot-keyframe-kit is not installed")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    path = export(motion, robot, "keyframe-kit", tmp_path / "a.lz4")
+    editor = kit.ViserKeyframeEditor(str(robot.path), data_path=str(path))
+    np.testing.assert_array_equal(editor.qpos_replay, motion.qpos)
+    assert [name for name, _ in editor.sequence_list] == [keyframe.name for keyframe in editor.keyframes]
+
+
+def test_holosoma_converts_its_archive(tmp_path) -> None:
+    """Its MotionLoader takes 1 / fps for the file's `fps` (round(1 / fps) is 0 at 30): only the columns are compared."""
+    convert = pytest.importorskip("holosoma_retargeting.data_conversion.convert_data_format_mj", reason="not installed")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    path = export(motion, robot, "omniretarget", tmp_path / "a.npz")
+    loader = convert.MotionLoader.__new__(convert.MotionLoader)
+    loader.motion_file, loader.device, loader.line_range = str(path), "cpu", None
+    loader.input_fps, loader.has_dynamic_object, loader.use_omniretarget_data = 50, False, False
+    with np.load(path) as arrays:
+        np.savez(path, qpos=arrays["qpos"])
+    loader._load_motion()
+    np.testing.assert_allclose(loader.motion_base_rots_input.numpy(), motion.qpos[:, 3:7], atol=1e-6)
