@@ -198,6 +198,11 @@ def test_any_rest_pose_leaves_no_joint_turned_at_rest(tmp_path_factory, rest):
         ({"buffers": [{"byteLength": 4, "uri": "../outside.bin"}]}, r"buffers\[0\]\.uri: expected the file"),
         ({"nodes": [{"children": [1]}, {"children": [0]}]}, r"nodes\[\d\]: its parents form a ring"),
         ({"nodes": [{"children": [7]}, {}]}, r"nodes\[0\]\.children: node 7 is not there"),
+        ({"asset": "2.0"}, r"asset\.version: expected glTF 2\.0, found none"),
+        ({"nodes": [1, 2]}, r"not laid out as glTF 2\.0"),
+        ({"skins": {"joints": [0]}}, "skins: expected a list"),
+        ({"skins": [{"joints": "0"}]}, r"not laid out as glTF 2\.0"),
+        ({"animations": [{"channels": 3}]}, r"not laid out as glTF 2\.0"),
         ({"nodes": [{"translation": [0, 0]}, {}]}, r"nodes\[0\]\.translation: expected 3 finite numbers"),
     ],
 )

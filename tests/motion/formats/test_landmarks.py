@@ -129,6 +129,25 @@ def test_broken_tables_name_their_line(tmp_path):
         read_motion(marks)
 
 
+def test_broken_results_name_their_frame(tmp_path):
+    path = tmp_path / "a.json"
+    for said, message in (
+        ("7", "expected a list of frames of landmarks"),
+        ('{"landmarks": [[[]]]}', "'left_ear' is in no frame"),
+        ('{"landmarks": [[1, 2]]}', "frame 0: expected 33 landmarks, found 2"),
+        (json.dumps({"landmarks": [[[0, 1]] * 33]}), "frame 0: expected x, y and z of every landmark"),
+        (json.dumps({"landmarks": [[{"x": 0}] * 33]}), "frame 0: expected x, y and z of every landmark"),
+        (json.dumps({"fps": 0, "landmarks": [[[0, 1, 2]] * 33]}), "fps: expected a positive number"),
+    ):
+        path.write_text(said)
+        with pytest.raises(MotionError, match=message):
+            landmarks.read(path, Request())
+    table = long(tmp_path / "a.csv", body())
+    table.write_text(table.read_text().replace("\n3,", "\n-3,", 1))
+    with pytest.raises(MotionError, match=r"a\.csv:104: frame: expected a whole number from 0 to 1000000, found '-3'"):
+        read_motion(table)
+
+
 def test_landmarks_of_an_image_are_refused(tmp_path):
     points = body()
     np.save(tmp_path / "a.npy", (points - points.min()) / np.ptp(points))

@@ -36,6 +36,15 @@ def read(path: Path, request: Request) -> Capture:
         MotionError: no animation or no joints, a broken file or field, or data that are compressed; names the field.
     """
     file = GltfFile.of(path)
+    try:
+        return _animated(file, request)
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise MotionError(f"not laid out as glTF 2.0: {error}", path) from error
+
+
+def _animated(file: GltfFile, request: Request) -> Capture:
+    """The animation that is asked for, on the joints of the file."""
+    path = file.path
     animations = file.listed("animations")
     if not animations:
         raise MotionError("animations: expected one, found none", path)

@@ -45,7 +45,8 @@ class GltfFile:
             said = json.loads(text.decode("utf-8-sig"))
         except (UnicodeDecodeError, json.JSONDecodeError) as error:
             raise MotionError(f"its JSON cannot be read: {error}", path) from error
-        version = said.get("asset", {}).get("version", "none") if isinstance(said, dict) else "none"
+        asset = said.get("asset") if isinstance(said, dict) else None
+        version = asset.get("version", "none") if isinstance(asset, dict) else "none"
         if not str(version).startswith("2"):
             raise MotionError(f"asset.version: expected glTF 2.0, found {version}", path)
         return cls(path, said, binary)

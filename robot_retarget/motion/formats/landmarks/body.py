@@ -45,6 +45,8 @@ _JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 USED = tuple(sorted({mark for *_, marks in _JOINTS for mark in marks}, key=LANDMARKS.index))
 _STILL = 1e-3
 """How far, over the body's size, the middle of the hips moves in landmarks that are told about it."""
+_IMAGE = 1.5
+"""Up to where landmarks without a negative number are told in sizes of an image; some lie a little outside it."""
 
 
 def told(glimpse: Glimpse) -> bool:
@@ -62,7 +64,8 @@ def read(path: Path, request: Request) -> Capture:
         MotionError: no landmarks, not all that joints need, landmarks of an image, or lost for too long; says which.
     """
     points, stored = _points(path)
-    if float(np.nanmin(points)) >= 0 and float(np.nanmax(points)) <= 1.5:
+    seen = points[np.isfinite(points)]
+    if seen.size and seen.min() >= 0 and seen.max() <= _IMAGE:
         raise MotionError("landmarks of an image (0 … 1 of its size): give the world landmarks, in metres", path)
     fps, said = request.rate(stored)
     paths, _, notes = bridged(points, USED, fps, str(path))

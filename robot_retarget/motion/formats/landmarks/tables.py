@@ -11,6 +11,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 
+MOST_FRAMES = 10**6
+"""Of a table that says its frames' numbers: nine hours at 30 frames a second."""
 Table = dict[str, Floats]
 """The paths (T, 3) of landmarks by name, NaN where lost."""
 _BODY = ("body_", "mediapipe_body_", "pose_")
@@ -25,10 +27,12 @@ def read_csv(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
     """
     with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
         rows = csv.reader(file)
-        header = [word.strip().lower() for word in next(rows, [])]
-        if {"frame", "keypoint", "x", "y", "z"} <= set(header):
-            return _long(header, rows, path, names)
-        return _wide(header, rows, path, names)
+        try:
+            header = [word.strip().lower() for word in next(rows, [])]
+            long = {"frame", "keypoint", "x", "y", "z"} <= set(header)
+            return (_long if long else _wide)(header, rows, path, names)
+        except csv.Error as error:
+            raise MotionError(f"not a table: {error}", path, rows.line_num) from error
 
 
 def _wide(header: list[str], rows: Iterable[list[str]], path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
@@ -55,7 +59,7 @@ def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Seque
     for line, row in _lines(rows, header, path):
         name = row[at["keypoint"]].strip().lower()
         name = next((name.removeprefix(prefix) for prefix in _BODY if name.startswith(prefix)), name)
-        frame = int(_number(row, at["frame"], path, line))
+        frame = _frame_number(row[at["frame"]], path, line)
         last = max(last, frame)
         if name in names:
             places.setdefault(name, {})[frame] = [_number(row, at[axis], path, line) for axis in "xyz"]
@@ -63,6 +67,12 @@ def _long(header: list[str], rows: Iterable[list[str]], path: Path, names: Seque
     for name, path_of in places.items():
         table[name][list(path_of)] = list(path_of.values())
     return table, None
+
+
+def _frame_number(word: str, path: Path, line: int) -> int:
+    if not word.strip().isdecimal() or int(word) >= MOST_FRAMES:
+        raise MotionError(f"frame: expected a whole number from 0 to {MOST_FRAMES}, found {word[:40]!r}", path, line)
+    return int(word)
 
 
 def _lines(rows: Iterable[list[str]], header: list[str], path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -95,7 +105,8 @@ def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise MotionError(f"not JSON: {error}", path, getattr(error, "lineno", None)) from error
     fps = said.get("fps") if isinstance(said, dict) else None
-    frames = said if isinstance(said, list) else next((v for v in said.values() if isinstance(v, list)), [])
+    lists = [said, *(said.values() if isinstance(said, dict) else ())]
+    frames = next((value for value in lists if isinstance(value, list)), [])
     if not frames:
         raise MotionError("expected a list of frames of landmarks", path)
     places = np.array([_frame(frame, k, len(names), path) for k, frame in enumerate(frames)])
@@ -106,10 +117,8 @@ def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
 
 def _frame(frame: Any, index: int, count: int, path: Path) -> list[list[float]]:
     """The places of one frame; of several people the first, and no one seen is no places."""
-    marks = frame
-    if isinstance(frame, Mapping):
-        marks = next((frame[key] for key in _WORLD if key in frame), None)
-    if isinstance(marks, list) and marks and isinstance(marks[0], list) and isinstance(marks[0][0], Mapping | list):
+    marks = next((frame[key] for key in _WORLD if key in frame), None) if isinstance(frame, Mapping) else frame
+    if isinstance(marks, list) and len(marks) < count and marks and isinstance(marks[0], list):
         marks = marks[0]
     if marks is None or marks == []:
         return [[np.nan] * 3] * count
@@ -117,7 +126,11 @@ def _frame(frame: Any, index: int, count: int, path: Path) -> list[list[float]]:
         found = len(marks) if isinstance(marks, list) else "none"
         raise MotionError(f"frame {index}: expected {count} landmarks, found {found}", path)
     try:
-        return [[float(mark[axis]) for axis in "xyz"] if isinstance(mark, Mapping) else [float(v) for v in mark[:3]]
-                for mark in marks]  # fmt: skip
-    except (KeyError, TypeError, ValueError) as error:
+        return [_place(mark) for mark in marks]
+    except (LookupError, TypeError, ValueError) as error:
         raise MotionError(f"frame {index}: expected x, y and z of every landmark ({error})", path) from error
+
+
+def _place(mark: Any) -> list[float]:
+    """x, y and z of a landmark, by name or in that order."""
+    return [float(mark[key]) for key in (("x", "y", "z") if isinstance(mark, Mapping) else (0, 1, 2))]
