@@ -76,6 +76,16 @@ def require_writable(path: str | Path) -> None:
         raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
 
 
+def require_suffix(path: str | Path, suffix: str, instead: str) -> None:
+    """Take a file's name at its word: what is written is in one format, and the name has to say so.
+
+    Raises:
+        OutputError: the name ends otherwise; `instead` says what to do.
+    """
+    if Path(path).suffix.lower() != suffix:
+        raise OutputError(f"cannot write {path}: its name has to end in {suffix}; {instead}")
+
+
 def folder(path: str | Path) -> Path:
     """Make a folder that can be written, with its parents.
 

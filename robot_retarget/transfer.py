@@ -12,6 +12,7 @@ from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.activity import activity_of, require_own_feet
 from robot_retarget.describe.edges import Edges, Weights, build_edges
 from robot_retarget.describe.match import Match, match
+from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot import Robot
@@ -25,6 +26,10 @@ from robot_retarget.trajectory import Trajectory
 
 MOST_FPS = 30.0
 """Motions of a higher rate are solved at this one unless told otherwise, as reference motions are by custom [1/s]."""
+
+PLAUSIBLE_FPS = (5.0, 120.0)
+"""Rates that may be asked for besides the motion's own [1/s]: below, limbs swing unseen between frames; above, frames are
+interpolated ones, which playback makes by itself."""
 
 WORTH_COMPILING = 60
 """Clips of as many frames are worth the seconds that a C compiler takes, once per robot (`native.py`): others follow."""
@@ -97,7 +102,7 @@ def retarget(
     """
     began = time.perf_counter()
     mode = balance_of(robot, legs, balance)
-    motion = motion.resample(min(motion.fps, MOST_FPS) if fps is None else fps)
+    motion = _at_rate(motion, fps)
     matched = match(motion, robot, overrides)
     if mode != "off" and legs == "follow":
         require_own_feet(activity_of(motion, matched))
@@ -108,6 +113,23 @@ def retarget(
     timed = replace(solution, timings={"prepare": prepared, **solution.timings})
     result = Result(timed, matched, motion, robot)
     return result if mode == "off" else _in_balance(result, edges, problem, legs, mode)
+
+
+def _at_rate(motion: Motion, fps: float | None) -> Motion:
+    """The motion at the rate asked for, else at its own or `MOST_FPS`, whichever is less."""
+    if fps is None:
+        return motion.resample(min(motion.fps, MOST_FPS))
+    least, most = min(PLAUSIBLE_FPS[0], motion.fps), max(PLAUSIBLE_FPS[1], motion.fps)
+    if not least <= fps <= most:
+        raise UsageError(
+            f"fps '{fps:g}' is outside {least:g} to {most:g} frames a second for a motion of {motion.fps:g}: with fewer, "
+            "limbs swing unseen between frames; with more, all that is added is interpolated, as in playback"
+        )
+    resampled = motion.resample(fps)
+    if fps <= motion.fps:
+        return resampled
+    told = f"At {fps:g} frames a second, those between the motion's own {motion.fps:g} are interpolated."
+    return replace(resampled, notes=(*resampled.notes, told))
 
 
 def _in_balance(draft: Result, edges: Edges, problem: Problem, legs: str, mode: str) -> Result:

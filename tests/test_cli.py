@@ -9,7 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from shared_files import ROOT, SHARED, needs_shared
+from typer.testing import CliRunner
+
+from robot_retarget.cli import app
 
 WAVE = ROOT / "samples/wave.bvh"
 
@@ -109,11 +113,6 @@ def test_run_fills_the_folder(tmp_path: Path) -> None:
     assert {"trajectory.npz", "report.json", "report.html"} <= names
 
 
-def test_every_command_shows_an_example() -> None:
-    for command in ("info", "solve", "run", "demo", "simulate", "export"):
-        assert f"Example: robot-retarget {command}" in run(command, "--help").stdout
-
-
 HEAD = (
     "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n"
 )
@@ -184,3 +183,53 @@ def test_a_dog_is_described_and_not_solved(tmp_path: Path) -> None:
 def test_a_trajectory_of_another_robot_is_refused(solved: Path) -> None:
     other = SHARED / "robots/unitree_g1/unitree_g1.xml"
     assert_refused(run("simulate", solved, "--robot", other), "unitree_g1")
+
+
+def test_a_trajectory_keeps_the_name_of_its_format(tmp_path: Path) -> None:
+    done = run("solve", WAVE, "--robot", "op3", "-o", tmp_path / "wave.csv")
+    assert_refused(done, "wave.csv: its name has to end in .npz", "`export` writes trajectories in other formats")
+    assert not list(tmp_path.iterdir())
+
+
+def test_warn_writes_a_file_only_if_asked(solved: Path, tmp_path: Path) -> None:
+    done = run("warn", solved.resolve(), "--robot", "op3", cwd=tmp_path)
+    assert done.returncode == 0 and "warnings in 12 frames" in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("fps", ["1000", "1", "nan", "-3"])
+def test_an_implausible_rate_is_refused_with_the_plausible_ones(fps: str, tmp_path: Path) -> None:
+    done = run("solve", WAVE, "--robot", "op3", "--fps", fps, "-o", tmp_path / "wave.npz")
+    assert_refused(done, f"--fps {fps} is outside 5 to 120 frames a second")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_rate_above_the_motions_own_is_said_to_be_interpolated(tmp_path: Path) -> None:
+    done = run(
+        "solve", WAVE, "--robot", "op3", "--frames", "0:9", "--fps", "60", "--balance", "off", "-o", tmp_path / "w.npz"
+    )
+    assert done.returncode == 0 and "those between the motion's own 30 are interpolated" in done.stderr
+
+
+def test_mistakes_are_told_in_the_words_of_the_command_line(tmp_path: Path) -> None:
+    out = "-o", tmp_path / "w.npz"
+    assert_refused(
+        run("solve", WAVE, "--robot", "op3", "--legs", "stand", "--balance", "off", *out), "--legs stand needs balance"
+    )
+    unknown = run("solve", WAVE, "--robot", "op3", "--legs", "fly", *out)
+    assert unknown.returncode == 2 and "'--legs'" in unknown.stderr
+    assert "'fly' is not one of 'follow', 'stand'" in unknown.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def commands_below(command: object, words: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    inner = getattr(command, "commands", {})
+    return [words] if not inner else [name for k, v in inner.items() for name in commands_below(v, (*words, k))]
+
+
+def test_every_command_has_a_short_help_with_an_example() -> None:
+    everything = commands_below(typer.main.get_command(app))
+    assert len(everything) >= 14
+    for words in everything:
+        done = CliRunner().invoke(app, [*words, "-h"])
+        assert done.exit_code == 0 and f"Example: robot-retarget {' '.join(words)} " in done.stdout, words

@@ -1,6 +1,7 @@
 """What a person sees: tables, progress, and errors without tracebacks."""
 
 import json
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from rich.table import Table
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
 out = Console(highlight=False, width=_WIDTH)
+_ARGUMENT = re.compile(r"\b(legs|balance|mode|format|fps) '([^']+)'")
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
@@ -35,7 +37,12 @@ def say(text: str) -> None:
 
 def note(text: str) -> None:
     """Print a remark on the side, where it does not disturb what is piped on."""
-    err.print(f"note: {text}", markup=False, style="dim")
+    err.print(f"note: {in_options(text)}", markup=False, style="dim")
+
+
+def in_options(text: str) -> str:
+    """A sentence of the package in the words of the command line: its `legs 'stand'` is `--legs stand` here."""
+    return _ARGUMENT.sub(r"--\1 \2", text)
 
 
 def show_motion(facts: dict[str, Any]) -> None:

@@ -68,13 +68,12 @@ def filling(path: Path) -> Iterator[Path]:
         KeyboardInterrupt: Ctrl-C, with what is kept as its text.
     """
     made = [place for place in (path, *path.parents) if not place.exists()]
-    target = folder(path)
-    before = _contents(target)
+    before = _contents(path)
     try:
-        yield target
+        yield folder(path)
     except KeyboardInterrupt as stopped:
-        kept = [path.name for path, written in _contents(target).items() if before.get(path) != written]
-        said = f"kept {', '.join(sorted(kept))} in {target}" if kept else NOTHING
+        kept = [file.name for file, written in _contents(path).items() if before.get(file) != written]
+        said = f"kept {', '.join(sorted(kept))} in {path}" if kept else NOTHING
         raise KeyboardInterrupt(said) from stopped
     finally:
         with suppress(OSError):  # the first that is not empty ends it
@@ -83,8 +82,8 @@ def filling(path: Path) -> Iterator[Path]:
 
 
 def _contents(target: Path) -> dict[Path, int]:
-    """The files of a folder, and when each was written."""
-    return {path: path.stat().st_mtime_ns for path in target.iterdir()}
+    """The files of a folder, if it is there, and when each was written."""
+    return {path: path.stat().st_mtime_ns for path in target.glob("*")}
 
 
 def _named(error: Exception) -> str:
@@ -94,4 +93,4 @@ def _named(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    console.err.print(f"error: {text}", markup=False, style="red")
+    console.err.print(f"error: {console.in_options(text)}", markup=False, style="red")

@@ -1,7 +1,7 @@
 """Options and arguments that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -27,9 +27,11 @@ Fps = Annotated[
 ]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
 Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
-Legs = Annotated[str, typer.Option(help="follow the human's, or stand: both feet stay where they are.")]
+Legs = Annotated[
+    Literal["follow", "stand"], typer.Option(help="follow the human's, or stand: both feet stay where they are.")
+]
 Balance = Annotated[
-    str,
+    Literal["auto", "static", "dynamic", "off"],
     typer.Option(
         help="static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
         "servos.toml and for legs that stand."

@@ -1,7 +1,7 @@
 """`simulate`: a trajectory on simulated servos, and a verdict."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -16,7 +16,9 @@ commands = typer.Typer()
 def simulate(
     trajectory: TrajectoryFile,
     robot: RobotName,
-    mode: Annotated[str, typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")] = "pinned",
+    mode: Annotated[
+        Literal["pinned", "free"], typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")
+    ] = "pinned",
     compensate: Annotated[
         bool, typer.Option(help="Send goals that make up for lag and load, or the trajectory as it is.")
     ] = True,
@@ -30,10 +32,11 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict."""
-    from robot_retarget.files import require_writable
+    from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.trajectory import load_trajectory
 
     if page is not None:
+        require_suffix(page, ".html", "--json prints the report as JSON")
         require_writable(page)
     model, played = load(robot, limits), load_trajectory(trajectory)
     warnings = foreseen(played, model)

@@ -43,9 +43,10 @@ def solve(
     json: Json = False,
 ) -> None:
     """Retarget a motion: the trajectory only."""
-    from robot_retarget.files import require_writable
+    from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.summary import describe_solution
 
+    require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance)
     result = carried_over(

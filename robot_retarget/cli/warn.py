@@ -17,9 +17,9 @@ def warn(
     trajectory: TrajectoryFile,
     robot: RobotName,
     horizon: Annotated[float, typer.Option(help="How far ahead to look [s].")] = 0.5,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The table of events to write (.csv).")] = Path(
-        "warnings.csv"
-    ),
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A table of the events to write (.csv).")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
     limits: Limits = None,
     json: Json = False,
@@ -27,24 +27,28 @@ def warn(
     """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
     from robot_retarget.collision.events import figures_of, write_csv
     from robot_retarget.collision.warn import WarnOptions, surfaces, warnings_of
-    from robot_retarget.files import require_writable
+    from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view.approaches import require_drawable
 
     for path in filter(None, (output, plot)):
         require_writable(path)
+    if output is not None:
+        require_suffix(output, ".csv", "--json prints the events as JSON")
     if plot is not None:
         require_drawable(plot)
     options = WarnOptions(horizon=horizon)
     model = load(robot, limits)
     known = surfaces(model)
     found = warnings_of(load_trajectory(trajectory), model, options, known)
-    write_csv(found.events, output)
+    if output is not None:
+        write_csv(found.events, output)
     figures = figures_of(found.events, len(found), found.fps) | {"fit_error_m": known.fit_error}
     if json:
         console.dump({"events": [event.contract() for event in found.events], "figures": figures})
     else:
         console.show_warnings([event.contract() for event in found.events], figures)
-        console.say(f"wrote {output}")
+    if output is not None:
+        console.note(f"wrote {output}")
     if plot is not None:
         draw_warnings(found, plot)

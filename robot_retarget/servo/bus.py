@@ -6,6 +6,7 @@ as one error. Sync reads give what came, servo by servo, with each servo's own e
 """
 
 import contextlib
+import errno
 import fcntl
 import os
 import select
@@ -301,5 +302,7 @@ def _reply(frame: Frame) -> Reply:
 def _reason(error: BaseException) -> str:
     if isinstance(error, BlockingIOError) or "exclusively lock" in str(error):
         return "another program has it"
+    if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:
+        return "it is no serial port; give that of the adapter, such as /dev/ttyUSB0, or of `servos emulate`"
     number = error.args[0] if error.args else None
     return os.strerror(number) if isinstance(number, int) else str(error)
