@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robot_retarget.arrays import Floats
@@ -191,6 +190,8 @@ def _parts(matrix: Floats) -> dict[str, Floats]:
 
 def _spline(times: Floats, before: Floats, values: Floats, after: Floats, t: Floats) -> Floats:
     """(T, W) of cubic pieces whose slopes into and out of a key differ."""
+    from scipy.interpolate import CubicHermiteSpline
+
     piece = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
     out = np.empty((len(t), values.shape[1]))
     for k in np.unique(piece):
