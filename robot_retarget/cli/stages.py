@@ -198,11 +198,10 @@ def load(name: str, limits: Path | None) -> "Robot":
 def names_robot(name: str) -> bool:
     """Whether a word stands for a robot rather than for a motion file."""
     from robot_retarget.robot import shipped_robots
+    from robot_retarget.robot.catalog import MODEL_FILES
 
     path = Path(name)
-    return (
-        path.suffix.lower() in (".xml", ".mjcf") or name in shipped_robots() or (not path.suffix and not path.exists())
-    )
+    return path.suffix.lower() in MODEL_FILES or name in shipped_robots() or (not path.suffix and not path.exists())
 
 
 def shipped_clip(name: str) -> Path:

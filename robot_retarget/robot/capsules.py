@@ -9,6 +9,7 @@ with z along the axis and ρ across it. The axis whose capsule has the least vol
 gets several capsules where that takes up much less room.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -71,12 +72,46 @@ class Capsules:
 
 
 def collision_geoms(robot: Robot) -> dict[int, list[int]]:
-    """Geoms that take part in contacts, by type or as one of an explicit pair, by link; the world has no part in it."""
-    model, found = robot.model, {}
-    link = np.asarray(model.body_weldid)[model.geom_bodyid]
+    """Geoms that take part in contacts, by type or as one of an explicit pair, by link; the world has no part in it.
+
+    Of a model that lets no two links touch, all that is seen (`shapes_stand_in`).
+    """
+    model = robot.model
     touching = (model.geom_contype | model.geom_conaffinity) != 0
     touching[[*model.pair_geom1, *model.pair_geom2]] = True
-    for geom in np.flatnonzero(touching & (link > 0)):
+    return _by_link(model, touching | shapes_stand_in(robot))
+
+
+def solid_geoms(robot: Robot) -> dict[int, list[int]]:
+    """Geoms that are solid to the eye, by link: those that take part in contacts, all of a link that has none of these."""
+    return _by_link(robot.model, np.ones(robot.model.ngeom, dtype=bool)) | collision_geoms(robot)
+
+
+def shapes_stand_in(robot: Robot) -> bool:
+    """Whether what is seen of links stands in for collision shapes: the model has none by type, and no pair of links."""
+    model = robot.model
+    link = np.asarray(model.body_weldid)[model.geom_bodyid]
+    by_type = ((model.geom_contype | model.geom_conaffinity) != 0) & (link > 0)
+    first, second = link[model.pair_geom1], link[model.pair_geom2]
+    return not (by_type.any() or ((first > 0) & (second > 0)).any())
+
+
+def touchable(robot: Robot) -> mujoco.MjModel:
+    """The robot's model, in a copy where shapes stand in for collision shapes."""
+    if not shapes_stand_in(robot):
+        return robot.model
+    model = copy.deepcopy(robot.model)
+    own = np.asarray(model.body_weldid)[model.geom_bodyid] > 0
+    model.geom_contype[own] = model.geom_conaffinity[own] = 1
+    model.body_contype[:] = model.body_conaffinity[:] = (
+        np.asarray(model.body_weldid) > 0
+    )  # the broad phase goes by bodies
+    return model
+
+
+def _by_link(model: mujoco.MjModel, chosen: np.ndarray) -> dict[int, list[int]]:
+    link, found = np.asarray(model.body_weldid)[model.geom_bodyid], {}
+    for geom in np.flatnonzero(chosen & (link > 0)):
         found.setdefault(int(link[geom]), []).append(int(geom))
     return dict(sorted(found.items()))
 

@@ -1,16 +1,29 @@
-"""Where robots come from: those that ship, an MJCF file, or a `robot_descriptions` name."""
+"""Where robots come from: those that ship, an MJCF or URDF file, or a `robot_descriptions` name."""
 
 import tomllib
 from pathlib import Path
 from typing import Any
 
-import mujoco
-
-from robot_retarget.errors import RobotError, known
+from robot_retarget.errors import MatchError, RobotError, known
+from robot_retarget.keypoints import ARM
+from robot_retarget.robot.anatomy import Anatomy
+from robot_retarget.robot.limbs import ARM_WORDS, words
+from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot, robot_from_model
+from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, urdf_notes, urdf_speeds
 from robot_retarget.shipped import MODELS
 
+Limits = dict[str, dict[str, Any]]
 LIMIT_TABLES = ("range", "speed", "torque")
+UPRIGHT: tuple[Quaternion, ...] = (
+    (1, 0, 0, 0),
+    *((0.5**0.5, *(sign * 0.5**0.5 * axis for axis in way)) for way in ((1, 0, 0), (0, 1, 0)) for sign in (1, -1)),
+    (0, 1, 0, 0),
+)
+"""Turns after which z, ±y, ±x and −z of a model point up."""
+MODEL_FILES = (".xml", ".mjcf", ".urdf")
+NO_ROOT = "the model has no root joint: a free joint added, since it has legs"
 
 
 def shipped_robots() -> dict[str, Path]:
@@ -19,7 +32,7 @@ def shipped_robots() -> dict[str, Path]:
 
 
 def load_robot(name: str | Path, limits: str | Path | None = None) -> Robot:
-    """Load a robot by a shipped name, an MJCF path, or a `robot_descriptions` name (extra `descriptions`).
+    """Load a robot by a shipped name, an MJCF or URDF path, or a `robot_descriptions` name (extra `descriptions`).
 
     Args:
         name: `op3`, `path/to/robot.xml`, or `g1_mj_description`.
@@ -32,16 +45,49 @@ def load_robot(name: str | Path, limits: str | Path | None = None) -> Robot:
             has a ball joint, or the limits name a joint that is not there.
     """
     path = _find(name)
+    side_file = Path(limits) if limits is not None else _beside(path)
+    tables = read_limits(side_file) if side_file is not None else {}
+    robot = _loaded(path, tables)
+    return robot if robot.root_joints.size else _freed(robot, tables)
+
+
+def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quaternion | None = None) -> Robot:
+    spec = read_spec(path, freed)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = spec.compile()
     except ValueError as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
-    side_file = Path(limits) if limits is not None else _beside(path)
-    tables = read_limits(side_file) if side_file is not None else None
-    return robot_from_model(model, path, path.stem, tables)
+    if is_urdf(path):
+        notes = (*urdf_notes(path), *notes)
+        tables = {**tables, "speed": {**urdf_speeds(path), **tables.get("speed", {})}}
+    return robot_from_model(model, path, path.stem, tables, notes, freed)
 
 
-def read_limits(path: Path) -> dict[str, dict[str, Any]]:
+def _freed(robot: Robot, tables: Limits) -> Robot:
+    """The robot on a free joint if it has legs to stand on; what has none stays bolted to the world.
+
+    Which way is up is not said by a model that waits to be set free. What has legs only when it is turned, and what is
+    named an arm over them, lies in its file.
+    """
+    for turn in UPRIGHT:
+        said = NO_ROOT if turn == UPRIGHT[0] else f"{NO_ROOT}, and stood up from where it lies"
+        freed = _loaded(robot.path, tables, (said,), turn)
+        try:
+            found = recognise(freed)
+        except MatchError:
+            continue
+        if found.soles and (turn == UPRIGHT[0] or _has_named_arms(freed, found)):
+            return freed
+    return robot
+
+
+def _has_named_arms(robot: Robot, found: Anatomy) -> bool:
+    links = Links(robot)
+    arms = [found.spots[f"{side}_{k}"].body for side in "lr" for k in ARM if f"{side}_{k}" in found.spots]
+    return any(words(links.words(int(links.weld[body]))) & ARM_WORDS for body in arms)
+
+
+def read_limits(path: Path) -> Limits:
     """The tables of a limits file.
 
     Raises:
@@ -74,7 +120,7 @@ def _find(name: str | Path) -> Path:
     path = Path(name)
     if str(name) in shipped:
         return shipped[str(name)]
-    if path.suffix.lower() in (".xml", ".mjcf"):
+    if path.suffix.lower() in MODEL_FILES:
         if not path.is_file():
             raise RobotError(f"there is no file {path}")
         return path
@@ -83,7 +129,7 @@ def _find(name: str | Path) -> Path:
 
 def _description(name: str, shipped: list[str]) -> Path:
     """The MJCF of a `robot_descriptions` entry; the package downloads it once."""
-    choices = f"{known(shipped)}; or a path to an MJCF (.xml)"
+    choices = f"{known(shipped)}; or a path to an MJCF (.xml) or URDF"
     try:
         from robot_descriptions import DESCRIPTIONS  # pyright: ignore[reportMissingImports]
         from robot_descriptions._descriptions import Format  # pyright: ignore[reportMissingImports]

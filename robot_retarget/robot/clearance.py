@@ -158,7 +158,7 @@ def _least(distances: Floats, counts: list[int]) -> Floats:
 @lru_cache(maxsize=_KEPT)
 def _marked(robot: Robot, count: int) -> mujoco.MjModel:
     """The model with so many sites, of the world at first: there they are numbered as they come."""
-    spec = mujoco.MjSpec.from_file(str(robot.path))
+    spec = robot.spec()
     for k in range(count):
         spec.worldbody.add_site(name=_SITE.format(k))
     return spec.compile()
@@ -177,7 +177,7 @@ class _Sensing:
 
 @lru_cache(maxsize=_KEPT)
 def _sensing(robot: Robot) -> _Sensing:
-    spec = mujoco.MjSpec.from_file(str(robot.path))
+    spec = robot.spec()
     for sensor in list(spec.sensors):
         spec.delete(sensor)
     geoms = list(spec.geoms)

@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.capsules import collision_geoms, shapes_stand_in
 from robot_retarget.robot.clearance import Clearance, Pairs
 from robot_retarget.robot.model import Robot
 
@@ -41,6 +41,7 @@ def allowed(robot: Robot) -> Table:
     shut = {tuple(sorted((int(code) >> 16, int(code) & 0xFFFF))) for code in model.exclude_signature}
     explicit = {tuple(sorted(map(int, pair))) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     solid = [g for geoms in collision_geoms(robot).values() for g in geoms]
+    stand_in = shapes_stand_in(robot)
     listed = explicit | set(itertools.combinations(sorted(solid), 2))
     table: Table = {}
     for a, b in sorted(listed):
@@ -50,7 +51,7 @@ def allowed(robot: Robot) -> Table:
         types = (model.geom_contype[a] & model.geom_conaffinity[b]) | (
             model.geom_contype[b] & model.geom_conaffinity[a]
         )
-        let_through = types and not related and tuple(sorted(bodies)) not in shut
+        let_through = (types or stand_in) and not related and tuple(sorted(bodies)) not in shut
         if first != second and first > 0 and (let_through or (a, b) in explicit):
             table.setdefault((first, second), []).append((a, b))
     return table

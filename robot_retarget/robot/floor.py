@@ -7,10 +7,11 @@ aside, all around.
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Near
-from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.capsules import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
 
@@ -28,8 +29,8 @@ class Floor:
     """The geoms that must stay over the floor, and where they are near it."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
-        """Watch what is solid of all links but the `feet`, within `reach` [m], as the model stands in `data`."""
-        solid = [g for link, own in collision_geoms(robot).items() if link not in feet for g in own]
+        """Watch what is solid to the eye of all links but the `feet`, within `reach` [m], as the model stands in `data`."""
+        solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
         middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 2, 0)
         self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
@@ -83,10 +84,14 @@ def _rounded(model: mujoco.MjModel, geom: int) -> tuple[Floats, float]:
 
 
 def _on_hull(model: mujoco.MjModel, mesh: int) -> Ints:
-    """Which vertices of a mesh are on its convex hull, as MuJoCo found it to collide with; all where it did not."""
+    """Which vertices of a mesh are on its convex hull; MuJoCo found it for those that collide."""
     start = int(model.mesh_graphadr[mesh])
     if start < 0:
-        return np.arange(model.mesh_vertnum[mesh])
+        first, number = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        try:
+            return np.sort(ConvexHull(model.mesh_vert[first : first + number]).vertices).astype(np.int64)
+        except QhullError:  # it is flat
+            return np.arange(number)
     # A graph begins with how many vertices and faces there are; then come, per vertex, its edges' place and its number.
     count = int(model.mesh_graph[start])
     return np.sort(model.mesh_graph[start + 2 + count : start + 2 + 2 * count])

@@ -13,7 +13,7 @@ LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 ELBOW_WORDS = {"elbow", "el", "elb", "forearm", "lowerarm", "radius", "lradius", "rradius"}
 KNEE_WORDS = {"knee", "kne", "shin", "tibia", "shank", "kfe", "calf"}
-_ARM_WORDS = ELBOW_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
+ARM_WORDS = ELBOW_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
 _FINGER_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little"}
 _LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
 TWIST = 0.7
@@ -82,7 +82,7 @@ class Pair:
     def called(self, links: Links) -> int:
         """+1 where the limbs are named as arms are, −1 as legs are, 0 where names do not tell."""
         texts = [words(links.words(link)) for link in self.links]
-        return int(np.sign(sum(bool(text & _ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
+        return int(np.sign(sum(bool(text & ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
 
 
 def mirrored_pairs(links: Links) -> list[Pair]:

@@ -11,6 +11,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.notebook import card
+from robot_retarget.robot.source import Quaternion, read_spec
 
 FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_FREE,
@@ -37,7 +38,7 @@ class Robot:
     name: str
     model: mujoco.MjModel
     path: Path
-    """The MJCF file."""
+    """The MJCF or URDF file."""
     joint_names: tuple[str, ...]
     """n hinge names, in the model's order."""
     joint_ids: Ints
@@ -52,6 +53,8 @@ class Robot:
     root_joints: Ints
     """Ids of the joints that carry the whole robot: one free joint, up to six single ones, or none."""
     notes: tuple[str, ...] = ()
+    freed: Quaternion | None = None
+    """Where its root is a free joint that its file lacks: how it is turned against the file in the reference pose."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):
@@ -81,6 +84,10 @@ class Robot:
             "mass": f"{float(np.sum(self.model.body_mass)):.2f} kg",
             "root": root if self.root_joints.size else "a fixed root",
         }
+
+    def spec(self) -> mujoco.MjSpec:
+        """The model's specification afresh, to be changed and compiled; the numbers of bodies and joints are the model's."""
+        return read_spec(self.path, self.freed)
 
     @cached_property
     def qpos_index(self) -> Ints:
@@ -123,7 +130,12 @@ class Robot:
 
 
 def robot_from_model(
-    model: mujoco.MjModel, path: Path, name: str, limits: dict[str, dict[str, Any]] | None = None
+    model: mujoco.MjModel,
+    path: Path,
+    name: str,
+    limits: dict[str, dict[str, Any]] | None = None,
+    notes: tuple[str, ...] = (),
+    freed: Quaternion | None = None,
 ) -> Robot:
     """Read the joints of a compiled model.
 
@@ -141,18 +153,20 @@ def robot_from_model(
     if not hinges:
         raise RobotError(f"{path}: the model has no hinge joint")
     names = tuple(model.joint(j).name or f"joint_{j}" for j in hinges)
-    lower, upper, notes = _ranges(model, hinges, names)
+    lower, upper, unstated = _ranges(model, hinges, names)
     table = _Limits(limits or {}, names, path)
     bounds = table.column("range")
     for k, pair in bounds.items():
         lower[k], upper[k] = pair
-    unlimited = [names[k] for k in notes if k not in bounds]
+    unlimited = [names[k] for k in unstated if k not in bounds]
     said = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
     speed, torque = np.full(len(names), DEFAULT_MAX_SPEED), _torques(model, hinges)
     for values, key in ((speed, "speed"), (torque, "torque")):
         for k, value in table.column(key).items():
             values[k] = value
-    return Robot(name, model, path, names, np.array(hinges), lower, upper, speed, torque, np.array(root, int), said)
+    said = (*notes, *said)
+    joints, carriers = np.array(hinges), np.array(root, int)
+    return Robot(name, model, path, names, joints, lower, upper, speed, torque, carriers, said, freed)
 
 
 def _root_joints(model: mujoco.MjModel) -> list[int]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Boxes, Near
+from robot_retarget.robot.capsules import touchable
 from robot_retarget.robot.collidable import allowed
 from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.kinematics import carrying
@@ -43,13 +44,14 @@ class Separation:
             margin: how far apart links are to be that do not rest nearer [m]: it tells which contacts come first.
             feet: links that the floor is not looked for under: soles have rows of their own. None where there is no floor.
         """
-        self.model, self.reach = copy.deepcopy(robot.model), reach
+        self.plain = touchable(robot)
+        self.model, self.reach = copy.deepcopy(self.plain), reach
         self.model.geom_margin[:] = reach / 2
         self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
         self.model.pair_margin[:] = reach
         _one_row_a_contact(self.model)
         self.data = mujoco.MjData(self.model)
-        self.plain, self.touching = robot.model, mujoco.MjData(robot.model)
+        self.touching = mujoco.MjData(self.plain)
         self.margin, self.most = margin, most
         self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""

@@ -99,7 +99,7 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
         RobotError: the MJCF no longer compiles to the robot that was loaded.
     """
     try:
-        spec = mujoco.MjSpec.from_file(str(robot.path))
+        spec = robot.spec()
         kept = _strip(spec, robot, keep=drives is None)
         added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
         floor = mode == "free" and _add_floor(spec, robot)

@@ -16,6 +16,8 @@ LANDING = 0.1
 long after [s]."""
 CORNERS = 4
 """A sole is held by its corners: front left, front right, rear left, rear right."""
+LEAST = 0.01
+"""A sole is held as if it were at least so long and wide [m]; shorter ones do not tell where they point."""
 _TOE, _HEEL = [0, 1], [2, 3]
 _LEFT, _RIGHT = [0, 2], [1, 3]
 
@@ -64,10 +66,14 @@ def grip_of(robot: Robot, anatomy: Anatomy) -> Grip:
 
 
 def sole_corners(anatomy: Anatomy, foot: str) -> Points:
-    """The corners of what a foot stands on, in `CORNERS` order."""
+    """The corners of what a foot stands on, in `CORNERS` order.
+
+    A foot that stands on a point or a line has the heading of its frame: it is held by a small rectangle along it.
+    """
     body, axes = anatomy.frames[f"{foot}_foot"]
     along = anatomy.treads[foot].offsets @ axes
-    (back, right, low), (front, left, _) = along.min(0), along.max(0)
+    low, middle, half = along[:, 2].min(), (along.min(0) + along.max(0)) / 2, np.ptp(along, axis=0) / 2
+    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST / 2) for way in (-1, 1))
     corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
     return Points(np.full(CORNERS, body), corners @ axes.T)
 

@@ -85,7 +85,7 @@ def open_stage(staging: Staging, width: int, height: int) -> Stage | Unavailable
 def _scenery(staging: Staging, width: int, height: int) -> mujoco.MjModel:
     """The robot's model with a floor, lights and sky of ours in place of its own."""
     robot = staging.robot
-    spec = mujoco.MjSpec.from_file(str(robot.path))
+    spec = robot.spec()
     planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]
     skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
     for element in [*planes, *skies, *spec.lights]:

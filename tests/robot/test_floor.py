@@ -1,6 +1,7 @@
 """What is no foot stays over the floor: distances as MuJoCo's own, slopes as they turn out."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -121,3 +122,29 @@ def test_a_person_who_gets_up_from_the_floor_does_not_come_out_of_it() -> None:
     robot = load_robot("op3")
     clip = read_motion(SHARED / "motions/bvh/lafan1_procedural/fall_getup_procedural.bvh").resample(10)
     assert lowest(robot, retarget(clip, robot).trajectory.qpos) > -1e-3
+
+
+def only_seen(folder: Path) -> Robot:
+    """The OP3 with the same shapes, none of which takes part in contacts."""
+    spec = load_robot("op3").spec()
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    path = folder / "seen.xml"
+    path.write_text(spec.to_xml())
+    return load_robot(path)
+
+
+def test_what_is_only_seen_stays_over_the_floor(tmp_path: Path) -> None:
+    robots = only_seen(tmp_path), load_robot("op3")
+    for seed in range(5):
+        q = fallen(robots[1], seed)
+        seen, solid = (Separation(robot, REACH, feet=frozenset()).sunk(q) for robot in robots)
+        assert solid > 0.01 and seen >= solid - 1e-6
+
+
+def test_links_that_are_only_seen_are_kept_apart(tmp_path: Path) -> None:
+    draw, robots = np.random.default_rng(3), (only_seen(tmp_path), load_robot("op3"))
+    poses = np.tile(robots[1].neutral(), (40, 1))
+    poses[:, robots[1].qpos_index] = draw.uniform(robots[1].lower, robots[1].upper, (40, len(robots[1].lower)))
+    seen, solid = (np.array([Separation(robot, REACH).depth(q) for q in poses]) for robot in robots)
+    assert solid.max() > 0.005 and (seen >= solid - 1e-6).all()

@@ -10,10 +10,11 @@ from robot_retarget.describe.edges import build_edges
 from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import Match, match
 from robot_retarget.motion import Motion, read_motion
-from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot import Points, load_robot, recognise, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.clip import Smoothing, clip_poses
 from robot_retarget.solve.footing import (
+    LEAST,
     flattened,
     footholds,
     held_corners,
@@ -164,3 +165,18 @@ def test_drifting_heights_are_levelled_and_level_ones_kept(walk: tuple[Motion, M
     drifted = grounded(x + rise, matched, motion.fps)
     assert np.ptp(level - x, axis=0).max() < 1e-12
     assert np.abs((drifted - level)[:, feet, 2]).max() < 0.15 and np.allclose(drifted[..., :2], x[..., :2])
+
+
+@pytest.mark.parametrize(
+    "tread", [[[0.0, 0.0, -0.03]], [[-0.05, 0.0, -0.03], [0.06, 0.0, -0.03]]], ids=["point", "line"]
+)
+def test_a_foot_on_a_point_or_a_line_has_the_heading_of_its_frame(tread: list[list[float]]) -> None:
+    whole = recognise(load_robot("op3"))
+    body, axes = whole.frames["l_foot"]
+    tips = Points(np.full(len(tread), body), np.array(tread) @ axes.T)
+    corners = sole_corners(replace(whole, treads={"l": tips}), "l").offsets @ axes
+    ahead, across = corners[:2].mean(axis=0) - corners[2:].mean(axis=0), corners[[0, 2]] - corners[[1, 3]]
+    assert ahead[0] >= LEAST - 1e-9 and ahead[1:] == pytest.approx([0, 0], abs=1e-9)
+    assert (across[:, 1] > LEAST - 1e-9).all() and corners[:, 2] == pytest.approx(-0.03)
+    assert corners.mean(axis=0) == pytest.approx(np.mean(tread, axis=0))
+    assert np.isfinite(laid(corners, np.array(True))).all()

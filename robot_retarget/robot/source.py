@@ -1,0 +1,144 @@
+"""What a robot's file says, ready to be compiled: MJCF as it is, URDF by MuJoCo's own reader, a free joint where one is missing."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.errors import RobotError
+
+Quaternion = tuple[float, float, float, float]
+"""w x y z."""
+URDF_READER = {
+    "strippath": "false",  # meshes are told by whole paths
+    "fusestatic": "false",  # links on fixed joints stay bodies
+    "discardvisual": "false",
+    "balanceinertia": "true",  # exporters round
+    "boundmass": "1e-6",
+    "boundinertia": "1e-9",
+}
+"""How MuJoCo is to read a URDF."""
+MESHES = (".stl", ".obj", ".msh")
+"""What MuJoCo reads."""
+SHAPES = ("visual", "collision")
+HINGES = ("revolute", "continuous")
+UP = 5
+"""Meshes of a package are looked for in so many folders over the URDF's."""
+FREE_JOINT = "free_root"
+
+
+def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
+    """The specification of a model.
+
+    Args:
+        path: of an MJCF or a URDF.
+        freed: give the robot a free joint, which the file lacks, and turn it so (`set_free`).
+
+    Raises:
+        RobotError: the file is no model; says where and why.
+    """
+    try:
+        spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+        if freed is not None:
+            set_free(spec, freed)
+    except (ValueError, OSError, ET.ParseError) as error:
+        raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+    return spec
+
+
+def is_urdf(path: Path) -> bool:
+    """Whether a model file is a URDF, by the first of its elements."""
+    if path.suffix.lower() == ".urdf":
+        return True
+    try:
+        return next((element.tag for _, element in ET.iterparse(path, ("start",))), "") == "robot"
+    except (ET.ParseError, OSError):
+        return False
+
+
+def urdf_spec(path: Path) -> mujoco.MjSpec:
+    """A URDF by MuJoCo's reader, its meshes found, and those that are not found or not readable left out."""
+    tree = ET.parse(path).getroot()
+    folder = _compiler(tree).attrib.pop("meshdir", "")
+    _compiler(tree).attrib.update(URDF_READER)
+    for link, _, shape, mesh in _mesh_shapes(tree):
+        found = mesh_file(path, folder, mesh.get("filename", ""))
+        if found is None:
+            link.remove(shape)
+        else:
+            mesh.set("filename", str(found))
+    return mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"))
+
+
+def urdf_notes(path: Path) -> tuple[str, ...]:
+    """What of a URDF is left out."""
+    tree = ET.parse(path).getroot()
+    folder = _compiler(tree).attrib.get("meshdir", "")
+    lost = [
+        f"{link.get('name')} ({kind})"
+        for link, kind, _, mesh in _mesh_shapes(tree)
+        if mesh_file(path, folder, mesh.get("filename", "")) is None
+    ]
+    if not lost:
+        return ()
+    more = f" and {len(lost) - 4} more" if len(lost) > 4 else ""
+    return (f"meshes not found, or none that MuJoCo reads ({', '.join(MESHES)}): {', '.join(lost[:4])}{more}",)
+
+
+def urdf_speeds(path: Path) -> dict[str, float]:
+    """The joints' speed limits in a URDF, which MuJoCo has no place for [rad/s]."""
+    hinges = [j for j in ET.parse(path).getroot().iter("joint") if j.get("type") in HINGES]
+    joints = {joint.get("name", ""): joint.find("limit") for joint in hinges}
+    speeds = {name: float(limit.get("velocity", 0)) for name, limit in joints.items() if limit is not None}
+    return {name: speed for name, speed in speeds.items() if speed > 0}
+
+
+def mesh_file(urdf: Path, folder: str, name: str) -> Path | None:
+    """The file a URDF means by a name: `package://…` is looked for in the folders over the URDF's.
+
+    A mesh of a kind that MuJoCo does not read is replaced by a file of the same name of another kind beside it.
+    """
+    bare = name.partition("://")[2] or name
+    parts = Path(bare).parts
+    places = [urdf.parent / bare, urdf.parent / folder / bare, urdf.parent / folder / parts[-1]] if parts else []
+    places += [up / Path(*parts[k:]) for k in range(len(parts)) for up in [urdf.parent, *urdf.parents[1:UP]]]
+    for place in places:
+        for candidate in (place, *(place.with_suffix(s) for kind in MESHES for s in (kind, kind.upper()))):
+            if candidate.suffix.lower() in MESHES and candidate.is_file():
+                return candidate.resolve()
+    return None
+
+
+def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
+    """Give the first body of the world that carries a joint a free joint, and turn it; keyframes begin where it is."""
+    model = spec.compile()
+    first, address = int(model.body_rootid[model.jnt_bodyid[0]]), int(model.jnt_qposadr[0])
+    own = Rotation.from_quat(model.body_quat[first], scalar_first=True)
+    quaternion = (Rotation.from_quat(turn, scalar_first=True) * own).as_quat(scalar_first=True)
+    body = spec.bodies[first]
+    body.quat, body.alt.type = quaternion, mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for key in [key for key in spec.keys if len(key.qpos)]:
+        qpos = np.array(key.qpos)
+        key.qpos = np.concatenate([qpos[:address], model.body_pos[first], quaternion, qpos[address:]])
+    body.add_freejoint(name=FREE_JOINT)
+
+
+def _compiler(tree: ET.Element) -> ET.Element:
+    """The element by which a URDF speaks to MuJoCo; made where it is not there."""
+    own = tree.find("mujoco")
+    own = ET.SubElement(tree, "mujoco") if own is None else own
+    compiler = own.find("compiler")
+    return ET.SubElement(own, "compiler") if compiler is None else compiler
+
+
+def _mesh_shapes(tree: ET.Element) -> Iterator[tuple[ET.Element, str, ET.Element, ET.Element]]:
+    """Every shape of a link that is a mesh: the link, what it is for, the shape, the mesh."""
+    for link in tree.iter("link"):
+        for kind in SHAPES:
+            for shape in link.findall(kind):
+                mesh = shape.find("geometry/mesh")
+                if mesh is not None:
+                    yield link, kind, shape, mesh

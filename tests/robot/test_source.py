@@ -1,0 +1,150 @@
+"""Robots as their files have them: URDF is loaded, a missing root joint is made up for, and both are said."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.errors import RobotError
+from robot_retarget.robot import Robot, load_robot, recognise, world_points
+from robot_retarget.robot.catalog import NO_ROOT
+from robot_retarget.robot.kinematics import body_frames
+
+
+def as_urdf(robot: Robot, path: Path, mesh: str = "") -> Path:
+    """A robot's links and hinges as a URDF: link frames at the joints, boxes for shapes."""
+    model, root = robot.model, ET.Element("robot", name="made")
+    for body in range(1, model.nbody):
+        link = ET.SubElement(root, "link", name=model.body(body).name)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "mass", value=str(max(float(model.body_mass[body]), 0.01)))
+        ET.SubElement(inertial, "inertia", ixx="1e-3", iyy="1e-3", izz="1e-3", ixy="0", ixz="0", iyz="0")
+        for geom in np.flatnonzero(model.geom_bodyid == body):
+            shape = ET.SubElement(link, "collision")
+            rpy = Rotation.from_quat(model.geom_quat[geom], scalar_first=True).as_euler("xyz")
+            _origin(shape, model.geom_pos[geom] + 0.0, rpy)
+            half = model.geom_aabb[geom][3:]
+            ET.SubElement(ET.SubElement(shape, "geometry"), "box", size=_text(2 * half))
+        if mesh:
+            shape = ET.SubElement(link, "visual")
+            ET.SubElement(ET.SubElement(shape, "geometry"), "mesh", filename=mesh)
+        parent = int(model.body_parentid[body])
+        if parent:
+            _joint(root, robot, body, parent)
+    path.write_text(ET.tostring(root, encoding="unicode"))
+    return path
+
+
+def _joint(root: ET.Element, robot: Robot, body: int, parent: int) -> None:
+    model, first = robot.model, int(robot.model.body_jntadr[body])
+    hinged = bool(model.body_jntnum[body])
+    name = model.joint(first).name if hinged else f"weld_{body}"
+    joint = ET.SubElement(root, "joint", name=name, type="revolute" if hinged else "fixed")
+    ET.SubElement(joint, "parent", link=model.body(parent).name)
+    ET.SubElement(joint, "child", link=model.body(body).name)
+    rpy = Rotation.from_quat(model.body_quat[body], scalar_first=True).as_euler("xyz")
+    _origin(joint, model.body_pos[body], rpy)
+    if hinged:
+        assert not model.jnt_pos[first].any()
+        ET.SubElement(joint, "axis", xyz=_text(model.jnt_axis[first]))
+        low, high = model.jnt_range[first]
+        ET.SubElement(joint, "limit", lower=str(low), upper=str(high), effort="4", velocity="4.8")
+
+
+def _origin(element: ET.Element, place: np.ndarray, rpy: np.ndarray) -> None:
+    ET.SubElement(element, "origin", xyz=_text(place), rpy=_text(rpy))
+
+
+def _text(numbers: np.ndarray) -> str:
+    return " ".join(f"{x:.12g}" for x in numbers)
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Robot:
+    return load_robot(as_urdf(load_robot("op3"), tmp_path / "op3_made.urdf"))
+
+
+def test_a_urdf_has_the_kinematics_ranges_and_speeds_that_it_was_written_from(urdf: Robot) -> None:
+    op3 = load_robot("op3")
+    assert urdf.joint_names == op3.joint_names and urdf.floating and NO_ROOT in urdf.notes
+    assert np.allclose(urdf.lower, op3.lower) and np.allclose(urdf.max_speed, 4.8) and np.allclose(urdf.max_torque, 4)
+    q, there = urdf.neutral(), op3.neutral()
+    q[:7] = there[:7]
+    q[urdf.qpos_index] = there[op3.qpos_index] = np.linspace(-0.2, 0.3, len(op3.joint_names)).clip(op3.lower, op3.upper)
+    here, other = (body_frames(robot, pose[None])[0][0] for robot, pose in ((urdf, q), (op3, there)))
+    names = {urdf.model.body(b).name: here[b] for b in range(urdf.model.nbody)}
+    assert all(np.allclose(names[op3.model.body(b).name], other[b], atol=1e-6) for b in range(1, op3.model.nbody))
+
+
+def test_a_urdf_is_recognised_as_the_robot_it_is(urdf: Robot) -> None:
+    op3 = load_robot("op3")
+    places = []
+    for robot in (urdf, op3):
+        anatomy = recognise(robot)
+        q = robot.neutral()
+        q[:7] = 0, 0, 0, 1, 0, 0, 0
+        places.append(dict(zip(anatomy.names, world_points(robot, anatomy.points, q[None])[0], strict=True)))
+    off = {k: float(np.linalg.norm(places[0][k] - place)) for k, place in places[1].items()}
+    assert max(off.values()) < 0.02, off
+
+
+def test_meshes_that_are_not_there_are_left_out_and_said(tmp_path: Path) -> None:
+    robot = load_robot(as_urdf(load_robot("op3"), tmp_path / "made.urdf", mesh="package://made/meshes/nothing.dae"))
+    assert any("meshes not found" in note and "(visual)" in note for note in robot.notes)
+
+
+def test_meshes_of_a_package_are_found_over_the_urdf(tmp_path: Path) -> None:
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+    faces = [(1, 3, 2), (1, 2, 4), (2, 3, 4), (3, 1, 4)]
+    lines = [f"v {_text(corner)}" for corner in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+    for folder in ("made/meshes", "made/urdf"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "made/meshes/part.obj").write_text("\n".join(lines))
+    robot = load_robot(
+        as_urdf(load_robot("op3"), tmp_path / "made/urdf/made.urdf", mesh="package://made/meshes/part.dae")
+    )
+    assert robot.notes == (NO_ROOT,)
+    assert (robot.model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).sum() == robot.model.nbody - 1
+
+
+def test_a_broken_urdf_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "broken.urdf"
+    path.write_text("<robot><link/></robot")
+    with pytest.raises(RobotError, match=r"broken\.urdf: MuJoCo does not load it"):
+        load_robot(path)
+
+
+@pytest.mark.parametrize("way", [(0, 0, 0), (90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (180, 0, 0)])
+def test_a_robot_with_legs_and_no_root_joint_is_set_free_and_stands(tmp_path: Path, way: tuple[int, ...]) -> None:
+    op3 = load_robot("op3")
+    spec = op3.spec()
+    body = spec.bodies[op3.root_body]
+    for joint in list(body.joints):
+        spec.delete(joint)
+    for key in list(spec.keys):
+        spec.delete(key)
+    body.quat = Rotation.from_euler("xyz", way, degrees=True).as_quat(scalar_first=True)
+    path = tmp_path / "bolted.xml"
+    path.write_text(spec.to_xml())
+    robot = load_robot(path)
+    assert robot.floating and any(note.startswith(NO_ROOT) for note in robot.notes)
+    anatomy, known = recognise(robot), recognise(op3)
+    assert {k: robot.model.body(s.body).name for k, s in anatomy.spots.items()} == {
+        k: op3.model.body(s.body).name for k, s in known.spots.items()
+    }
+    assert robot.spec().compile().nq == robot.model.nq
+
+
+def test_keyframes_of_a_robot_that_is_set_free_begin_where_it_stands(tmp_path: Path) -> None:
+    op3 = load_robot("op3")
+    spec = op3.spec()
+    for joint in list(spec.bodies[op3.root_body].joints):
+        spec.delete(joint)
+    for key in spec.keys:
+        key.qpos = np.array(key.qpos)[7:]
+    path = tmp_path / "bolted.xml"
+    path.write_text(spec.to_xml())
+    assert load_robot(path).standing()[7:] == pytest.approx(op3.standing()[7:])
