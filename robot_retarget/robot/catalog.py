@@ -69,6 +69,8 @@ def _freed(robot: Robot, tables: Limits) -> Robot:
     Which way is up is not said by a model that waits to be set free. What has legs only when it is turned, and what is
     named an arm over them, lies in its file.
     """
+    if robot.model.body_jntnum[robot.root_body]:  # it turns against the world
+        return robot
     for turn in UPRIGHT:
         said = NO_ROOT if turn == UPRIGHT[0] else f"{NO_ROOT}, and stood up from where it lies"
         freed = _loaded(robot.path, tables, (said,), turn)
