@@ -13,13 +13,13 @@ VERSIONS = {"three": "0.187.0", "uplot": "1.6.32", "esbuild": "0.28.2"}
 THREE = """
   BoxGeometry BufferAttribute BufferGeometry CanvasTexture CapsuleGeometry CircleGeometry Color CylinderGeometry
   DirectionalLight DoubleSide DynamicDrawUsage Fog Group HemisphereLight InstancedMesh LineBasicMaterial LineLoop
-  Matrix4 Mesh MeshBasicMaterial MeshStandardMaterial NeutralToneMapping PCFShadowMap PerspectiveCamera Plane PlaneGeometry
+  LinearMipmapNearestFilter Matrix4 Mesh MeshBasicMaterial MeshLambertMaterial NeutralToneMapping PCFShadowMap PerspectiveCamera Plane PlaneGeometry
   Quaternion Raycaster RepeatWrapping SRGBColorSpace Scene ShadowMaterial SphereGeometry Vector2 Vector3 WebGLRenderer
 """
 ENTRY = f"""
 export {{ {", ".join(THREE.split())} }} from "three";
 export {{ OrbitControls }} from "three/examples/jsm/controls/OrbitControls.js";
-export {{ mergeGeometries, toCreasedNormals }} from "three/examples/jsm/utils/BufferGeometryUtils.js";
+export {{ mergeGeometries, mergeVertices, toCreasedNormals }} from "three/examples/jsm/utils/BufferGeometryUtils.js";
 export {{ default as uPlot }} from "uplot";
 """
 ASSETS = Path(__file__).resolve().parents[1] / "robot_retarget/view/web/assets"

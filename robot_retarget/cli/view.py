@@ -118,7 +118,7 @@ def _serve(viewer: "Viewer", port: int, browser: bool) -> None:
 
     from robot_retarget.view.web.serve import serve
 
-    served = serve(viewer.page, port)
+    served = serve(viewer, port)
     console.say(f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends.")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)

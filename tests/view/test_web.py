@@ -36,11 +36,16 @@ def moved(robot: Robot) -> Take:
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def viewer(request: pytest.FixtureRequest) -> Viewer:
     name, most = request.param
-    path = Viewer((moved(load_robot(name)),)).save(tmp_path_factory.mktemp("viewer") / "viewer.html")
-    assert path.stat().st_size < most * 1e6
-    return path
+    shown = Viewer((moved(load_robot(name)),))
+    assert len(shown.page) < most * 1e6
+    return shown
+
+
+@pytest.fixture(scope="module")
+def page(viewer: Viewer, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return viewer.save(tmp_path_factory.mktemp("viewer") / "viewer.html")
 
 
 @pytest.fixture(scope="module", params=["file", "served"])
@@ -51,7 +56,7 @@ def opened(request: pytest.FixtureRequest, page: Path) -> Iterator[Tab]:
             browser.open(page.as_uri())
             yield browser
             return
-        served = serve(page.read_text(), 0)
+        served = serve(request.getfixturevalue("viewer"), 0)
         thread = threading.Thread(target=served.forever, daemon=True)
         thread.start()
         browser.open(served.address)

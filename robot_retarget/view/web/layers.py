@@ -115,7 +115,7 @@ def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) ->
         height: of the robot [m].
     """
     near = warnings.ahead < NEAR * height
-    shown = (near & (near.mean(axis=0) < 0.5)) | (warnings.state > State.CLEAR)
+    shown = (near & (near.mean(axis=0) < 0.5)) | (warnings.state > State.APPROACHING)
     columns = np.flatnonzero(shown.any(axis=0))
     columns = columns[np.argsort(warnings.ahead[:, columns].min(axis=0), kind="stable")][:PAIRS]
     model, data, geoms = robot.model, mujoco.MjData(robot.model), collision_geoms(robot)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robot_retarget.files import replacing
 from robot_retarget.view.web.pack import Packer
@@ -32,18 +32,27 @@ class Viewer:
     @cached_property
     def data(self) -> bytes:
         """What the page draws, as `pack` has it."""
-        packer = Packer()
-        return packer.packed({"takes": [told(take, packer) for take in self.takes]})
+        return self.packed({})
 
-    @cached_property
+    def packed(self, more: dict[str, Any]) -> bytes:
+        """The takes, and more that the page is to know."""
+        packer = Packer()
+        return packer.packed({"takes": [told(take, packer) for take in self.takes], **more})
+
+    @property
     def page(self) -> str:
         """The HTML."""
+        return self.page_with(touchable=False)
+
+    def page_with(self, touchable: bool) -> str:
+        """The HTML, with what a touch-up needs where a server answers."""
         title = " · ".join(take.title for take in self.takes)
         return Template(_asset("page.html")).substitute(
             title=html.escape(title),
             style=_asset("vendor.css") + _asset("style.css"),
             modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in sorted(ASSETS.glob("*.js"))}}),
             licences=_asset("vendor.LICENCES.txt").replace("--", "–"),
+            touchable="yes" if touchable else "no",
             data=base64.b64encode(self.data).decode("ascii"),
         )
 
@@ -76,7 +85,9 @@ def view(*shown: "Take | Result", report: "Report | None" = None) -> Viewer:
 
 def _take(result: "Result", report: "Report | None") -> Take:
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    return Take(result.robot, result.trajectory, human_of(result.match, result.motion), warnings, report)
+    return Take(
+        result.robot, result.trajectory, human_of(result.match, result.motion), warnings, report
+    )
 
 
 def _asset(name: str) -> str:

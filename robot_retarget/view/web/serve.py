@@ -1,15 +1,60 @@
-"""The page over HTTP, for a browser on this machine or at the other end of an ssh tunnel."""
+"""The page over HTTP, for a browser on this machine or at the other end of an ssh tunnel; with an editor, for touch-ups."""
 
+import json
 import socket
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Lock
+from typing import Any, Protocol
 
-from robot_retarget.errors import UsageError
+from robot_retarget.collision.warn import warnings_of
+from robot_retarget.errors import RobotRetargetError, UsageError
+from robot_retarget.trajectory import Trajectory
+from robot_retarget.view.web.page import Viewer
+from robot_retarget.view.web.take import Take
 
 HOST = "127.0.0.1"
 """Only this machine is served: who is elsewhere comes through ssh."""
 PORT = 8410
+LONGEST = 10_000
+"""Of what a page may send [bytes]."""
+
+
+class Editor(Protocol):
+    """What touches up the first take."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """As it is now."""
+        ...
+
+    @property
+    def before(self) -> Trajectory | None:
+        """As it was before the latest edit."""
+        ...
+
+    def make(self, table: Mapping[str, Any]) -> None:
+        """Make an edit."""
+        ...
+
+    def undo(self) -> None:
+        """Take it back."""
+        ...
+
+    def redo(self) -> None:
+        """Make it again."""
+        ...
+
+    def save(self) -> tuple[Path, Path]:
+        """Write the edits and the trajectory."""
+        ...
+
+    def told(self) -> dict[str, Any]:
+        """How it stands."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,35 +75,90 @@ class Served:
         except KeyboardInterrupt:
             pass
         finally:
-            self.close()
-
-    def close(self) -> None:
-        """Give the port back."""
-        self.server.server_close()
+            self.server.server_close()
 
     def way_in(self) -> str:
         """How to come from another machine."""
         return f"ssh -L {self.server.server_port}:localhost:{self.server.server_port} {socket.gethostname()}"
 
 
-def serve(page: str, port: int = PORT) -> Served:
-    """Open a port for a page; `forever` answers.
+class Desk:
+    """What is answered to a page: itself, and takes that were touched up. One request at a time."""
+
+    def __init__(self, viewer: Viewer, editor: Editor | None):
+        self._viewer, self._editor, self._lock = viewer, editor, Lock()
+        self.page = viewer.page_with(touchable=editor is not None).encode()
+
+    def act(self, what: str, content: bytes) -> tuple[HTTPStatus, str, bytes]:
+        """Answer to a request: its status, type and content."""
+        with self._lock:
+            try:
+                if self._editor is None:
+                    raise UsageError("nothing can be touched up without the motion")
+                return self._done(what, self._editor, content)
+            except (RobotRetargetError, ValueError) as error:
+                return HTTPStatus.BAD_REQUEST, "application/json", json.dumps({"error": str(error)}).encode()
+
+    def _done(self, what: str, editor: Editor, content: bytes) -> tuple[HTTPStatus, str, bytes]:
+        if what == "save":
+            files = [str(path) for path in editor.save()]
+            return HTTPStatus.OK, "application/json", json.dumps({"files": files}).encode()
+        if what == "edit":
+            editor.make(_bounded(json.loads(content)))
+        elif what in ("undo", "redo"):
+            getattr(editor, what)()
+        first, *others = self._viewer.takes
+        now, whole = editor.trajectory, what == "check" and len(editor.trajectory) > 1
+        warnings = warnings_of(now, first.robot) if whole else None
+        take = Take(first.robot, now, first.human, warnings, before=editor.before)
+        self._viewer = replace(self._viewer, takes=(take, *others))
+        told = {"touch": editor.told()}
+        return HTTPStatus.OK, "application/octet-stream", Viewer((take,)).packed(told)
+
+
+def _bounded(table: Any) -> dict[str, Any]:
+    """An edge as a page asks for it: JSON has no infinity, which stands there as a word."""
+    if not isinstance(table, dict):
+        raise ValueError("an edit is a table of keys and values")
+    at = table.get("at")
+    return {**table, "at": [float(bound) for bound in at] if isinstance(at, list) else at}
+
+
+ACTS = ("edit", "undo", "redo", "save", "check")
+
+
+def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None) -> Served:
+    """Open a port for a viewer; `forever` answers.
 
     Args:
         port: 0 takes one that is free.
+        editor: of the first take.
 
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    content = page.encode()
+    desk = Desk(viewer, editor)
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            if self.path.split("?")[0] not in ("/", "/index.html"):
+            if self.path.split("?")[0] in ("/", "/index.html"):
+                self._answer(HTTPStatus.OK, "text/html; charset=utf-8", desk.page)
+            else:
+                self.send_error(HTTPStatus.NOT_FOUND)
+
+        def do_POST(self) -> None:
+            what, length = self.path.strip("/"), int(self.headers.get("Content-Length") or 0)
+            asked = self.headers.get("Content-Type", "").startswith(
+                "application/json"
+            )  # no form of another site's page
+            if what not in ACTS or not asked or length > LONGEST:
                 self.send_error(HTTPStatus.NOT_FOUND)
                 return
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self._answer(*desk.act(what, self.rfile.read(length)))
+
+        def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
             self.wfile.write(content)

@@ -49,6 +49,7 @@ def told(take: Take, packer: Packer) -> dict[str, Any]:
         "joints": _joints(take, packer),
         "stance": _stance(stance, trajectory.fps, packer) if stance else None,
         "warnings": _warnings(take, staging, packer) if take.warnings else None,
+        "before": packer.add(_poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
         "report": _report(robot, take.report, shapes, packer) if take.report else None,
     }
 

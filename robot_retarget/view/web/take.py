@@ -42,6 +42,8 @@ class Take:
     """Of the trajectory (`warnings_of`)."""
     report: Report | None = None
     """Of the trajectory (`simulate`)."""
+    before: Trajectory | None = None
+    """As it was before the latest touch-up, frame by frame."""
 
     def __post_init__(self) -> None:
         require_same_robot(self.trajectory, self.robot)

@@ -48,7 +48,7 @@ export class Cast extends Group {
 }
 
 /** Takes side by side, to the right of one another as the camera sees them. */
-export function castOf(takes) {
+export function castsOf(takes) {
   let edge = 0;
   const places = takes.map(({ reach }) => {
     const place = edge + reach;

@@ -4,6 +4,7 @@ import { uPlot } from "#vendor";
 
 const TEAL = "#0b7285", AMBER = "#e8890c", RED = "#c92a2a", GREY = "#9aa5b1", INK = "#1f2933";
 const PALETTE = [TEAL, AMBER, "#7048a8", "#37a05c", "#c2255c"];
+const READING = 150; // while it plays, values are written so often [ms]
 const HEIGHT = 150, DEGREES = 180 / Math.PI;
 
 const column = (array, k, scale = 1) => Array.from({ length: array.shape[0] }, (_, t) => {
@@ -47,7 +48,7 @@ function drawn(take, joint) {
     charts.push({ title: "interaction distance D of near pairs", unit: "cm", lines, zero: true, most: [-5, 30] });
   }
   if (stress) {
-    const lines = stress.kinds.map((kind, k) => line(kind, column(stress.values, k), PALETTE[k % PALETTE.length], 1.2));
+    const lines = stress.kinds.map((kind, k) => line(kind, column(stress.cost, k), PALETTE[k % PALETTE.length], 1.2));
     charts.push({ title: "stress by kind of edge", unit: "", lines });
   }
   return charts;
@@ -108,6 +109,12 @@ export class Charts {
     this.joints = this.#select("joint", "joint", this.takes[this.take].joints.names, this.joint, (joint) => this.choose(this.take, joint));
   }
 
+  /** After a take has changed. */
+  replace(take, k) {
+    this.takes[k] = take;
+    this.#draw();
+  }
+
   /** Show the curves of a joint. */
   choose(take, joint) {
     if (joint < 0) return;
@@ -145,9 +152,11 @@ export class Charts {
 
   #update() {
     const { fps, frames } = this.takes[this.take], idx = Math.min(Math.round(this.player.time * fps), frames - 1);
+    const now = performance.now(), readable = !this.player.playing || now - (this.read ?? 0) > READING;
+    if (readable) this.read = now;
     for (const { plot, head } of this.plots) {
       head.style.transform = `translateX(${plot.valToPos(Math.min(this.player.time, (frames - 1) / fps), "x")}px)`;
-      if (plot.cursor.idx == null) plot.setLegend({ idx }, false);
+      if (readable && plot.cursor.idx == null) plot.setLegend({ idx }, false);
     }
   }
 }

@@ -2,7 +2,7 @@
 
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, CapsuleGeometry, Color, CylinderGeometry, Group, Matrix4, Mesh,
-  MeshStandardMaterial, Quaternion, SphereGeometry, Vector3, mergeGeometries, toCreasedNormals,
+  MeshLambertMaterial, Quaternion, SphereGeometry, Vector3, mergeGeometries, mergeVertices, toCreasedNormals,
 } from "#vendor";
 import { row } from "#data";
 import { Sticks } from "#sticks";
@@ -36,14 +36,14 @@ function solid(shape) {
   return made;
 }
 
-/** One geometry for each body that is seen. */
+/** One geometry for each body that is seen; corners that are the same are one, so that they are worked out once. */
 export function geometries(take) {
   const bodies = [...new Set(take.shapes.map((shape) => shape.body))].sort((a, b) => a - b);
-  return bodies.map((body) => mergeGeometries(take.shapes.filter((shape) => shape.body === body).map(solid)));
+  return bodies.map((body) => mergeVertices(mergeGeometries(take.shapes.filter((shape) => shape.body === body).map(solid))));
 }
 
-const OWN = new MeshStandardMaterial({ vertexColors: true, roughness: 0.6 });
-const GHOST = new MeshStandardMaterial({ color: 0x0b7285, transparent: true, opacity: 0.38, roughness: 0.9, depthWrite: false });
+const OWN = new MeshLambertMaterial({ vertexColors: true });
+const GHOST = new MeshLambertMaterial({ color: 0x0b7285, transparent: true, opacity: 0.38, depthWrite: false });
 const [q0, q1] = [new Quaternion(), new Quaternion()];
 
 /** Bodies that go where an array of poses has them. */

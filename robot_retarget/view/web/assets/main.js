@@ -1,7 +1,7 @@
 // Puts the page together.
 
 import { Raycaster, Vector2, Vector3 } from "#vendor";
-import { castOf } from "#cast";
+import { Cast, castsOf } from "#cast";
 import { Charts } from "#charts";
 import { embedded } from "#data";
 import { Panel } from "#panel";
@@ -11,15 +11,15 @@ import { Timeline } from "#timeline";
 
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
-const takes = show.takes, { casts, span } = castOf(takes);
+const takes = show.takes, { casts, span } = castsOf(takes);
 const height = Math.max(...takes.map((take) => take.height)), floor = Math.min(...takes.map((take) => take.floor));
 const stage = new Stage(scene, canvas, height, takes.length > 1 ? span : 0);
 casts.forEach((cast) => stage.scene.add(cast));
 
 const player = new Player(Math.max(...takes.map((take) => (take.frames - 1) / take.fps)), Math.max(...takes.map((take) => take.fps)));
 const panel = new Panel(player, stage, casts);
-new Timeline(player, takes);
-const charts = new Charts(player, takes);
+const timeline = new Timeline(player, [...takes]);
+const charts = new Charts(player, [...takes]);
 
 /** The middle of everything that is looked at. */
 function target() {
@@ -86,7 +86,8 @@ canvas.addEventListener("pointerup", (event) => {
   if (body) charts.choose(body.take, body.joint);
 });
 canvas.addEventListener("pointermove", (event) => {
-  const body = event.buttons || player.playing ? null : under(event);
+  if (event.buttons || player.playing) return (said.textContent = "");
+  const body = under(event);
   said.textContent = body ? saying(body) : "";
 });
 

@@ -8,6 +8,7 @@ const KEYS = [
   ["[ ]", "slower, faster"], ["L", "loop"], ["H", "human beside, over, off"], ["1 … 9", "layers"], ["F", "camera goes along"],
   ["R", "camera back"], ["?", "these keys"],
 ];
+if (document.body.dataset.touchable === "yes") KEYS.push(["T", "touch up"]);
 const STANDS = ["beside", "over", "off"];
 
 function element(kind, attributes = {}, ...children) {
@@ -28,16 +29,26 @@ export class Panel {
   }
 
   #layers(holder) {
-    const takes = this.casts.map((cast) => cast.take);
-    this.chips = Object.fromEntries(LAYERS.map(({ id, name, on, lacks }, k) => {
-      const why = takes.every((take) => lacks?.(take)) && lacks?.(takes[0]);
-      const chip = element("button", { id: `layer-${id}`, textContent: name, title: why || `key ${k + 1}`, disabled: Boolean(why) });
+    this.chips = Object.fromEntries(LAYERS.map(({ id, name, on }) => {
+      const chip = element("button", { id: `layer-${id}`, textContent: name });
       chip.addEventListener("click", () => this.toggle(id));
-      this.shown[id] = Boolean(on) && !why;
-      chip.classList.toggle("on", this.shown[id]);
+      this.shown[id] = Boolean(on);
       holder.append(chip);
       return [id, chip];
     }));
+    this.refresh();
+  }
+
+  /** After takes have changed: what can be shown, and what is. */
+  refresh() {
+    const takes = this.casts.map((cast) => cast.take);
+    LAYERS.forEach(({ id, lacks }, k) => {
+      const why = takes.every((take) => lacks?.(take)) && lacks?.(takes[0]);
+      this.chips[id].disabled = Boolean(why);
+      this.chips[id].title = why || `key ${k + 1}`;
+      this.chips[id].classList.toggle("on", this.shown[id] && !why);
+      this.casts.forEach((cast) => cast.show(id, this.shown[id]));
+    });
   }
 
   toggle(id) {
@@ -55,6 +66,7 @@ export class Panel {
     if (!humans.length) return;
     const next = STANDS[(STANDS.indexOf(humans[0].where) + 1) % STANDS.length];
     humans.forEach((human) => human.stand(next));
+    this.shown.human = next !== "off";
     this.casts.forEach((cast) => cast.show("human", next !== "off"));
     this.chips.human.classList.toggle("on", next !== "off");
     this.chips.human.textContent = next === "off" ? "Human" : `Human ${next}`;

@@ -1,7 +1,7 @@
 // The room: light, floor, camera. Draws only when something has changed.
 
 import {
-  CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, NeutralToneMapping, OrbitControls,
+  CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, LinearMipmapNearestFilter, Mesh, MeshBasicMaterial, NeutralToneMapping, OrbitControls,
   PCFShadowMap, PerspectiveCamera, PlaneGeometry, RepeatWrapping, SRGBColorSpace, Scene, ShadowMaterial, Vector3, WebGLRenderer,
 } from "#vendor";
 
@@ -23,6 +23,7 @@ function tiling(periods) {
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.repeat.set(periods, periods);
   texture.colorSpace = SRGBColorSpace;
+  texture.minFilter = LinearMipmapNearestFilter;
   return texture;
 }
 
@@ -125,12 +126,14 @@ export class Stage {
     const now = this.renderer.getPixelRatio();
     if (interval === undefined) {
       if (now < this.finest) this.renderer.setPixelRatio(this.finest);
+      this.renderer.shadowMap.autoUpdate = true;
       this.mean = SLOW / 2;
       return this.draw();
     }
     this.mean = 0.8 * (this.mean ?? SLOW / 2) + 0.2 * Math.min(interval, 4 * SLOW);
     if (this.mean < SLOW || now <= COARSEST) return;
     this.renderer.setPixelRatio(Math.max(0.75 * now, COARSEST));
+    this.renderer.shadowMap.autoUpdate = false; // every other picture has shadows of its own
     this.mean = SLOW / 2;
   }
 
@@ -140,6 +143,7 @@ export class Stage {
     this.asked = true;
     requestAnimationFrame(() => {
       this.asked = false;
+      this.renderer.shadowMap.needsUpdate = this.pictures % 2 === 0;
       this.renderer.render(this.scene, this.camera);
       this.pictures += 1;
       this.after.forEach((call) => call(this));

@@ -1,7 +1,7 @@
 // Many round sticks and balls in one draw call each.
 
 import {
-  CylinderGeometry, DynamicDrawUsage, Group, InstancedMesh, Matrix4, MeshBasicMaterial, MeshStandardMaterial, Quaternion,
+  CylinderGeometry, DynamicDrawUsage, Group, InstancedMesh, Matrix4, MeshBasicMaterial, MeshLambertMaterial, Quaternion,
   SphereGeometry, Vector3, Color,
 } from "#vendor";
 
@@ -18,11 +18,11 @@ export class Sticks extends Group {
     this.pairs = pairs;
     this.radii = radii;
     this.ballsAt = balls;
-    const kind = onTop ? MeshBasicMaterial : MeshStandardMaterial;
+    const kind = onTop ? MeshBasicMaterial : MeshLambertMaterial;
     const look = { color, transparent: onTop || opacity < 1, opacity, depthTest: !onTop, depthWrite: !onTop };
-    const material = new kind(onTop ? look : { ...look, roughness: 0.7 });
-    this.rods = new InstancedMesh(new CylinderGeometry(1, 1, 1, onTop ? 6 : 14, 1, true), material, pairs.length);
-    this.balls = new InstancedMesh(onTop ? new SphereGeometry(1, 10, 6) : new SphereGeometry(1, 18, 12), material, balls.length);
+    const material = new kind(look);
+    this.rods = new InstancedMesh(new CylinderGeometry(1, 1, 1, onTop ? 6 : 12, 1, true), material, pairs.length);
+    this.balls = new InstancedMesh(onTop ? new SphereGeometry(1, 10, 6) : new SphereGeometry(1, 14, 8), material, balls.length);
     for (const mesh of [this.rods, this.balls]) {
       mesh.instanceMatrix.setUsage(DynamicDrawUsage);
       mesh.castShadow = !onTop;

@@ -30,15 +30,28 @@ export class Timeline {
     this.holder = document.getElementById("timeline");
     this.head = Object.assign(document.createElement("div"), { className: "head" });
     this.track = Object.assign(document.createElement("div"), { className: "track" });
-    for (const take of takes) {
-      const before = takes.length > 1 ? `${take.robot}: ` : "";
-      for (const row of rowsOf(take)) this.#row(before + row.name, row.bars);
-    }
-    this.track.append(this.head);
+    this.takes = takes;
+    this.track.classList.toggle("several", takes.length > 1);
+    this.#draw();
     this.holder.append(this.track);
     this.#seeking();
     player.onchange(() => this.#update());
     this.#update();
+  }
+
+  /** After a take has changed. */
+  replace(take, k) {
+    this.takes[k] = take;
+    this.#draw();
+  }
+
+  #draw() {
+    this.track.replaceChildren();
+    for (const take of this.takes) {
+      const before = this.takes.length > 1 ? `${take.robot}: ` : "";
+      for (const row of rowsOf(take)) this.#row(before + row.name, row.bars);
+    }
+    this.track.append(this.head);
   }
 
   #row(name, bars) {
