@@ -38,6 +38,9 @@ Joints = Annotated[
     str | None,
     typer.Option(help="Names of the joint columns in their order, a,b,…, or a file of them; _ for one to leave out."),
 ]
+Quaternion = Annotated[
+    str | None, typer.Option(help="wxyz or xyzw: the root's order in a file that has another than its format.")
+]
 Servos = Annotated[str | None, typer.Option(help="Servo map of servo-ticks: a shipped robot's name or a TOML file.")]
 List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="Print the known formats and exit.")]
 
@@ -58,7 +61,7 @@ def export(
     from robot_retarget.formats import export as write
     from robot_retarget.trajectory import load_trajectory
 
-    options = _options(joints, fps, None, servos)
+    options = _options(joints, fps, servos)
     write(load_trajectory(trajectory), load(robot, limits), format, output, options)
     console.say(f"wrote {output}")
 
@@ -74,13 +77,14 @@ def import_(
     fps: Rate = None,
     source_fps: SourceRate = None,
     joints: Joints = None,
+    quaternion: Quaternion = None,
     servos: Servos = None,
     limits: Limits = None,
 ) -> None:
     """Read the motion of a robot that others made, for warn, simulate, view and play."""
     from robot_retarget.formats import import_motion
 
-    trajectory = import_motion(file, load(robot, limits), format, _options(joints, fps, source_fps, servos))
+    trajectory = import_motion(file, load(robot, limits), format, _options(joints, fps, servos, source_fps, quaternion))
     for note in trajectory.notes:
         console.note(note)
     trajectory.save(output)
@@ -99,6 +103,7 @@ def convert(
     fps: Rate = None,
     source_fps: SourceRate = None,
     joints: Joints = None,
+    quaternion: Quaternion = None,
     to_joints: Annotated[str | None, typer.Option(help="As --joints, of what is written.")] = None,
     servos: Servos = None,
     limits: Limits = None,
@@ -108,17 +113,23 @@ def convert(
     from robot_retarget.formats import import_motion
 
     model = load(robot, limits)
-    trajectory = import_motion(file, model, source, _options(joints, None, source_fps, servos))
+    trajectory = import_motion(file, model, source, _options(joints, None, servos, source_fps, quaternion))
     for note in trajectory.notes:
         console.note(note)
-    write(trajectory, model, to, output, _options(to_joints, fps, None, servos))
+    write(trajectory, model, to, output, _options(to_joints, fps, servos))
     console.say(f"wrote {output}")
 
 
-def _options(joints: str | None, fps: float | None, source_fps: float | None, servos: str | None) -> "Options":
+def _options(
+    joints: str | None,
+    fps: float | None,
+    servos: str | None,
+    source_fps: float | None = None,
+    quaternion: str | None = None,
+) -> "Options":
     from robot_retarget.formats import Options
 
-    return Options(_names(joints), fps, source_fps, servos)
+    return Options(_names(joints), fps, source_fps, quaternion, servos)
 
 
 def _names(joints: str | None) -> tuple[str, ...] | None:

@@ -16,5 +16,7 @@ class Options:
     """Frames per second of what comes out; by default those of the format, or of the file."""
     source_fps: float | None = None
     """Frames per second of a file that says none."""
+    quaternion: str | None = None
+    """`wxyz` or `xyzw`: the order in a file whose program wrote another than its format has."""
     servos: str | None = None
     """Servo map of formats that count servo ticks: a shipped robot's name or a TOML file."""

@@ -5,9 +5,10 @@ from pathlib import Path
 
 from robot_retarget.errors import TrajectoryError, UsageError, known
 from robot_retarget.files import replacing, replacing_folder, require_writable
-from robot_retarget.formats.columns import assembled
+from robot_retarget.formats.columns import Columns, assembled
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.options import Options
+from robot_retarget.formats.quaternions import doubt, told_order
 from robot_retarget.formats.robot_motion import continuous, robot_motion
 from robot_retarget.formats.sidecar import beside, describing
 from robot_retarget.formats.source import Source
@@ -62,11 +63,25 @@ def import_motion(
     try:
         found = kind.read(source)
         if not isinstance(found, Trajectory):
-            found = continuous(assembled(found, robot, options, kind.fps), robot)
+            found = _of_robot(found, kind, source)
     except TrajectoryError as error:
         raise TrajectoryError(_about(where, kind, error)) from None
     trajectory = found if found.source else replace(found, source=str(where))
     return trajectory if options.fps is None else resample(trajectory, robot, options.fps)
+
+
+def _of_robot(columns: Columns, kind: Format, source: Source) -> Trajectory:
+    """Columns as a trajectory of the robot, their quaternions in the order that is told; a doubtful order is said."""
+    robot, told = source.robot, source.options.quaternion
+    doubts: tuple[str, ...] = ()
+    if told is not None:
+        if columns.quaternion is None:
+            raise UsageError(f"--quaternion: format {kind.name!r} holds none whose order could be another")
+        columns = replace(columns, quaternion=told_order(columns.quaternion, kind.quaternion, told))
+    elif columns.quaternion is not None and not (kind.complete or source.sidecar):
+        doubts = doubt(columns.quaternion, kind.quaternion, robot)
+    trajectory = continuous(assembled(columns, robot, source.options, kind.fps), robot)
+    return replace(trajectory, notes=(*trajectory.notes, *doubts))
 
 
 def load_trajectory(

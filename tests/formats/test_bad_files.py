@@ -269,3 +269,26 @@ def test_a_writer_that_fails_leaves_the_old_file_as_it_was(format: str, op3, tmp
     with pytest.raises(UsageError, match="no"):
         export(motion_of("op3"), op3, format, target)
     assert [path.name for path in tmp_path.iterdir()] == ["a"] and target.read_text() == "old"
+
+
+def test_a_quaternion_in_the_other_order_is_doubted_and_can_be_told(op3, tmp_path) -> None:
+    turn = np.linspace(0.2, 1.2, 3)
+    standing = np.stack([np.cos(turn / 2), 0.02 * np.ones(3), 0 * turn, np.sin(turn / 2)], axis=1)
+    standing /= np.linalg.norm(standing, axis=1, keepdims=True)
+    path = saved(tmp_path / "a.pkl", gmr_table(op3) | {"root_rot": standing})  # w x y z, as some scripts write it
+    read = import_motion(path, op3)
+    assert any("say --quaternion wxyz" in note for note in read.notes)
+    told = import_motion(path, op3, options=Options(quaternion="wxyz"))
+    np.testing.assert_allclose(told.qpos[:, 3:7], standing, atol=1e-12)
+    assert not any("--quaternion" in note for note in told.notes)
+    right = saved(tmp_path / "b.pkl", gmr_table(op3) | {"root_rot": standing[:, [1, 2, 3, 0]]})
+    assert not any("--quaternion" in note for note in import_motion(right, op3).notes)
+    np.savetxt(tmp_path / "c.csv", np.hstack([np.zeros((3, 3)), standing, np.zeros((3, 20))]), delimiter=",")
+    for format, told_as in (("kimodo", None), ("kimodo", "wxyz"), ("unitree", "wxyz")):
+        found = import_motion(tmp_path / "c.csv", op3, format, Options(quaternion=told_as))
+        np.testing.assert_allclose(found.qpos[:, 3:7], standing, atol=1e-12)
+    with pytest.raises(UsageError, match="no order 'wzyx' of quaternions; known: wxyz, xyzw"):
+        import_motion(path, op3, options=Options(quaternion="wzyx"))
+    table = export(motion_of("op3"), op3, "csv", tmp_path / "d.csv")
+    with pytest.raises(UsageError, match="--quaternion: format 'csv'"):
+        import_motion(table, op3, options=Options(quaternion="xyzw"))

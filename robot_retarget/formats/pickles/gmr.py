@@ -14,9 +14,9 @@ from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
+from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.text.rows import FIRST_LAST, LAST_FIRST
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.unpickle import dump_pickle
 

@@ -16,9 +16,9 @@ from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
+from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.text.rows import FIRST_LAST, LAST_FIRST
 from robot_retarget.unpickle import dump_pickle
 
 ADDED = 3

@@ -15,11 +15,11 @@ from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.orders import robot_bodies
+from robot_retarget.formats.quaternions import FIRST_LAST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
 from robot_retarget.formats.source import Source
 from robot_retarget.formats.text.named_csv import rate
-from robot_retarget.formats.text.rows import FIRST_LAST
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.unpack import LARGEST
 

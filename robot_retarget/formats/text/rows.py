@@ -7,15 +7,12 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 
 NUMBER = "%.12g"
 ROOT = 7
-LAST_FIRST = (1, 2, 3, 0)
-"""w x y z → x y z w."""
-FIRST_LAST = (3, 0, 1, 2)
-"""x y z w → w x y z."""
 
 
 def write_rows(motion: RobotMotion, path: Path, format: str, scalar_first: bool) -> None:
