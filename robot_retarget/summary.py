@@ -30,15 +30,44 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
         return facts | {"human": False, "reason": str(error)}
     names = motion.skeleton.names
     keypoints = {
-        k: {"joint": " + ".join(names[j] for j in m.joints), "confidence": round(m.confidence, 2), "why": m.evidence}
+        k: {
+            "joint": " + ".join(names[j] for j in m.joints),
+            "confidence": round(m.confidence, 2),
+            "sure": sureness(m.confidence),
+            "why": m.evidence,
+        }
         for k, m in ((k, found.marks[k]) for k in found.keypoints)
     }
     size = {
         "stature_m": round(stature(found, motion.positions), 3),
         "leg_m": round(leg_length(found, motion.positions), 3),
     }
-    remarks = {"keypoints": keypoints, "missing": list(found.missing), "remarks": list(found.notes)}
+    remarks = {
+        "keypoints": keypoints,
+        "missing": list(found.missing),
+        "remarks": [*found.notes, *_map_advice(keypoints)],
+    }
     return facts | {"human": True, "confidence": round(found.confidence, 2)} | size | remarks
+
+
+SURENESS = ((0.8, "sure"), (0.6, "likely"), (0.4, "doubtful"), (0.0, "a guess"))
+"""Least confidence of each word."""
+
+
+def sureness(confidence: float) -> str:
+    """How sure something is, in words."""
+    return next(word for least, word in SURENESS if confidence >= least)
+
+
+def _map_advice(keypoints: dict[str, dict[str, Any]]) -> list[str]:
+    """What to write in a map file about keypoints that are doubtful, where their joints are wrong."""
+    doubtful = [(k, v["joint"]) for k, v in keypoints.items() if v["confidence"] < SURENESS[1][0] and k != "pelvis"]
+    lines = "; ".join(f'{keypoint} = "{joint}"' for keypoint, joint in doubtful)
+    return (
+        [f"Look at these; where a joint is wrong, put the right one in a --map file under [human]: {lines}"]
+        if lines
+        else []
+    )
 
 
 def describe_robot(robot: Robot) -> dict[str, Any]:

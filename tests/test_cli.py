@@ -175,7 +175,7 @@ def test_a_broken_trajectory_and_a_foreign_one_are_refused(solved: Path, tmp_pat
 def test_a_dog_is_described_and_not_solved(tmp_path: Path) -> None:
     dog = SHARED / "motions/bvh/nonhuman_negative/dog_walk_Bip01.bvh"
     told = run("info", dog)
-    assert told.returncode == 0 and "not a human" in told.stdout and "quadruped" in told.stdout
+    assert told.returncode == 2 and "not a human" in told.stdout and "quadruped" in told.stdout
     assert_refused(run("solve", dog, "--robot", "op3", "-o", tmp_path / "out.npz"), "quadruped")
 
 

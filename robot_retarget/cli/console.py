@@ -53,7 +53,9 @@ def show_motion(facts: dict[str, Any]) -> None:
         say(f"not a human motion: {facts['reason']}")
     else:
         say(f"a human of {facts['stature_m']:.2f} m, legs {facts['leg_m']:.2f} m, {facts['joints']} joints\n")
-        rows = [(k, v["joint"], v["confidence"], v["why"]) for k, v in facts["keypoints"].items()]
+        rows = [
+            (k, v["joint"], f"{v['sure']} ({v['confidence']:.2f})", v["why"]) for k, v in facts["keypoints"].items()
+        ]
         table("Keypoints", ("keypoint", "joint", "sure", "because"), rows)
         _missing(facts)
     for sentence in facts["notes"]:

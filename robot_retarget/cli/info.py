@@ -40,3 +40,5 @@ def info(
         console.show_robot(facts)
     else:
         console.show_motion(facts)
+    if not facts.get("human", facts.get("humanoid", True)):
+        raise typer.Exit(2)

@@ -18,6 +18,11 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
     Raises:
         MatchError: with the reason.
     """
+    tails = [
+        body.skeleton.names[k] for pair in (legs, arms) for limb in pair.sides for k in limb.joints if _tail(body, k)
+    ]
+    if tails:
+        raise MatchError(f"not a human body: {tails[0]!r}, which would be in a limb, is called a tail")
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     trunk = float(np.median(np.linalg.norm(shoulders - hips, axis=1)))
     for what, value, (low, high) in (
@@ -26,7 +31,7 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
     ):
         if not low <= value <= high:
             raise MatchError(f"not a human body: {what} measure {value:.2f} of the legs, a human's {low} to {high}")
-    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any("tail" in sense.parts for sense in body.senses)
+    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.senses)))
     if forelegs and four_legged(body, legs, arms) > 0.8:
         raise MatchError(
             "not a human body: hands bear weight like feet, hips and shoulders at the same height (a quadruped)"
@@ -38,6 +43,10 @@ def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
     return float(np.mean((_cosine(leg, arm) > 0.6) & (np.abs(_cosine(leg, shoulders - hips)) < 0.5)))
+
+
+def _tail(body: Body, joint: int) -> bool:
+    return "tail" in body.senses[joint].parts
 
 
 def _cosine(u: Floats, v: Floats) -> Floats:

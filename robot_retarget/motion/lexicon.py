@@ -21,6 +21,7 @@ _PARTS: tuple[tuple[str, dict[str, float]], ...] = tuple(
     for pattern, parts in (
         (r"twist|roll|helper|hipjoint|buttock|metatars", {"helper": 1.0}),
         (r"thumb|index|middle|ring|pinky|little|finger|carpal|daumen|doigt|dedo|指", {"finger": 1.0}),
+        (r"heel|calcan|ferse|talon", {"heel": 1.0}),
         (r"toe|ball|zehe|orteil|つま先", {"toe": 1.0}),
         (r"eye|jaw|ear$|tongue|hair|brow|lip|breast|weapon|prop|skirt|cloth", {"other": 1.0}),
         (r"tail|schwanz|wing", {"tail": 1.0}),

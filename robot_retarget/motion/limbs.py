@@ -67,14 +67,27 @@ class Body:
         return tuple(chain)
 
     def toe(self, limb: "Limb") -> int | None:
-        """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end."""
+        """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end.
+
+        What is called a heel is none, nor is what lies on the way to nothing else.
+        """
         below = [
-            joint
-            for joint in limb.chain[limb.chain.index(limb.joints[2]) + 1 :]
-            if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
+            joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
         ]
         named = [joint for joint in below if "helper" not in self.senses[joint].parts]
         return (named or below or [None])[0]
+
+    def _foot(self, ankle: int) -> list[int]:
+        """From below an ankle down the longest branch that is not called a heel."""
+        chain, joint = [], ankle
+        while below := [child for child in self.children[joint] if not self._only_heel(child)]:
+            joint = max(below, key=self.branch)
+            chain.append(joint)
+        return [joint for joint in chain if "heel" not in self.senses[joint].parts]
+
+    def _only_heel(self, joint: int) -> bool:
+        """Whether a joint is called a heel and carries nothing that is not."""
+        return "heel" in self.senses[joint].parts and all(map(self._only_heel, self.children[joint]))
 
     def at(self, pair: "Pair", which: int) -> Floats:
         """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs."""
@@ -203,6 +216,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
             - min(3.0, 2 * max(0.0, below[c] / lower - 0.95))
             - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
             - 4 * (between[a] < 0.05 * upper)
+            - 2 * _collarbone(body, chain[a:b], LIMBS[kind][0])
             - 0.01 * (a + b + c)
             + named
             - sum(body.senses[chain[k]].tip for k in (a, b, c))
@@ -210,6 +224,12 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
         if best is None or score > best.score:
             best = Limb((chain[a], chain[b], chain[c]), chain, float(upper), float(lower), float(score))
     return best
+
+
+def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:
+    """Whether the first of some joints may be called a clavicle and a later one is called a shoulder."""
+    senses = [body.senses[joint] for joint in chain]
+    return "clavicle" in senses[0].parts and any(sense.agreement(part) > 0 for sense in senses[1:])
 
 
 def _bulge(mean: Floats, a: int, b: int) -> float:

@@ -14,12 +14,15 @@ from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, SIDES
 from robot_retarget.motion.humanity import refuse_other_than_human
 from robot_retarget.motion.limbs import LIMBS, Body, Limb, Pair, find_limbs
-from robot_retarget.motion.sides import SURE, leftness, named_leftness, same_side_first
+from robot_retarget.motion.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.trunk import find_trunk
 
 _WORD = {"chest": "spine"}
 """What the lexicon calls a keypoint, where not by its own name."""
+
+END = 0.6
+"""Confidence in the end of a foot as its toe: about that of a joint whose name is silent."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +77,16 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
         found = "no two legs found" if legs is None else "one pair of limbs found, not two legs and two arms,"
         raise MatchError(f"not a human body: {found} among its {len(skeleton)} joints")
     refuse_other_than_human(body, legs, arms)
-    legs, arms, certainty, notes = _sided(body, legs, arms)
+    sided = _sided(body, legs, arms)
+    legs, arms, certainty = sided.legs, sided.arms, sided.certainty
     marks = {"pelvis": _pelvis(body, legs)}
     for keypoint, (joint, why) in find_trunk(body, legs, arms).items():
         marks[keypoint] = _mark(body, keypoint, joint, why, 1.0)
     for side, leg, arm in zip(SIDES, legs.sides, arms.sides, strict=True):
         marks |= _limb_marks(body, side, leg, "leg", certainty) | _limb_marks(body, side, arm, "arm", certainty)
-        marks |= _toe_mark(body, side, leg, certainty)
-    return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, notes)
+        if sided.toes:
+            marks |= _toe_mark(body, side, leg, certainty)
+    return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, sided.notes)
 
 
 def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, str | list[str]]) -> Recognition:
@@ -103,16 +108,36 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
     return replace(recognition, marks={k: marks[k] for k in KEYPOINTS if k in marks})
 
 
-def _sided(body: Body, legs: Pair, arms: Pair) -> tuple[Pair, Pair, float, tuple[str, ...]]:
-    """Legs and arms with the left one first, how sure that is, and what the names got wrong."""
-    seen, said = leftness(body, legs, arms), named_leftness(body, legs)
-    decided = seen if abs(seen) > SURE or not said else said
-    certainty = 1.0 if seen * said > 0 else max(abs(seen), 0.6)
-    notes = ()
+def _sided(body: Body, legs: Pair, arms: Pair) -> "_Sided":
+    """Legs and arms with the left one first; names and knees together outvote the feet, else geometry the names."""
+    seen, said = votes(body, legs, arms), named_leftness(body, legs)
+    bent = seen.knees + seen.elbows
+    heels = seen.feet * said < -HEEL and bent * said > HEEL
+    shown = seen.leftness(feet=not heels)
+    decided = shown if abs(shown) > SURE or not said else said
+    certainty = 1.0 if shown * said > 0 else max(abs(shown), 0.5)
+    notes: list[str] = []
+    if heels:
+        notes.append(
+            "What hangs below the ankles points backwards by names and knees: heels, not toes; there are no toes."
+        )
     if said * decided < 0:
-        notes = ("Names of left and right are swapped: feet and knees point the other way. Geometry was followed.",)
+        notes.append("Names of left and right are swapped: feet and knees point the other way. Geometry was followed.")
     arms = arms if same_side_first(body, legs, arms) else _turned(arms)
-    return (legs, arms, certainty, notes) if decided >= 0 else (_turned(legs), _turned(arms), certainty, notes)
+    if decided < 0:
+        legs, arms = _turned(legs), _turned(arms)
+    return _Sided(legs, arms, certainty, not heels, tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Sided:
+    """Limbs with the left one first, how sure that is, whether there are toes, and what was outvoted."""
+
+    legs: Pair
+    arms: Pair
+    certainty: float
+    toes: bool
+    notes: tuple[str, ...]
 
 
 def _turned(pair: Pair) -> Pair:
@@ -138,10 +163,10 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
         return {}
     sense = body.senses[joint]
     end = sense.tip or (not body.children[joint] and sense.agreement("toe") <= 0)
-    mark = _mark(
-        body, "toe", joint, "the foot's end, no toe joint" if end else "the first joint below the ankle", certainty
-    )
-    return {f"{side}_toe": replace(mark, confidence=mark.confidence * (0.7 if end else 1.0))}
+    why = "the foot's end, no toe joint" if end else "the first joint below the ankle"
+    mark = _mark(body, "toe", joint, why, certainty)
+    # An end has no name of its own.
+    return {f"{side}_toe": replace(mark, confidence=max(mark.confidence, END * certainty)) if end else mark}
 
 
 def _mark(body: Body, part: str, joint: int, why: str, certainty: float) -> Mark:

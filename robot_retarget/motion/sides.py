@@ -4,6 +4,8 @@ Left = up × forward. Up runs from the hips to the shoulders; forward is where t
 away from where the elbows bend to.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
@@ -11,22 +13,36 @@ from robot_retarget.motion.limbs import Body, Limb, Pair
 
 SURE = 0.3
 """Certainty from which geometry overrules names."""
+HEEL = 0.08
+"""What feet must say against names and knees to be heels, and these against them [leg lengths]: two heels 3 cm behind."""
 
 
-def leftness(body: Body, legs: Pair, arms: Pair) -> float:
-    """Whether the first of two legs is the left one: 1 surely, −1 surely not, 0 unknown."""
+@dataclass(frozen=True)
+class Votes:
+    """What feet, knees and elbows say of the first of two legs: above 0 it is the left one."""
+
+    feet: float
+    knees: float
+    elbows: float
+
+    def leftness(self, feet: bool = True) -> float:
+        """1 surely left, −1 surely not, 0 unknown; without the feet where these are not to be believed."""
+        return float(np.tanh(8 * (self.feet * feet + self.knees + self.elbows)))
+
+
+def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
+    """How the first of two legs stands to where feet point, knees bend and elbows do not."""
     hips, shoulders = body.at(legs, 0), body.at(arms, 0)
     up = unit(shoulders.mean(axis=1) - hips.mean(axis=1))
     line = unit(hips[:, 0] - hips[:, 1])
     feet = [
         body.positions[:, toe] - body.positions[:, limb.joints[2]] for limb in legs.sides if (toe := body.toe(limb))
     ]
-    votes = (
+    return Votes(
         _vote(line, up, feet, legs.length),
         _vote(line, up, [_bend(body, limb) for limb in legs.sides], legs.length),
         -0.25 * _vote(line, up, [_bend(body, limb) for limb in arms.sides], arms.length),
     )
-    return float(np.tanh(8 * sum(votes)))
 
 
 def named_leftness(body: Body, pair: Pair) -> int:

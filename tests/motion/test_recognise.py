@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import BODIES, CRAWLING, PLAIN, body
+from bodies import BODIES, CRAWLING, PLAIN, STANDING, body
 from clip_joints import CLIPS, STRANGERS, expected
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -243,6 +243,50 @@ def test_names_carry_a_body_of_odd_proportions(tree, sides):
     for part in ("hip", "knee", "ankle", "shoulder", "elbow", "hand"):
         own = [name for name in parts[part] if not name.startswith("ik")]
         assert [found[f"{side}_{part}"][0] for side in "lr"] == own
+
+
+def heeled(name: str, toe: bool) -> dict:
+    """A plain body whose ankles carry a heel, long and first, and perhaps the toes beside it."""
+    tree = {part: what for part, what in PLAIN.items() if part != "{}_toe"}
+    tree |= {name: ("heel", "{}_ankle")} | ({"{}_toe": PLAIN["{}_toe"]} if toe else {})
+    return tree
+
+
+HEELED = STANDING | {"heel": (-0.2, 0.09, 0.0)}
+
+
+def test_a_heel_beside_the_toes_is_no_toe():
+    skeleton, pose, _ = body(heeled("{}_heel", toe=True), ("left", "right"), HEELED)
+    found = joints_of(recognise(skeleton, pose), skeleton)
+    assert (found["l_toe"], found["l_hand"]) == (("left_toe",), ("left_hand",))
+
+
+@pytest.mark.parametrize("name", ["{}_heel", "{}_foot_x"])
+def test_a_heel_instead_of_toes_mirrors_nobody(name):
+    skeleton, pose, _ = body(heeled(name, toe=False), ("left", "right"), HEELED)
+    recognition = recognise(skeleton, pose)
+    assert joints_of(recognition, skeleton)["l_hand"] == ("left_hand",)
+    assert {"l_toe", "r_toe"} <= set(recognition.missing)
+    assert not any("swapped" in note for note in recognition.notes)
+
+
+@needs_shared
+@pytest.mark.parametrize("clip", ["fair1_zup/wave_hello", "perception_neuron/jesse_dance_rokoko_dir"])
+def test_a_clavicle_is_no_shoulder_in_any_single_frame(clip):
+    capture = capture_of(clip)
+    for frame in range(0, len(capture.positions), 50):
+        recognition = recognise(capture.skeleton, capture.positions[frame : frame + 1])
+        assert joints_of(recognition, capture.skeleton) == expected(clip)
+
+
+def test_limbs_called_tails_are_no_limbs():
+    tree = {
+        name.replace("{}_knee", "{}_tail_1"): (part, parent and parent.replace("{}_knee", "{}_tail_1"))
+        for name, (part, parent) in PLAIN.items()
+    }
+    skeleton, pose, _ = body(tree, ("left", "right"))
+    with pytest.raises(MatchError, match="is called a tail"):
+        recognise(skeleton, pose)
 
 
 def test_a_human_on_hands_and_knees_is_still_human():

@@ -24,15 +24,19 @@ FALL = SHARED / "motions" / "bvh" / "lafan1_procedural" / "fall_getup_procedural
 @pytest.mark.parametrize("clip", CLIPS)
 @settings(max_examples=5, deadline=None)
 @given(share=st.floats(0, 1), seconds=st.floats(0.1, 2))
-def test_a_window_has_the_up_axis_of_the_whole(clip, share, seconds):
+def test_a_window_has_the_up_axis_of_the_whole_or_says_its_doubt(clip, share, seconds):
     capture = read_bvh(SHARED / "motions" / "bvh" / f"{clip}.bvh")
     first = len(capture.positions) - len(upright(capture))
     count = min(max(1, round(seconds * capture.fps)), len(capture.positions) - first)
     start = first + round(share * (len(capture.positions) - first - count))
     rotations = None if capture.rotations is None else capture.rotations[start : start + count]
-    notes = upright(replace(capture, positions=capture.positions[start : start + count], rotations=rotations)).notes
+    try:
+        notes = upright(replace(capture, positions=capture.positions[start : start + count], rotations=rotations)).notes
+    except MotionError as error:
+        assert "--up" in str(error)
+        return
     turned = any("has +y up" in note for note in notes)
-    assert turned == (CLIPS[clip][4] == "+y")
+    assert turned == (CLIPS[clip][4] == "+y") or any("not sure" in note for note in notes)
 
 
 @needs_shared
