@@ -85,7 +85,23 @@ def _how(report: Report) -> str:
 def _reasons(report: Report) -> str:
     if not report.reasons:
         return "<p>It comes to its end within every limit below.</p>"
-    return _list(report.reasons)
+    return _list(report.reasons) + "".join(f"<p>{html.escape(sentence)}</p>" for sentence in _advice(report.figures))
+
+
+def _advice(f: Any) -> list[str]:
+    """What to try, a sentence for each thing that a choice of the user's may mend."""
+    told = []
+    if f.get("fall_s") is not None:
+        told.append(
+            "To stay upright: keep both feet where they are (--legs stand), or ask for balance (--balance static)."
+        )
+    if f["speed_ratio"] > 1:
+        told.append(
+            f"{f['speed_ratio_joint']} is asked for more than its speed: play the clip slower, or a part without the quick move."
+        )
+    if f["self_contact_share"] > 0 or f["tracked_self_contact_share"] > 0:
+        told.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
+    return told
 
 
 def _cards(f: Any) -> str:

@@ -92,7 +92,17 @@ def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text.index('class="badge">fail') < text.index("What was judged")
     assert "overlap by up to" in text and "✗" in text
+    assert "Where links touch, and when" in text[: text.index("What was judged")]
     assert re.findall(r'<svg[^>]*id="(\w+)"', text) == ["tracking", "errors", "torques", "balance", "timeline"]
+
+
+def test_a_report_links_to_the_viewer_that_lies_beside_it(tmp_path: Path) -> None:
+    still, beside = hold(OP3, 0.2), tmp_path / "viewer.html"
+    report = simulate(still, OP3)
+    for there in (False, True):
+        save_page(report, still, tmp_path / "report.html", viewer=beside)
+        assert ("href='viewer.html'" in (tmp_path / "report.html").read_text(encoding="utf-8")) is there
+        beside.write_text("")
 
 
 def test_ids_of_the_charts_do_not_meet(page: Path) -> None:
