@@ -9,6 +9,8 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 
+RATE = 125.0
+"""Goals a second, unless told otherwise [1/s]."""
 KEYS = ("goals", "goals_rate", "goals_lead_in", "goals_lead_out", "goals_servos")
 """Of the trajectory file."""
 

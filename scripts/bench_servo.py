@@ -64,7 +64,7 @@ def play_evenly(
     times = np.arange(0, seconds, 0.02)[:, None]
     waves = 0.1 * np.sin(2 * np.pi * 0.5 * times) * np.ones(len(servo_map.servos))
     before, began = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
-    outcome = play(Plan(waves, 50.0), servo_map, port, Options(rate, end_pose=False, fast=fast), log)
+    outcome = play(Plan(waves, 50.0).resampled(rate), servo_map, port, Options(end_pose=False, fast=fast), log)
     used, took = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter() - began
     busy = (used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime) / took
     with np.load(log) as rows:

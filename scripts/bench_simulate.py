@@ -18,9 +18,10 @@ import robot_retarget as rr
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import draws
+from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.plant import Mode, Plant
 from robot_retarget.simulate.rollout import plant_of, rollouts
-from robot_retarget.simulate.stepping import Playback, roll_out
+from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory
 
 MODES: tuple[Mode, ...] = ("pinned", "free")
@@ -28,12 +29,9 @@ MODES: tuple[Mode, ...] = ("pinned", "free")
 
 def bare_loop(plant: Plant, trajectory: Trajectory) -> Callable[[], None]:
     """The same physics steps with the same controls and nothing else: what cannot be saved."""
-    playback, step = Playback(), plant.model.opt.timestep
-    held = playback.steps(step)
-    ticks = round((playback.settle_before + trajectory.duration) / (held * step))
-    frames = np.clip(np.arange(ticks) * held * step - playback.settle_before, 0, None) * trajectory.fps
-    goals = trajectory.qpos[np.minimum(frames.astype(int), len(trajectory) - 1)][:, plant.robot.qpos_index]
-    controls = np.repeat(plant.controls(goals), held, axis=0)
+    goals = plain_goals(plant, trajectory)
+    held = round(1 / (goals.rate * plant.model.opt.timestep))
+    controls = np.repeat(plant.controls(goals.angles), held, axis=0)
 
     def loop() -> None:
         data = mujoco.MjData(plant.model)

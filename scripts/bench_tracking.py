@@ -10,6 +10,7 @@ Prints a table: rms error of all joints in plain playback and compensated [rad],
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,17 +20,14 @@ from robot_retarget.arrays import Floats
 from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.servo.map import load_map
-from robot_retarget.servo.outcome import Options
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.figures import at_frames
+from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.plant import Mode
 from robot_retarget.simulate.rollout import plant_of
-from robot_retarget.simulate.stepping import Playback, roll_out
+from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory
-
-RATE = Options().rate
-"""Of the player: the comparison with the bus is made at its rate [1/s]."""
 
 
 def rms(error: Floats) -> float:
@@ -47,17 +45,17 @@ def simulated(robot: rr.Robot, trajectory: Trajectory, mode: Mode) -> tuple[floa
 
 def emulated(robot: rr.Robot, trajectory: Trajectory) -> list[tuple[float, float]]:
     """Plain and compensated: rms to the motion on the emulated bus, and from there to the simulation [rad]."""
-    plant, playback, found = plant_of(robot, "free"), Playback(rate=RATE), []
-    for told in (None, compensated(plant, trajectory, "free", playback)):
+    plant, found = plant_of(robot, "free"), []
+    for goals in (plain_goals(plant, trajectory), compensated(plant, trajectory, "free")):
         with tempfile.TemporaryDirectory() as folder:
             log = Path(folder) / "play.npz"
-            play_emulated(told or trajectory, load_map(robot.name), log=log)
+            play_emulated(replace(trajectory, goals=goals), load_map(robot.name), log=log)
             with np.load(log) as kept:
                 playing = kept["phase"] == kept["phases"].tolist().index("play")
                 order = [kept["joint_names"].tolist().index(joint) for joint in robot.joint_names]
                 times, present = kept["time"][playing], kept["present"][playing][:, order]
-        times = times - times[0]
-        rollout = roll_out(plant, trajectory, "free", playback, told)
+        times = times - times[0] - goals.lead_in
+        rollout = roll_out(plant, trajectory, "free", command=goals)
         ours = np.stack([np.interp(times, rollout.times, column) for column in rollout.hinges.T], axis=1)
         found.append((rms(present - sample_hinges(trajectory, robot, times)), rms(present - ours)))
     return found

@@ -38,6 +38,12 @@ Balance = Annotated[
     ),
 ]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
+Servos = Annotated[
+    str | None,
+    typer.Option(
+        "--servos", "-s", help="Servo map (.toml) or a shipped robot's; by default servos.toml beside the MJCF."
+    ),
+]
 Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
 Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
 Up = Annotated[

@@ -1,5 +1,6 @@
 """`play`: a trajectory on Dynamixel servos."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,26 +8,40 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.options import Baud, Json, Port, TrajectoryFile
+from robot_retarget.cli.stages import judged_plain, load
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
+    from robot_retarget.servo.map import ServoMap
     from robot_retarget.servo.outcome import Outcome
+    from robot_retarget.servo.plan import Plan
+    from robot_retarget.trajectory import Trajectory
 
 commands = typer.Typer()
 
 
-@commands.command(epilog="Example: robot-retarget play dance.npz --servos op3 --port /dev/ttyUSB0")
+@commands.command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
 def play(
     trajectory: TrajectoryFile,
     servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
     port: Port = "",
     report: Annotated[Path | None, typer.Option(help="report.json of the trajectory; beside it by default.")] = None,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="Send the trajectory as it is, once that has passed in simulation.")
+    ] = False,
     unsafe: Annotated[bool, typer.Option("--unsafe", help="Play without a passing report.")] = False,
-    rate: Annotated[float, typer.Option(min=10, max=1000, help="Ticks a second.")] = 100.0,
-    speed: Annotated[float, typer.Option(help="Times the trajectory's own speed.")] = 1.0,
-    loop: Annotated[int, typer.Option(help="So many times over.")] = 1,
-    start: Annotated[float, typer.Option("--from", help="Begin here [s].")] = 0.0,
-    stop: Annotated[float | None, typer.Option("--to", help="End here [s].")] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", help="With --plain: what to simulate; by default the trajectory's own."),
+    ] = None,
+    mode: Annotated[str, typer.Option(help="With --plain: free (on a floor) or pinned (held by the pelvis).")] = "free",
+    rate: Annotated[
+        float | None, typer.Option(min=10, max=1000, help="With --plain or --unsafe: ticks a second, 125 by default.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="With --plain or --unsafe: times the trajectory's own speed.")] = 1.0,
+    loop: Annotated[int, typer.Option(help="With --plain or --unsafe: so many times over.")] = 1,
+    start: Annotated[float, typer.Option("--from", help="With --plain or --unsafe: begin here [s].")] = 0.0,
+    stop: Annotated[float | None, typer.Option("--to", help="With --plain or --unsafe: end here [s].")] = None,
     baud: Baud = None,
     log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("play.npz"),
     end_pose: Annotated[bool, typer.Option(help="Go to the map's stop pose at the end.")] = True,
@@ -37,25 +52,23 @@ def play(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
     json: Json = False,
 ) -> None:
-    """Play a trajectory that passed on Dynamixel servos. Exit code 1 when it was stopped."""
-    from dataclasses import replace
-
+    """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.files import require_writable
     from robot_retarget.servo.map import load_map
     from robot_retarget.servo.outcome import Options
-    from robot_retarget.servo.plan import make_plan, require_pass
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import rehearse
     from robot_retarget.trajectory import load_trajectory
 
-    servo_map = load_map(servos)
+    options, servo_map = Options(end_pose, release, grace=grace), load_map(servos)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
-    plan = make_plan(load_trajectory(trajectory), servo_map, speed, loop, start, stop)
-    if not unsafe and not require_pass(trajectory, report):
-        console.note(
-            "the report is of goals that make up for lag and load; the trajectory is played as it is, "
-            "which simulate --no-compensate judges"
-        )
+    read, part = load_trajectory(trajectory), Part(speed, loop, start, stop)
+    if plain:
+        plan = _plain(read, part, servo_map, servos, robot, mode, rate)
+    elif unsafe:
+        plan = _unjudged(read, part, servo_map, rate)
+    else:
+        plan = _judged(trajectory, read, part, servo_map, servos, report, rate)
     if dry_run:
         facts = rehearse(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
@@ -64,9 +77,77 @@ def play(
         raise UsageError("play needs --port (or --dry-run)")
     require_writable(log)
     say = (lambda text: None) if json else console.say
-    outcome = perform(plan, servo_map, port, Options(rate, end_pose, release, grace=grace), log, say)
+    outcome = perform(plan, servo_map, port, options, log, say)
     _tell(outcome, log, json)
     raise typer.Exit(outcome.exit_code)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part of a trajectory, how fast and how often."""
+
+    speed: float = 1.0
+    loops: int = 1
+    start: float = 0.0
+    stop: float | None = None
+
+    def of(self, trajectory: "Trajectory") -> "Trajectory":
+        from robot_retarget.servo.plan import part_of
+
+        return part_of(trajectory, self.speed, self.loops, self.start, self.stop)
+
+
+def _judged(
+    path: Path,
+    trajectory: "Trajectory",
+    part: Part,
+    servo_map: "ServoMap",
+    servos: str,
+    report: Path | None,
+    rate: float | None,
+) -> "Plan":
+    """The goals that passed, exactly these."""
+    from robot_retarget.servo.judgement import require_judged
+    from robot_retarget.servo.plan import goal_plan
+
+    if part != Part() or rate is not None:
+        raise UsageError(
+            "--rate, --speed, --loop, --from and --to alter what was judged: say --plain, which simulates what it sends, or "
+            "--unsafe"
+        )
+    mode = require_judged(path, trajectory, servo_map, servos, report)
+    if mode == "pinned":
+        console.note(
+            "it passed with the pelvis held: hold the robot likewise; simulate --mode free lets it stand alone"
+        )
+    return goal_plan(trajectory, servo_map)
+
+
+def _plain(
+    trajectory: "Trajectory",
+    part: Part,
+    servo_map: "ServoMap",
+    servos: str,
+    robot: str | None,
+    mode: str,
+    rate: float | None,
+) -> "Plan":
+    """The trajectory as it is, once that has passed."""
+    from robot_retarget.goals import RATE
+    from robot_retarget.servo.plan import goal_plan
+
+    model = load(robot or trajectory.robot, None, servos)
+    return goal_plan(judged_plain(part.of(trajectory), model, mode, rate or RATE), servo_map)
+
+
+def _unjudged(trajectory: "Trajectory", part: Part, servo_map: "ServoMap", rate: float | None) -> "Plan":
+    """The goals where there are some and nothing is altered, else the trajectory as it is."""
+    from robot_retarget.goals import RATE
+    from robot_retarget.servo.plan import goal_plan, plain_plan
+
+    if trajectory.goals is not None and part == Part() and rate is None:
+        return goal_plan(trajectory, servo_map)
+    return plain_plan(part.of(trajectory), servo_map, rate or RATE)
 
 
 def _tell(outcome: "Outcome", log: Path, json: bool) -> None:

@@ -17,6 +17,7 @@ from robot_retarget.cli.options import (
     MotionFile,
     Overrides,
     RobotName,
+    Servos,
     SourceFps,
     Up,
 )
@@ -38,6 +39,7 @@ def run(
     up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
+    servos: Servos = None,
     legs: Legs = "follow",
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
@@ -46,7 +48,7 @@ def run(
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
     verdict = fill_folder(
-        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits), out, wishes, video, json
+        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits, servos), out, wishes, video, json
     )
     raise typer.Exit(0 if verdict == "pass" else 1)
 

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, RobotName, Thresholds, TrajectoryFile
-from robot_retarget.cli.stages import foreseen, judged, load, write_page
+from robot_retarget.cli.options import Json, Limits, RobotName, Servos, Thresholds, TrajectoryFile
+from robot_retarget.cli.stages import foreseen, judged, keep, load, write_page
 
 commands = typer.Typer()
 
@@ -22,27 +22,35 @@ def simulate(
     compensate: Annotated[
         bool, typer.Option(help="Send goals that make up for lag and load, or the trajectory as it is.")
     ] = True,
-    servos: Annotated[
-        bool,
-        typer.Option("--servos/--own-actuators", help="Servos by the robot's servos.toml, or the MJCF's actuators."),
+    servos: Servos = None,
+    own_actuators: Annotated[bool, typer.Option("--own-actuators", help="The MJCF's actuators, no servos.")] = False,
+    store: Annotated[
+        bool, typer.Option(help="Keep the judged goals in the trajectory's file, and write the report of it.")
     ] = True,
+    report_file: Annotated[
+        Path | None, typer.Option("--report", help="The report to write; report.json beside the trajectory by default.")
+    ] = None,
     thresholds: Thresholds = None,
     page: Annotated[Path | None, typer.Option(help="A page with charts to write (.html).")] = None,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
-    """Play a trajectory on simulated servos and pass a verdict."""
+    """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
     from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.trajectory import load_trajectory
 
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
-        require_writable(page)
-    model, played = load(robot, limits), load_trajectory(trajectory)
+    where = report_file or trajectory.with_name("report.json")
+    for path in (*([trajectory, where] if store else []), *([page] if page else [])):
+        require_writable(path)
+    model, played = load(robot, limits, servos), load_trajectory(trajectory)
     warnings = foreseen(played, model)
-    report = judged(trajectory, model, mode, compensate, servos, thresholds, warnings)
+    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings)
+    if store:
+        keep(report, trajectory, where)
     if page is not None:
-        write_page(report, trajectory, warnings, page)
+        write_page(report, report.trajectory or played, warnings, page)
     if json:
         console.dump(report.contract())
     else:

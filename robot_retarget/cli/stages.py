@@ -33,7 +33,6 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
 
     with filling(out) as target:
         result = carried_over(motion, robot, wishes, quiet=json)
-        result.trajectory.save(target / "trajectory.npz")
         report, warnings = _tried(result, target)
         pictures = _shown(result, target, film, quiet=json)
         viewer = _write_viewer(result, report, target / "viewer.html")
@@ -50,21 +49,45 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
 
 
 def _tried(result: "Result", target: Path) -> tuple["Report", "Warnings | None"]:
-    """The trajectory in simulation: `report.json` and, of more than one frame, `warnings.csv`."""
+    """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
     mode = "free" if result.balance else "pinned"
     report = roll_out(result.trajectory, result.robot, mode=mode, warnings=warnings)
-    report.save(target / "report.json")
+    keep(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     return report, warnings
 
 
+def keep(report: "Report", trajectory: Path, where: Path) -> None:
+    """Write the trajectory with the goals that were judged, and the report of it."""
+    assert report.trajectory is not None
+    report.trajectory.save(trajectory)
+    report.save(where)
+
+
+def judged_plain(trajectory: "Trajectory", robot: "Robot", mode: str, rate: float) -> "Trajectory":
+    """A trajectory with goals that are itself, `rate` a second, once they have passed.
+
+    Raises:
+        ServoError: they did not.
+    """
+    from robot_retarget.errors import ServoError
+    from robot_retarget.simulate.goals import Playback
+    from robot_retarget.simulate.rollout import simulate as roll_out
+
+    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate))
+    if report.verdict != "pass":
+        raise ServoError(f"played as it is it does not pass: {'; '.join(report.reasons)}")
+    assert report.trajectory is not None
+    return report.trajectory
+
+
 def judged(
-    path: Path,
+    trajectory: "Trajectory",
     robot: "Robot",
     mode: str,
     compensate: bool,
@@ -72,13 +95,15 @@ def judged(
     thresholds: Path | None,
     warnings: "Warnings | None",
 ) -> "Report":
-    """A trajectory file played on simulated servos, or on the MJCF's own actuators."""
+    """A trajectory played on simulated servos, or on the MJCF's own actuators."""
     from robot_retarget.simulate.rollout import simulate as roll_out
     from robot_retarget.simulate.thresholds import read_thresholds
 
     most = None if thresholds is None else read_thresholds(thresholds)
     drives = "auto" if servos else None
-    return roll_out(path, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings)
+    return roll_out(
+        trajectory, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings
+    )
 
 
 def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
@@ -127,7 +152,7 @@ def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
 
 def write_page(
     report: "Report",
-    trajectory: Path,
+    trajectory: "Path | Trajectory",
     warnings: "Warnings | None",
     page: Path,
     strip: Path | None = None,
@@ -188,11 +213,11 @@ def read_clip(
         raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
 
 
-def load(name: str, limits: Path | None) -> "Robot":
-    """A robot by name or file, its missing limits from a file of their own."""
+def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
+    """A robot by name or file, its missing limits and its servos from files of their own."""
     from robot_retarget.robot import load_robot
 
-    return load_robot(name, limits)
+    return load_robot(name, limits, servos)
 
 
 def names_robot(name: str) -> bool:

@@ -11,7 +11,9 @@ from robot_retarget.robot.limbs import ARM_WORDS, words
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot, robot_from_model
 from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, urdf_notes, urdf_speeds
+from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import MODELS
 
 Limits = dict[str, dict[str, Any]]
@@ -31,7 +33,7 @@ def shipped_robots() -> dict[str, Path]:
     return {folder.name: folder / f"{folder.name}.xml" for folder in sorted(MODELS.iterdir()) if folder.is_dir()}
 
 
-def load_robot(name: str | Path, limits: str | Path | None = None) -> Robot:
+def load_robot(name: str | Path, limits: str | Path | None = None, servos: str | Path | None = None) -> Robot:
     """Load a robot by a shipped name, an MJCF or URDF path, or a `robot_descriptions` name (extra `descriptions`).
 
     Args:
@@ -39,16 +41,22 @@ def load_robot(name: str | Path, limits: str | Path | None = None) -> Robot:
         limits: a TOML file of joint limits that fill or replace the model's, tables `range` [rad], `speed` [rad/s]
             and `torque` [N m] by joint name (`"*"` = every joint). Without it, `limits.toml` or `STEM.limits.toml`
             beside the MJCF is read where it is there.
+        servos: the servo map whose servos turn its joints (`servo.map.load_map`); by default `servos.toml` beside the MJCF,
+            where it is there. What is planned keeps its ranges and its speed.
 
     Raises:
         RobotError: the name is unknown (the known ones are listed), the MJCF does not load, the model has no hinges or
-            has a ball joint, or the limits name a joint that is not there.
+            has a ball joint, the limits name a joint that is not there, or a joint has no servo in the map.
+        ServoError: the servo map cannot be read.
     """
     path = _find(name)
     side_file = Path(limits) if limits is not None else _beside(path)
     tables = read_limits(side_file) if side_file is not None else {}
     robot = _loaded(path, tables)
-    return robot if robot.root_joints.size else _freed(robot, tables)
+    robot = robot if robot.root_joints.size else _freed(robot, tables)
+    own = path.with_name("servos.toml")
+    found = servos if servos is not None else own if own.is_file() else None
+    return robot if found is None else with_servos(robot, load_map(found))
 
 
 def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quaternion | None = None) -> Robot:

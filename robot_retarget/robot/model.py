@@ -12,6 +12,7 @@ from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.notebook import card
 from robot_retarget.robot.source import Quaternion, read_spec
+from robot_retarget.servo.map import ServoMap
 
 FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_FREE,
@@ -55,6 +56,8 @@ class Robot:
     notes: tuple[str, ...] = ()
     freed: Quaternion | None = None
     """Where its root is a free joint that its file lacks: how it is turned against the file in the reference pose."""
+    servo_map: ServoMap | None = None
+    """The servos that turn its hinges, where they are known."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):

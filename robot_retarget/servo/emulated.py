@@ -11,7 +11,7 @@ from typing import Any
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.map import ServoMap, dump_map
 from robot_retarget.servo.outcome import Options, Outcome
-from robot_retarget.servo.plan import make_plan
+from robot_retarget.servo.plan import goal_plan, plain_plan
 from robot_retarget.servo.play import play
 from robot_retarget.trajectory import Trajectory
 
@@ -56,7 +56,7 @@ def play_emulated(
     options: Options | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
-    """Play a trajectory on an emulated robot: `outcome.figures` says how closely it followed.
+    """Play a trajectory's goals, or where it has none itself, on an emulated robot: `outcome.figures` says how closely it followed.
 
     Args:
         trajectory: of a robot that ships, or without physics of any.
@@ -69,7 +69,7 @@ def play_emulated(
     Raises:
         ServoError: the map does not cover the joints, or the emulator does not start.
     """
-    plan = make_plan(trajectory, servo_map)
+    plan = plain_plan(trajectory, servo_map) if trajectory.goals is None else goal_plan(trajectory, servo_map)
     with emulator_process(servo_map, *(["--physics"] if physics else [])) as port:
         return play(plan, servo_map, port, options, log, say)
 

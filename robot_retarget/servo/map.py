@@ -5,6 +5,8 @@
 Radians outside, ticks inside the two functions that convert.
 """
 
+import hashlib
+import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -72,6 +74,12 @@ class Servo:
         """Lowest and highest goal position that keeps the joint in its range and the servo in one turn."""
         low, high = self._ends
         return max(low, 0), min(high, LAST_POSITION)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Lowest and highest joint angle of a goal: inside the joint's range and the tick range [rad]."""
+        low, high = sorted(map(self.radians, self.tick_range))
+        return max(low, self.lower), min(high, self.upper)
 
     @property
     def cut(self) -> bool:
@@ -163,6 +171,16 @@ class ServoMap:
     @property
     def ids(self) -> tuple[int, ...]:
         return tuple(servo.id for servo in self.servos)
+
+    @property
+    def fingerprint(self) -> str:
+        """The sha256 of what a judgement of goals rests on: joints, models, gears, ranges, speed and step cap.
+
+        What differs from robot to robot is left out: ids, signs, zeros, the bus.
+        """
+        servos = sorted((s.joint, s.type.name, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos)
+        rest = [servos, float(self.limits.speed), float(self.limits.jump)]
+        return hashlib.sha256(json.dumps(rest).encode()).hexdigest()
 
     def __getitem__(self, joint: str) -> Servo:
         found = {servo.joint: servo for servo in self.servos}

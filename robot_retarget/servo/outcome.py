@@ -24,8 +24,6 @@ class Ended(Enum):
 class Options:
     """How to play."""
 
-    rate: float = field(default=100.0, metadata=within(10, 1000, "ticks a second"))
-    """Ticks a second."""
     end_pose: bool = True
     """Go softly to the map's stop pose at the end."""
     release: bool = False

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.errors import ServoError
+from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, Finding, check
 from robot_retarget.servo.clock import on_time, wait_until, wide_awake
@@ -52,6 +53,7 @@ class Player:
         self.warnings: list[str] = []
         self.interrupts = Interrupts()
         self._began = time.monotonic()
+        self._rate = RATE
 
     def play(self, plan: Plan) -> Outcome:
         """Check, engage, approach, play, end.
@@ -60,6 +62,7 @@ class Player:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
         conditions = self.examine()
+        self._rate = plan.rate
         with self.interrupts.listening(), on_time(), wide_awake():
             try:
                 self.link = Link(self.bus, self.map, conditions)
@@ -94,8 +97,8 @@ class Player:
         return Cycle(self.link, self.guard, judge, self.record, self._began)
 
     def _perform(self, cycle: Cycle, plan: Plan) -> str:
-        limits, rate = self.map.limits, self.options.rate
-        way = glide(cycle.guard.goal, plan.at(0.0), rate, limits)
+        limits, rate = self.map.limits, plan.rate
+        way = glide(cycle.guard.goal, plan.angles[0], rate, limits)
         self.say(f"approaching the first frame in {way.duration:.1f} s")
         self._follow(cycle, way, "approach")
         self.say(f"playing {plan.duration:.1f} s")
@@ -109,8 +112,8 @@ class Player:
 
     def _follow(self, cycle: Cycle, plan: Plan, phase: str) -> None:
         """Ticks on an even clock until the plan is over."""
-        period = 1 / self.options.rate
-        wishes = list(plan.sampled(period))
+        period = 1 / plan.rate
+        wishes = list(plan.angles)
         began = time.monotonic()
         last, k, count = began, 0, len(wishes) - 1
         while k <= count:
@@ -158,7 +161,7 @@ class Player:
     def _watch(self, asked: int) -> None:
         """Ticks on the last goal until the grace is over or somebody asks again."""
         assert self.cycle is not None
-        goal, due, period = self.cycle.guard.goal.copy(), time.monotonic(), 1 / self.options.rate
+        goal, due, period = self.cycle.guard.goal.copy(), time.monotonic(), 1 / self._rate
         until = due + self.options.grace
         while time.monotonic() < until and self.interrupts.count == asked and not self.interrupts.terminated:
             wait_until(due)
@@ -193,10 +196,10 @@ def play(
     """Play a plan on the servos of a map.
 
     Args:
-        plan: what `make_plan` made of a trajectory.
+        plan: judged goals (`plan.goal_plan`), or a trajectory as it is (`plan.plain_plan`).
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
-        options: rate and endings.
+        options: endings.
         log: where `play.npz` goes; written however playing ends.
         say: is told what is being done.
 
@@ -207,10 +210,8 @@ def play(
     slow = slow_adapter(port)
     if slow is not None:
         raise ServoError(slow)
-    if options.rate * watchdog < 2 and watchdog:
-        raise ServoError(
-            f"{options.rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do"
-        )
+    if plan.rate * watchdog < 2 and watchdog:
+        raise ServoError(f"{plan.rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
     record = Record(servo_map.joints)
     try:
         with Bus(port, servo_map.baud) as bus:
@@ -247,7 +248,7 @@ def rehearse(plan: Plan, servo_map: ServoMap, port: str | Path | None = None) ->
         with Bus(port, servo_map.baud) as bus:
             player = Player(bus, servo_map, Options(), Record(servo_map.joints))
             here = np.array([condition.angle for condition in player.examine()])
-        way = glide(here, plan.at(0.0), 100.0, servo_map.limits)
+        way = glide(here, plan.angles[0], plan.rate, servo_map.limits)
         facts |= {"approach_s": round(way.duration, 2), "warnings": player.warnings}
     return facts
 

@@ -20,9 +20,8 @@ class Scale:
         ranges = np.array([s.tick_range for s in servo_map.servos])
         self.low, self.high = ranges[:, 0], ranges[:, 1]
         """(n,) lowest and highest goal [ticks]."""
-        ends = np.array([[s.lower, s.upper] for s in servo_map.servos])
-        inside = np.sort(self.radians(ranges.T), axis=0)
-        self.lower, self.upper = np.maximum(ends[:, 0], inside[0]), np.minimum(ends[:, 1], inside[1])
+        self.lower, self.upper = np.array([s.reach for s in servo_map.servos]).T
+        """(n,) lowest and highest goal [rad]."""
 
     def ticks(self, radians: Floats) -> Ints:
         """The nearest positions (n,) inside the range.

@@ -8,7 +8,6 @@ the legs: forces within friction pyramids at the soles' corners, by non-negative
 """
 
 import copy
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -17,12 +16,13 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats
+from robot_retarget.goals import Goals
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import floor_push, root_dofs
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
+from robot_retarget.simulate.goals import Playback, settled
 from robot_retarget.simulate.plant import Mode, Plant, limb_inertia
-from robot_retarget.simulate.stepping import Playback
 from robot_retarget.simulate.within import within
 from robot_retarget.trajectory import Trajectory
 
@@ -34,27 +34,23 @@ USABLE = 0.95
 """Of the torque bound that a goal may ask for."""
 
 
-def compensated(
-    plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", playback: Playback | None = None
-) -> Trajectory:
-    """The goals to send in place of a trajectory: a trajectory at the playback's rate, of the same length.
+def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", playback: Playback | None = None) -> Goals:
+    """The goals to send in place of a trajectory, at the playback's rate.
 
-    The first and the last goal hold their poses at rest, as the settling before and after needs them.
+    The first and the last hold their poses at rest, and stay for the settling before and after.
     """
     playback = playback or Playback()
     dofs, index = plant.robot.dof_index, plant.robot.qpos_index
-    qpos = _spline(plant, trajectory, playback.rate)
-    torque, speed = _torques(plant, qpos, playback.rate, mode)
-    change = _changes(plant, torque, 1 / playback.rate)
+    rate = playback.on(plant)
+    qpos = _spline(plant, trajectory, rate)
+    torque, speed = _torques(plant, qpos, rate, mode)
+    change = _changes(plant, torque, 1 / rate)
     if change.any():
         qpos[:, index] += change
-        torque, speed = _torques(plant, qpos, playback.rate, mode)
+        torque, speed = _torques(plant, qpos, rate, mode)
     friction = plant.model.dof_frictionloss[dofs] * np.tanh(speed / SLOW)
     leads = plant.leads(torque + friction, speed)
-    goals = _ahead(qpos[:, index] + leads, playback)
-    told = qpos.copy()
-    told[:, index] = goals
-    return replace(trajectory, qpos=told, fps=playback.rate, source_time=np.zeros(0), goals=None)
+    return settled(plant, _ahead(qpos[:, index] + leads, rate, playback.delay), playback)
 
 
 def _spline(plant: Plant, trajectory: Trajectory, rate: float) -> Floats:
@@ -138,9 +134,9 @@ class _Links:
         return force + slope.T @ pull
 
 
-def _ahead(goals: Floats, playback: Playback) -> Floats:
+def _ahead(goals: Floats, rate: float, delay: float) -> Floats:
     """Goals (N, n) sent early by the delay and half a hold; both ends stay what they are."""
-    at = np.arange(len(goals)) + (playback.delay * playback.rate + 0.5)
+    at = np.arange(len(goals)) + (delay * rate + 0.5)
     sent = np.stack([np.interp(at, np.arange(len(goals)), column) for column in goals.T], axis=1)
     sent[0] = goals[0]
     return sent

@@ -117,6 +117,26 @@ def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensa
     }
 
 
+def goal_figures(trajectory: Trajectory, plant: Plant, rollout: Rollout, until: float | None) -> dict[str, Any]:
+    """How fast the goals go, how far they are from the joints as they are sent, and how far they may be, up to a fall.
+
+    Nothing where there are no goals, or the simulation broke down at once.
+    """
+    goals, driven = trajectory.goals, plant.driven
+    ends = len(rollout.times) if until is None else int(np.searchsorted(rollout.times, until))
+    if goals is None or not ends or not driven.size:
+        return {}
+    ahead = np.abs(goals.angles[1 : ends + 1, driven] - rollout.hinges[: len(goals) - 1, driven][:ends])
+    step = ahead.max(0, initial=0)
+    servo_map = plant.servo_map
+    return {
+        "goal_speed_rad_s": round(float(np.abs(np.diff(goals.angles, axis=0)).max(initial=0) * goals.rate), 3),
+        "goal_step_rad": round(float(step.max()), 4),
+        "goal_step_joint": plant.robot.joint_names[driven[step.argmax()]],
+        "goal_step_limit_rad": None if servo_map is None else servo_map.limits.jump,
+    }
+
+
 def rollout_figures(rollout: Rollout, robot: Robot, until: float | None) -> dict[str, Any]:
     """Self-contacts up to a fall at `until` [s], breakdown, speed of the simulation."""
     contacts = own_contacts(rollout, robot, until)

@@ -11,6 +11,7 @@ from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
+from robot_retarget.servo.map import ServoMap
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 
@@ -39,6 +40,11 @@ class Plant:
     notes: tuple[str, ...]
     drives: Drives | None = None
     """The servos where they are known as such, None where the model's own actuators stay."""
+
+    @property
+    def servo_map(self) -> ServoMap | None:
+        """The map whose limits hold for goals; None where the model's own actuators stay."""
+        return None if self.drives is None else self.robot.servo_map
 
     @property
     def driven(self) -> Ints:

@@ -19,6 +19,7 @@ from robot_retarget.simulate.figures import (
     at_frames,
     between_figures,
     fall_figures,
+    goal_figures,
     own_contacts,
     plain_figures,
     replay_figures,
@@ -32,6 +33,8 @@ from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory
 
+FORMAT_VERSION = 2
+"""Of `report.json`. 1, unnamed: reports of trajectories without their goals."""
 NAMED_PAIRS = 3
 """So many overlapping pairs get a sentence of their own."""
 
@@ -62,6 +65,8 @@ class Report:
     thresholds: Thresholds = field(default_factory=Thresholds)
     touches: tuple[tuple[frozenset[str], float], ...] = ()
     """Pairs of links that touched on the servos, and when [s]."""
+    trajectory: Trajectory | None = None
+    """With the goals that were judged: what `trajectory_sha256` is of, and what is to be played."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
@@ -95,6 +100,7 @@ class Report:
             "trajectory_sha256": self.trajectory_sha256,
             "robot": self.robot,
             "version": self.version,
+            "format_version": FORMAT_VERSION,
         }
 
     def save(self, path: str | Path) -> Path:
@@ -140,6 +146,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
         **plain_figures(trajectory, plant, played.plain, compensated=played.plain is not rollout),
         **replay_figures(trajectory, robot, played.replayed, thresholds.penetration),
         **between_figures(trajectory, robot),
+        **goal_figures(trajectory, plant, rollout, until),
         **rollout_figures(rollout, robot, until),
         **fall,
         **(stance_figures(stance, until) if free else {}),
@@ -152,7 +159,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
-        series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched),
+        series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched), trajectory=trajectory,
     )  # fmt: skip
 
 
@@ -241,6 +248,12 @@ def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
         reasons.append(
             f"{figures['worst_joint']} tracks {figures['worst_joint_rms_rad']:.3g} rad off (rms), "
             f"more than {most.tracking_rms:g} rad"
+        )
+    cap = figures.get("goal_step_limit_rad")
+    if cap is not None and figures["goal_step_rad"] > cap:
+        reasons.append(
+            f"{figures['goal_step_joint']} is {figures['goal_step_rad']:.2g} rad from its goal, and playback holds goals back "
+            f"beyond {cap:g} rad"
         )
     if figures["speed_ratio"] > most.speed_ratio:
         reasons.append(

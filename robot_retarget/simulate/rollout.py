@@ -3,16 +3,19 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
 
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
+from robot_retarget.goals import Goals
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import Draw, drawn
+from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
 from robot_retarget.simulate.report import Played, Report, build_report
 from robot_retarget.simulate.servo_model import Drives, drives_of
@@ -38,11 +41,12 @@ def simulate(
     gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
-        trajectory: a trajectory, or the path of its file. The report's sha256 is that of the file (`fingerprint`).
+        trajectory: a trajectory, or the path of its file. The report's `trajectory` is the same with the goals that were
+            judged, and its sha256 that of its file (`fingerprint`): save both.
         mode: `pinned` carries the root along its path in the air: the limbs feel gravity as the root turns, but not
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
-        drives: the servos; `auto` takes those of `servos.toml` beside the robot's MJCF where it is there, None keeps
-            the model's own actuators.
+        drives: the servos; `auto` takes those of the robot's servo map where it has one, None keeps the model's own
+            actuators.
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback beside.
@@ -53,19 +57,20 @@ def simulate(
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
         TrajectoryError: the file cannot be read, or is of another robot.
-        RobotError: the robot's MJCF cannot be prepared, or its servos.toml not read.
+        RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     require_same_robot(played, robot)
     plant = plant_of(robot, mode, drives)
     replayed = replay_contacts(robot, played.qpos)
     plain = roll_out(plant, played, cast(Mode, mode), playback)
-    rollout = plain
+    goals, rollout = plain_goals(plant, played, playback), plain
     if compensate:
-        command = compensated(plant, played, cast(Mode, mode), playback)
-        rollout = roll_out(plant, played, cast(Mode, mode), playback, command)
-    outcome = Played(played, plant, cast(Mode, mode), replayed, rollout, plain, warnings)
-    return build_report(outcome, fingerprint(trajectory), thresholds or Thresholds())
+        goals = compensated(plant, played, cast(Mode, mode), playback)
+        rollout = roll_out(plant, played, cast(Mode, mode), playback, goals)
+    told = replace(played, goals=goals)
+    outcome = Played(told, plant, cast(Mode, mode), replayed, rollout, plain, warnings)
+    return build_report(outcome, fingerprint(told), thresholds or Thresholds())
 
 
 def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:
@@ -73,7 +78,7 @@ def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> P
 
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
-        RobotError: the robot's MJCF cannot be prepared, or its servos.toml not read.
+        RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     if mode not in get_args(Mode):
         raise UsageError(f"unknown mode {mode!r}; known: {', '.join(get_args(Mode))}")
@@ -89,7 +94,7 @@ def rollouts(
     *,
     mode: str = "free",
     playback: Playback | None = None,
-    command: Trajectory | None = None,
+    command: Goals | None = None,
     threads: int | None = None,
 ) -> list[Rollout]:
     """The same trajectory in many worlds at once, in the order of the draws.

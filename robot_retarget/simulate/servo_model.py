@@ -15,9 +15,8 @@ from math import tau
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.errors import RobotError, ServoError
+from robot_retarget.errors import RobotError
 from robot_retarget.motors import MOTORS, Motor, motor_named
-from robot_retarget.robot.catalog import read_toml
 from robot_retarget.robot.model import Robot
 
 TICKS_PER_TURN = 4096
@@ -135,28 +134,24 @@ class Drives:
 
 
 def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = None) -> Drives | None:
-    """The servos that `servos.toml` beside the robot's MJCF names, or None where there is no such file.
+    """The servos of the robot's map, or None for a robot without one.
 
     Args:
         voltage: of the supply [V]; by default the motors' nominal one.
         p_gain: register `position_p_gain` of all servos; by default each one's factory setting.
 
     Raises:
-        RobotError: the file cannot be read, names a servo that is not known, or leaves a hinge without one.
+        RobotError: a hinge has no servo.
     """
-    path = robot.path.with_name("servos.toml")
-    if not path.is_file():
+    servo_map = robot.servo_map
+    if servo_map is None:
         return None
-    table = read_toml(path).get("servo", {})
-    bare = [joint for joint in robot.joint_names if joint not in table]
+    bare = [joint for joint in robot.joint_names if joint not in servo_map.joints]
     if bare:
-        raise RobotError(f"{path}: no servo for the joint {bare[0]!r}")
-    try:
-        motors = [motor_named(str(table[joint].get("model"))) for joint in robot.joint_names]
-    except ServoError as error:
-        raise RobotError(f"{path}: {error}") from None
-    gears = np.array([float(table[joint].get("gear", 1.0)) for joint in robot.joint_names])
-    return drives(motors, gears, voltage, p_gain)
+        raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}")
+    servos = [servo_map[joint] for joint in robot.joint_names]
+    gears = np.array([servo.gear for servo in servos])
+    return drives([motor_named(servo.model) for servo in servos], gears, voltage, p_gain)
 
 
 def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:

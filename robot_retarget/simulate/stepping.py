@@ -9,40 +9,17 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import UsageError
+from robot_retarget.goals import Goals
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import sample, sample_hinges
+from robot_retarget.robot.timing import sample
 from robot_retarget.simulate.contacts import ContactLog, Contacts
+from robot_retarget.simulate.goals import Playback, plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
 from robot_retarget.trajectory import Trajectory
 
 SPEED_LIMIT = 1e3
 """A coordinate faster than this [m/s, rad/s] is the integration failing, no motion of a robot."""
-
-
-@dataclass(frozen=True)
-class Playback:
-    """How goals come to the servos."""
-
-    rate: float = 125.0
-    """Goals a second, each held till the next; rounded to whole steps of the physics."""
-    delay: float = 0.002
-    """From the host to the windings [s]."""
-    settle_before: float = 1.0
-    """The first pose is held this long before the trajectory begins [s]."""
-    settle_after: float = 0.0
-    """The last pose is held this long after it ends [s]."""
-
-    def __post_init__(self) -> None:
-        for name, low in (("rate", 1.0), ("delay", 0.0), ("settle_before", 0.0), ("settle_after", 0.0)):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= low):
-                raise UsageError(f"{name} must be a number of at least {low:g}, got {value}")
-
-    def steps(self, step: float) -> int:
-        """Steps of the physics [s] that a goal is held for."""
-        return max(1, round(1 / (self.rate * step)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,20 +56,19 @@ def roll_out(
     trajectory: Trajectory,
     mode: Mode,
     playback: Playback | None = None,
-    command: Trajectory | None = None,
+    command: Goals | None = None,
 ) -> Rollout:
     """Step the physics from settling to the end.
 
     Args:
-        command: what the servos are told in place of the trajectory itself (`compensate.compensated`).
+        playback: its delay counts, and where no goals are given its rate and settling.
+        command: what the servos are told (`compensate.compensated`); by default the trajectory as it is.
     """
     playback = playback or Playback()
     model, robot = plant.model, plant.robot
-    nsub = playback.steps(model.opt.timestep)
-    dt = nsub * model.opt.timestep
-    ticks = round((playback.settle_before + trajectory.duration + playback.settle_after) / dt)
-    times = dt * np.arange(max(ticks, 1)) - playback.settle_before
-    goals = sample_hinges(command or trajectory, robot, times - playback.delay)
+    goals = command or plain_goals(plant, trajectory, playback)
+    nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
+    dt, times = nsub * model.opt.timestep, goals.times
     data = mujoco.MjData(model)
     data.qpos[:] = trajectory.qpos[0]
     if mode == "free":
@@ -104,7 +80,8 @@ def roll_out(
     log = _Log(model, robot, len(times))
     began = time.perf_counter()
     with _quiet():
-        done = _steps(model, data, plant.controls(goals), nsub, carried, log)
+        late = round(playback.delay / model.opt.timestep)
+        done = _steps(model, data, plant.controls(goals.angles), (late, nsub), carried, log)
     pace = nsub * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
     return log.rollout(times[:done] + dt, unstable, pace)
@@ -114,16 +91,24 @@ def _steps(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     controls: Floats,
-    nsub: int,
+    steps: tuple[int, int],
     carried: tuple[Ints, Ints, Floats] | None,
     log: "_Log",
 ) -> int:
-    """The plain loop; how many controls it came through before it broke down."""
-    for k, control in enumerate(controls):
-        data.ctrl[:] = control
+    """The plain loop; how many controls it came through before it broke down.
+
+    Args:
+        steps: of the physics, by which each control comes late, and for which it is held.
+    """
+    (whole, rest), nsub = divmod(*steps), steps[1]
+    for k in range(len(controls)):
         if carried is not None:
             data.qpos[carried[0]], data.qvel[carried[1]] = carried[2][k], 0.0
-        mujoco.mj_step(model, data, nsub)
+        if rest:
+            data.ctrl[:] = controls[max(k - whole - 1, 0)]
+            mujoco.mj_step(model, data, rest)
+        data.ctrl[:] = controls[max(k - whole, 0)]
+        mujoco.mj_step(model, data, nsub - rest)
         if not np.abs(data.qvel).max() < SPEED_LIMIT:  # so written, NaN stops here too
             return k
         log.note(k, data)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,10 @@ import pytest
 from emulated import ARM, emulated, until
 from shared_files import ROOT
 
+from robot_retarget.goals import Goals
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.map import dump_map, load_map
-from robot_retarget.trajectory import Trajectory, fingerprint
+from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -52,26 +54,24 @@ def test_servos_are_found_checked_put_right_and_calibrated(tmp_path: Path) -> No
 
 
 def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path) -> None:
-    path, report = swing(tmp_path), tmp_path / "report.json"
+    plain, report = load_trajectory(swing(tmp_path)), tmp_path / "report.json"
+    angles = np.pad(plain.qpos, ((10, 10), (0, 0)), mode="edge")
+    path = replace(plain, goals=Goals(angles, 50.0, 0.2, 0.2, ARM.fingerprint)).save(tmp_path / "swing.npz")
     with emulated(tmp_path) as emulator:
         command = ("play", path, "--servos", tmp_path / "servos.toml", "--port", emulator.port)
         command = (*command, "--log", tmp_path / "play.npz")
         refused = call(*command)
         assert refused.returncode == 2 and "no report at" in refused.stderr
-        content = {"verdict": "fail", "reasons": ["fell"], "trajectory_sha256": fingerprint(path)}
-        report.write_text(json.dumps(content))
-        assert "did not pass: fell" in call(*command).stderr
-        report.write_text(json.dumps(content | {"verdict": "pass", "trajectory_sha256": "0"}))
-        assert "is about another trajectory" in call(*command).stderr
         assert not (tmp_path / "play.npz").exists()
-        report.write_text(json.dumps(content | {"verdict": "pass"}))
+        content = {"verdict": "pass", "trajectory_sha256": fingerprint(path), "format_version": 2}
+        report.write_text(json.dumps(content))
         played = call(*command, "--json")
         assert played.returncode == 0, played.stderr
-        assert json.loads(played.stdout)["ended"] == "finished" and (tmp_path / "play.npz").exists()
-        assert "goals that make up for lag" not in played.stderr
-        report.write_text(json.dumps(content | {"verdict": "pass", "figures": {"compensated": True}}))
-        dry = call(*command, "--dry-run")
-        assert dry.returncode == 0 and "goals that make up for lag" in dry.stderr
+        told = json.loads(played.stdout)
+        assert told["ended"] == "finished" and told["figures"]["held_back"] == {}
+    with np.load(tmp_path / "play.npz") as log:
+        playing = log["phase"] == list(log["phases"]).index("play")
+        np.testing.assert_allclose(log["goal"][playing], angles, atol=1e-12)
 
 
 def test_a_map_with_numbers_that_cannot_be_moves_nothing(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_map_with_numbers_that_cannot_be_moves_nothing(tmp_path: Path) -> None
 def test_a_dry_run_moves_nothing_and_a_map_must_cover_the_joints(tmp_path: Path) -> None:
     (tmp_path / "servos.toml").write_text(dump_map(ARM), encoding="utf-8")
     path = swing(tmp_path)
-    dry = call("play", path, "--servos", tmp_path / "servos.toml", "--unsafe", "--dry-run", "--json")
+    dry = call("play", path, "--servos", tmp_path / "servos.toml", "--unsafe", "--rate", 100, "--dry-run", "--json")
     assert dry.returncode == 0 and json.loads(dry.stdout)["duration_s"] == 0.3
     other = call("play", swing(tmp_path, ("knee",)), "--servos", tmp_path / "servos.toml", "--unsafe", "--dry-run")
     assert other.returncode == 2 and "does not cover knee; it has j1, j2" in other.stderr

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.foreign import read_foreign
 from robot_retarget.servo.map import Servo, ServoMap, dump_map, load_map, shipped_maps
-from robot_retarget.servo.plan import make_plan
+from robot_retarget.servo.plan import plain_plan
 from robot_retarget.trajectory import Trajectory
 
 SERVOS = st.builds(
@@ -228,8 +228,8 @@ def test_a_passive_joint_needs_no_servo() -> None:
     trajectory = Trajectory(np.array([[0.1, 0.2]] * 3), 50, ("j", "rod"), "arm")
     servos = (Servo("j", 1, "XM430-W350"),)
     with pytest.raises(ServoError, match="does not cover rod"):
-        make_plan(trajectory, ServoMap("arm", servos))
-    assert make_plan(trajectory, ServoMap("arm", servos, passive=("rod",))).angles.tolist() == [[0.1]] * 3
+        plain_plan(trajectory, ServoMap("arm", servos))
+    assert plain_plan(trajectory, ServoMap("arm", servos, passive=("rod",)), 50).angles.tolist() == [[0.1]] * 3
 
 
 @pytest.mark.parametrize(

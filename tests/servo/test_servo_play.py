@@ -34,9 +34,9 @@ from robot_retarget.servo.scale import Scale
 START = (0.2, -0.3, 0.1, 0.4)
 RATE = 200.0
 TIME = np.arange(0, 0.201, 0.01)[:, None]
-PLAN = Plan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.array([1, -1, 1, 1]), 100.0)
+PLAN = Plan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.array([1, -1, 1, 1]), 100.0).resampled(RATE)
 PHASE = {"approach": "approaching", "play": "playing", "end": "going"}
-OPTIONS = Options(RATE, grace=0.15)
+OPTIONS = Options(grace=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +214,7 @@ def test_what_can_be_lived_with_before_the_start_is(emulator: Emulated, tmp_path
 
 def test_ticks_too_slow_for_the_watchdog_are_refused(emulator: Emulated) -> None:
     with pytest.raises(ServoError, match=r"12 ticks a second do not feed a watchdog of 0\.1 s; 20 do"):
-        play(PLAN, ARM, emulator.port, Options(12.0))
+        play(PLAN.resampled(12.0), ARM, emulator.port, OPTIONS)
     assert not any(servo["torque_enable"] for servo in emulator.servos().values())
 
 
@@ -227,7 +227,7 @@ def test_a_fault_of_one_of_twenty_servos_stops_all_as_soon_at_any_rate(tmp_path:
             if text.startswith("playing"):
                 threading.Timer(0.3, twenty.do, (fault,)).start()
 
-        outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, Options(20.0), say=say)
+        outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, say=say)
         assert (outcome.ended, outcome.state) == (Ended.FAULT, "hold")
         assert settling(twenty) < PROMPT
 

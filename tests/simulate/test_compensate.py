@@ -9,8 +9,10 @@ from shared_files import SHARED, needs_shared
 from simulate.motions import bob
 
 from robot_retarget.robot import load_robot
+from robot_retarget.servo.map import load_map
 from robot_retarget.simulate.compensate import _rates, _spline, _torques, compensated
 from robot_retarget.simulate.figures import at_frames
+from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.within import within
@@ -69,7 +71,7 @@ def test_a_swing_within_the_servos_means_is_tracked_ten_times_better(hertz):
 
 
 def test_a_swing_too_quick_for_the_servo_is_halved_by_leaving_early():
-    moved = nod("l_sho_pitch", 2.0, 1.0, 4.0)
+    moved = nod("l_sho_pitch", 1.2, 1.0, 4.0)
     assert rms(PINNED, moved, "pinned", compensated(PINNED, moved)) < 0.5 * rms(PINNED, moved, "pinned")
 
 
@@ -84,12 +86,26 @@ def test_the_delay_of_the_playback_is_made_up_for():
     assert rms(PINNED, moved, "pinned", knowing, late) < 0.4 * rms(PINNED, moved, "pinned", blind, late)
 
 
-def test_the_command_begins_and_ends_at_rest_and_lasts_as_long():
+def test_goals_last_as_long_as_the_motion_and_its_settling_and_begin_and_end_at_rest():
     moved = nod("l_el", 1.0, 0.5, 4.0)
-    command = compensated(PINNED, moved)
-    assert command.duration == pytest.approx(moved.duration) and command.fps == 125
-    still = compensated(PINNED, hold(OP3, 1.0))
-    np.testing.assert_allclose(command.qpos[0], still.qpos[0], atol=1e-6)
+    goals = compensated(PINNED, moved, playback=Playback(settle_before=0.8, settle_after=0.4))
+    assert (goals.rate, goals.lead_in, goals.lead_out) == (125, pytest.approx(0.8), pytest.approx(0.4))
+    assert goals.duration == pytest.approx(moved.duration + 1.2)
+    still = compensated(PINNED, hold(OP3, 1.0)).angles[0]
+    for rest in (goals.angles[:100], goals.angles[-51:]):
+        np.testing.assert_allclose(rest, np.tile(still, (len(rest), 1)), atol=1e-6)
+
+
+def test_no_goal_leaves_the_servo_map_s_ranges_or_its_speed():
+    """A swing beyond both; the bounds are those of the file."""
+    servo_map = load_map("op3")
+    quick = swing(OP3, "l_el", 1.6, 1.5, 2.0)
+    for goals in (compensated(PINNED, quick), plain_goals(PINNED, quick)):
+        speeds = np.abs(np.diff(goals.angles, axis=0)) * goals.rate
+        assert 3.9 < speeds.max() <= servo_map.limits.speed * (1 + 1e-12)
+        for joint, column in zip(OP3.joint_names, goals.angles.T, strict=True):
+            assert servo_map[joint].lower <= column.min() and column.max() <= servo_map[joint].upper
+        assert goals.servos == servo_map.fingerprint
 
 
 def test_the_plant_is_not_changed_by_compensating():

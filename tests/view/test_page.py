@@ -14,15 +14,16 @@ from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.contacts import replay_contacts
-from robot_retarget.simulate.report import Played, build_report
+from robot_retarget.simulate.report import Played, Report, build_report
 from robot_retarget.simulate.rollout import plant_of, simulate
-from robot_retarget.simulate.stepping import roll_out
+from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
-from robot_retarget.trajectory import fingerprint
+from robot_retarget.trajectory import Trajectory, fingerprint
 from robot_retarget.view.charts import MEASURED, PLAIN, WANTED
 from robot_retarget.view.page import save_page
 
 OP3 = load_robot("op3")
+SHORT = Playback(settle_after=0.0)
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium to open the page in")
 QUIET = [
@@ -47,9 +48,15 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     warnings = warnings_of(moved, OP3)
     report = simulate(moved, OP3, mode="free", warnings=warnings)
     Image.new("RGB", (60, 20), (200, 30, 60)).save(folder / "strip.png")
-    written = save_page(report, moved, folder / "report.html", warnings=warnings, strip=folder / "strip.png")
+    written = save_page(report, judged(report), folder / "report.html", warnings=warnings, strip=folder / "strip.png")
     assert written == folder / "report.html"
     return folder / "report.html"
+
+
+def judged(report: Report) -> Trajectory:
+    """The trajectory with the goals that the report is of."""
+    assert report.trajectory is not None
+    return report.trajectory
 
 
 def opened(path: Path, folder: Path) -> tuple[str, np.ndarray]:
@@ -115,7 +122,8 @@ def test_what_people_called_their_files_is_only_text(tmp_path: Path) -> None:
     from dataclasses import replace
 
     named = replace(hold(OP3, 0.2), source="<script>alert(1)</script>")
-    save_page(simulate(named, OP3), named, tmp_path / "report.html")
+    report = simulate(named, OP3)
+    save_page(report, judged(report), tmp_path / "report.html")
     assert "<script" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -131,7 +139,7 @@ def test_a_simulation_that_broke_down_at_once_still_has_a_page(tmp_path: Path) -
     moved = hold(OP3, 0.2)
     report = simulate(moved, OP3)
     bare = replace(report, verdict="fail", reasons=("the simulation broke down at -1 s",), series={})
-    save_page(bare, moved, tmp_path / "report.html")
+    save_page(bare, judged(report), tmp_path / "report.html")
     assert "broke down" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -140,7 +148,7 @@ def test_a_simulation_that_broke_down_before_the_other_has_a_page(
     tmp_path: Path, reached: float, plainly: float
 ) -> None:
     moved, plant = hold(OP3, 0.6), plant_of(OP3, "pinned")
-    rollout, plain = (roll_out(plant, hold(OP3, seconds), "pinned") for seconds in (reached, plainly))
+    rollout, plain = (roll_out(plant, hold(OP3, seconds), "pinned", SHORT) for seconds in (reached, plainly))
     played = Played(moved, plant, "pinned", replay_contacts(OP3, moved.qpos), rollout, plain)
     report = build_report(played, fingerprint(moved), Thresholds())
     assert report.series["plain"].shape == report.series["wanted"].shape

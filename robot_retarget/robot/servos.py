@@ -1,0 +1,27 @@
+"""The servos that turn a robot's joints, and what they let be planned."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_retarget.errors import RobotError, known
+from robot_retarget.robot.model import Robot
+from robot_retarget.servo.map import ServoMap
+
+
+def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
+    """The robot on the servos of a map: no range is wider and no speed greater than its goals may have.
+
+    Raises:
+        RobotError: a joint has no servo, or none of its range is within that of its servo.
+    """
+    bare = [joint for joint in robot.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
+    if bare:
+        raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}; {known(servo_map.joints)}")
+    lower, upper, speed = (np.array(values) for values in (robot.lower, robot.upper, robot.max_speed))
+    for k, joint in enumerate(robot.joint_names):
+        if joint in servo_map.joints:
+            low, high = servo_map[joint].reach
+            lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
+            speed[k] = min(speed[k], servo_map.limits.speed)
+    return replace(robot, lower=lower, upper=upper, max_speed=speed, servo_map=servo_map)
