@@ -147,6 +147,5 @@ def _jumps_told(solution: Solution) -> list[str]:
         return []
     joint, frame, step = jumps[0]
     more = f", and {len(jumps) - 1} more such steps" if len(jumps) > 1 else ""
-    return [
-        f"{joint} jumps by {step:+.2f} rad to frame {frame}{more}: the motion is that fast, or changes its way there"
-    ]
+    when = f"frame {frame} ({frame / solution.trajectory.fps:.2f} s)"
+    return [f"{joint} jumps by {step:+.2f} rad to {when}{more}: look at it there; the arm or leg changes its way"]

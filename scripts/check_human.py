@@ -171,8 +171,13 @@ def a_limb_that_flies_is_bridged_or_said(clip: Clip) -> Iterator[str]:
         leg = leg_length(clip.found, clip.capture.positions)
         for start in _middle(clip):
             x = clip.capture.positions.copy()
-            x[start : start + max(1, round(0.1 * clip.capture.fps)), below] += leg * rng.normal(0, 0.5, 3)
+            x[start : start + max(1, round(0.1 * clip.capture.fps)), below] += leg * 0.7 * _direction(rng)
             yield mended(clip, replace(clip.capture, positions=x, rotations=None), start)
+
+
+def _direction(rng: np.random.Generator) -> Floats:
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
 
 
 def noise_is_taken_away_or_said(clip: Clip) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import BodyModel, Json, Limits, SourceFps, Up
+from robot_retarget.cli.options import BodyModel, Json, Limits, Repair, SourceFps, Up
 from robot_retarget.cli.stages import load, names_robot, read_clip
 from robot_retarget.errors import UsageError
 
@@ -22,6 +22,7 @@ def info(
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
     up: Up = None,
+    repair: Repair = True,
     limits: Limits = None,
     json: Json = False,
 ) -> None:
@@ -33,7 +34,7 @@ def info(
     if robot is not None or names_robot(str(file)):
         facts = describe_robot(load(str(robot or file), limits))
     else:
-        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model, up))
+        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model, up, repair))
     if json:
         console.dump(facts)
     elif facts["kind"] == "robot":

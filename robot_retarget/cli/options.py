@@ -50,3 +50,9 @@ Up = Annotated[
     str | None,
     typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default told from the poses."),
 ]
+Repair = Annotated[
+    bool,
+    typer.Option(
+        "--repair/--no-repair", help="Mend what is broken in a motion (jumps, gaps under 0.3 s, noise), or say it only."
+    ),
+]

@@ -16,6 +16,7 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Repair,
     RobotName,
     Servos,
     SourceFps,
@@ -37,6 +38,7 @@ def run(
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
     up: Up = None,
+    repair: Repair = True,
     map_file: Overrides = None,
     limits: Limits = None,
     servos: Servos = None,
@@ -48,7 +50,12 @@ def run(
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance)
     verdict = fill_folder(
-        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits, servos), out, wishes, video, json
+        read_clip(motion, frames, source_fps, body_model, up, repair),
+        load(robot, limits, servos),
+        out,
+        wishes,
+        video,
+        json,
     )
     raise typer.Exit(0 if verdict == "pass" else 1)
 

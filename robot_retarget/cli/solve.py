@@ -16,6 +16,7 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Repair,
     RobotName,
     SourceFps,
     Up,
@@ -35,6 +36,7 @@ def solve(
     source_fps: SourceFps = None,
     body_model: BodyModel = None,
     up: Up = None,
+    repair: Repair = True,
     map_file: Overrides = None,
     limits: Limits = None,
     legs: Legs = "follow",
@@ -50,7 +52,7 @@ def solve(
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance)
     result = carried_over(
-        read_clip(motion, frames, source_fps, body_model, up), load(robot, limits), wishes, quiet=json
+        read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits), wishes, quiet=json
     )
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)

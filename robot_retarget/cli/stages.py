@@ -43,7 +43,7 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
         console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
     else:
         console.show_solution(solved, explain=False)
-        console.show_report(report)
+        console.show_report(report.contract())
         console.say(f"wrote {', '.join(files)} in {target}")
     return report.verdict
 
@@ -199,11 +199,12 @@ def read_clip(
     source_fps: float | None = None,
     body_model: Path | None = None,
     up: str | None = None,
+    repair: bool = True,
 ) -> "Motion":
     """The motion of a file, or the part of it that `START:STOP` names."""
     from robot_retarget.motion import read_motion
 
-    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up)
+    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair)
     if frames is None:
         return motion
     start, colon, stop = frames.partition(":")

@@ -17,6 +17,7 @@ def read_motion(
     names: Sequence[str] | None = None,
     body_model: str | Path | None = None,
     up: str | None = None,
+    repair: bool = True,
 ) -> Motion:
     """Read a human motion, in metres and z up.
 
@@ -28,6 +29,7 @@ def read_motion(
         names: joint names, for arrays that carry none.
         body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
         up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of what is told from the poses.
+        repair: mend jumps, gaps under 0.3 s and noise; without, they are only found and said.
 
     Raises:
         MotionError: the file cannot be read, or which axis points up cannot be told; names the line or field, or the frame and joint, and what was expected.
@@ -47,7 +49,7 @@ def read_motion(
         capture = chosen.read(file, request)
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
-    return upright(capture, up)
+    return upright(capture, up, repair)
 
 
 def _part(path: Path) -> tuple[Path, str | None]:

@@ -9,6 +9,7 @@ from robot_retarget.errors import MatchError, MotionError, UsageError, known
 from robot_retarget.motion.calibration import calibration_frames
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition, recognise
+from robot_retarget.motion.repair import RepairRule, look_over
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
 from robot_retarget.motion.vertical import AXES, VerticalRule, find_vertical
@@ -26,7 +27,7 @@ STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
 
 
-def upright(capture: Capture, up: str | None = None) -> Motion:
+def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Motion:
     """A motion in metres, z up, of what a file says; calibration frames at its start are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
@@ -34,6 +35,7 @@ def upright(capture: Capture, up: str | None = None) -> Motion:
 
     Args:
         up: the axis of the file that points up (`x`, `-y`, …), in place of what the format says or the poses tell.
+        repair: mend what is found broken (`repair.look_over`); without, it is only said.
 
     Raises:
         UsageError: `up` is no axis.
@@ -47,8 +49,9 @@ def upright(capture: Capture, up: str | None = None) -> Motion:
     first, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.since(first)
     metres, unit_note = unit_of(recognition, capture.positions)
+    capture, broken = look_over(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, metres) if told is None else (told, ())
-    notes = (*calibration, *axis_notes, *recognition.notes, unit_note)
+    notes = (*axis_notes, *broken, *recognition.notes, *calibration, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
     return _motion(capture, metres, axis, notes)

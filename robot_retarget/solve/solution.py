@@ -9,8 +9,8 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.trajectory import Trajectory
 
-JUMP = 9.0
-"""A hinge that turns faster is reported: 0.3 rad between frames at 30 frames a second [rad/s]."""
+JUMP = 15.0
+"""A hinge that turns faster is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos turn at up to 10."""
 
 
 class Status(Enum):

@@ -1,0 +1,4 @@
+"""What captures suffer from, found, said and mended where that is safe: jumps, gaps, noise, keyframes far apart."""
+
+from robot_retarget.motion.repair.door import RepairRule as RepairRule
+from robot_retarget.motion.repair.door import look_over as look_over

@@ -1,0 +1,140 @@
+"""The one look over a capture before anything is made of it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.recognise import Recognition
+from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
+from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
+from robot_retarget.motion.repair.sentences import Finding, said
+from robot_retarget.motion.repair.steps import StepRule, body_jumps, limb_jumps
+from robot_retarget.motion.stature import leg_length
+
+TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
+LEFT = "left as it is (--no-repair)"
+
+
+@dataclass(frozen=True)
+class RepairRule:
+    """What is looked for, and what is mended."""
+
+    mend: bool = True
+    """Whether anything is changed."""
+    longest: float = 0.3
+    """Gaps up to this are bridged [s]."""
+    pose: float = 0.5
+    """Where so large a share of the keypoints jumps at once, another pose begins."""
+    still: float = 0.02
+    """A body that keeps its points so near stands still [leg lengths]."""
+    steps: StepRule = field(default_factory=StepRule)
+    noise: NoiseRule = field(default_factory=NoiseRule)
+
+
+def look_over(
+    capture: Capture, recognition: Recognition, metres: float, rule: RepairRule
+) -> tuple[Capture, tuple[str, ...]]:
+    """A capture mended as far as the rule says, and a sentence for every kind of thing found, worst first.
+
+    Args:
+        metres: in the file's unit.
+    """
+    if capture.fps < rule.steps.lowest_rate:
+        return capture, _sparse(capture)
+    if len(capture.positions) < 2:
+        return capture, ()
+    leg = leg_length(recognition, capture.positions)
+    capture, still = _started(capture, recognition, leg, rule)
+    capture, body = _rooted(capture, recognition, leg, rule)
+    capture, limbs = _limbs(capture, recognition, leg, rule)
+    capture, noise = _quiet(capture, recognition, metres, rule)
+    return capture, (*still, *said([*body, *limbs], capture.fps), *noise)
+
+
+def _sparse(capture: Capture) -> tuple[str, ...]:
+    if len(capture.positions) < 2:
+        return ()
+    return (
+        f"The file has {capture.fps:.3g} frames a second: keyframes, between which the body is led straight on; if "
+        "they follow faster, say the frame rate.",
+    )
+
+
+def _started(
+    capture: Capture, recognition: Recognition, leg: float, rule: RepairRule
+) -> tuple[Capture, tuple[str, ...]]:
+    """Without the pose that it stands still in before its first jump."""
+    points = recognition.place(capture.positions) / leg
+    jumps = np.flatnonzero(body_jumps(_trunk(recognition, points), capture.fps, rule.steps).any(axis=1))
+    first = int(jumps[0]) + 1 if jumps.size else 0
+    if not first or len(points) - first < 2 or np.ptp(points[:first], axis=0).max() > rule.still:
+        return capture, ()
+    done = "dropped" if rule.mend else LEFT
+    note = f"The first {first} frames ({first / capture.fps:.2f} s) are one pose, from which the body jumps: {done}."
+    return (capture.since(first) if rule.mend else capture), (note,)
+
+
+def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
+    """With the body set down where it came from after every jump; where its pose changes too, another take begins."""
+    points = recognition.place(capture.positions) / leg
+    middle = _trunk(recognition, points)
+    jumps = body_jumps(middle, capture.fps, rule.steps)
+    changed = limb_jumps(points, middle, capture.fps, rule.steps).any(axis=2).mean(axis=1) > rule.pose
+    findings = [
+        _found("The body jumps", t + 1, float(np.linalg.norm(jumps[t])), "bridged" if rule.mend else LEFT)
+        for t in np.flatnonzero(jumps.any(axis=1) & ~changed).tolist()
+    ]
+    findings += [
+        _found("Another pose begins", t + 1, float(np.linalg.norm(jumps[t]) + 1.0), "cut the clip there (--frames)")
+        for t in np.flatnonzero(changed).tolist()
+    ]
+    if not (rule.mend and jumps[~changed].any()):
+        return capture, findings
+    back = np.cumsum(jumps * ~changed[:, None], axis=0) * leg
+    positions = capture.positions.copy()
+    positions[1:] -= back[:, None]
+    return replace(capture, positions=positions), findings
+
+
+def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
+    """With limbs led across the gaps in which they were lost."""
+    points, at = recognition.place(capture.positions) / leg, recognition.keypoints.index
+    jumps = limb_jumps(points, _trunk(recognition, points), capture.fps, rule.steps)
+    jumps[jumps.any(axis=2).mean(axis=1) > rule.pose] = 0.0
+    longest, findings = round(rule.longest * capture.fps), []
+    for limb, keypoints in limbs_of(recognition).items():
+        columns, root = [at(k) for k in keypoints], at(keypoints[0][:2] + ("shoulder" if "arm" in limb else "hip"))
+        inside = points[:, columns] - points[:, [root]]
+        worst = columns[int(np.linalg.norm(jumps[:, columns], axis=2).max(axis=0).argmax())]
+        for first, last, size, closed in gaps(jumps[:, worst], inside, longest):
+            safe = closed and last - first < longest and first > 0 and last + 1 < len(points)
+            done = ("bridged" if rule.mend else LEFT) if safe else "look at it, or cut the clip there (--frames)"
+            findings.append(replace(_found(f"{limb} jumps", first, size, done), last=last))
+            if safe and rule.mend:
+                capture = bridged(capture, recognition.marks[recognition.keypoints[root]].joints[0], first, last)
+    return capture, findings
+
+
+def _quiet(
+    capture: Capture, recognition: Recognition, metres: float, rule: RepairRule
+) -> tuple[Capture, tuple[str, ...]]:
+    """Through a low pass where it is noisy."""
+    points: Floats = recognition.place(capture.positions) * metres
+    noise = noise_of(points, capture.fps, rule.noise)
+    if noise <= rule.noise.most:
+        return capture, ()
+    done = f"smoothed by a low pass of {rule.noise.cutoff:g} Hz" if rule.mend else LEFT
+    note = f"The joints waver by {1000 * noise:.0f} mm where the body is quiet, which is noise: {done}."
+    return (smoothed(capture, rule.noise) if rule.mend else capture), (note,)
+
+
+def _trunk(recognition: Recognition, points: Floats) -> Floats:
+    """(T, 3) the middle of hips, shoulders and what is between: no limb moves it."""
+    keypoints = [k for k in recognition.keypoints if k in TRUNK]
+    return points[:, [recognition.keypoints.index(k) for k in keypoints]].mean(axis=1)
+
+
+def _found(what: str, frame: int, size: float, done: str) -> Finding:
+    return Finding(what, frame, frame, size, f"{size:.2f} leg lengths", done)

@@ -1,0 +1,45 @@
+"""Findings in words: what, when, and what was done about it, the worst first."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+LISTED = 3
+"""Findings of a kind that are said one by one; further ones are counted."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with a stretch of a capture."""
+
+    what: str
+    """Its kind, the same words for the same kind: findings of a kind are said together."""
+    first: int
+    last: int
+    """Frames of the file, both included."""
+    size: float
+    """How bad it is, in the unit of its kind."""
+    measure: str
+    """The size in words."""
+    done: str
+    """What was done about it, or is to be done by the user."""
+
+
+def said(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
+    """A sentence for every kind of finding and what was done, the kind with the worst one first."""
+    kinds: dict[tuple[str, str], list[Finding]] = {}
+    for finding in sorted(findings, key=lambda f: -f.size):
+        kinds.setdefault((finding.what, finding.done), []).append(finding)
+    return tuple(_sentence(what, done, found, fps) for (what, done), found in kinds.items())
+
+
+def span(first: int, last: int, fps: float) -> str:
+    """`frame 12 (0.40 s)` or `frames 12–15 (0.40–0.50 s)`."""
+    if first == last:
+        return f"frame {first} ({first / fps:.2f} s)"
+    return f"frames {first}–{last} ({first / fps:.2f}–{last / fps:.2f} s)"
+
+
+def _sentence(what: str, done: str, found: Sequence[Finding], fps: float) -> str:
+    places = ", ".join(f"{span(f.first, f.last, fps)}{f', {f.measure}' if f.measure else ''}" for f in found[:LISTED])
+    more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+    return f"{what} at {places}{more}: {done}."

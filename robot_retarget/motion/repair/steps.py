@@ -1,0 +1,47 @@
+"""Steps between frames that no body makes: of the whole body, of its pose, of one limb."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from robot_retarget.arrays import Floats
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """What a step may be beyond those around it; lengths in leg lengths."""
+
+    around: int = 4
+    """Steps to either side with which one is compared."""
+    body: float = 0.1
+    """Of the body as a whole, at any frame rate ..."""
+    body_acceleration: float = 60.0
+    """... and this on top over the squared frame rate [1/s²]: 5 g."""
+    limb: float = 0.2
+    """Of a keypoint in the body, likewise ..."""
+    limb_acceleration: float = 200.0
+    """... and [1/s²]: 17 g, more than the fist of a boxer."""
+    lowest_rate: float = 10.0
+    """Below this frame rate nothing is called a jump [1/s]."""
+
+
+def excess(steps: Floats, rule: StepRule) -> Floats:
+    """(T − 1, …, 3) of steps (T − 1, …, 3), what each has beyond the median of those around it."""
+    size = (2 * rule.around + 1, *(1 for _ in steps.shape[1:]))
+    return steps - median_filter(steps, size, mode="nearest")
+
+
+def body_jumps(middle: Floats, fps: float, rule: StepRule) -> Floats:
+    """(T − 1, 3) by how much the middle of the trunk (T, 3) [leg lengths] is moved; 0 where it moves by itself."""
+    return _beyond(middle, rule.body + rule.body_acceleration / fps**2, rule)
+
+
+def limb_jumps(points: Floats, middle: Floats, fps: float, rule: StepRule) -> Floats:
+    """(T − 1, K, 3) how points (T, K, 3) jump, seen from the middle of the trunk; 0 where they move by themselves."""
+    return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
+
+
+def _beyond(places: Floats, most: float, rule: StepRule) -> Floats:
+    beyond = excess(np.diff(places, axis=0), rule)
+    return np.where(np.linalg.norm(beyond, axis=-1, keepdims=True) > most, beyond, 0.0)

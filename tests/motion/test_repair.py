@@ -1,0 +1,102 @@
+"""What is broken in a capture is found with its frames, mended where that is safe, and said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.motion import leg_length, recognise
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.bvh import read_bvh
+from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
+from robot_retarget.motion.upright import upright
+
+pytestmark = needs_shared
+FOLDER = SHARED / "motions" / "bvh"
+CLEAN = (
+    "lafan1_procedural/walk_procedural",
+    "xsens_mvn/BVH2SMPL_Sit54",
+    "lafan1_procedural/backflip_procedural",
+    "fair1_zup/jumping",
+)
+
+
+def capture_of(clip: str) -> Capture:
+    return read_bvh(FOLDER / f"{clip}.bvh")
+
+
+def walk() -> tuple[Capture, float]:
+    capture = capture_of(CLEAN[0])
+    return capture, leg_length(recognise(capture.skeleton, capture.positions), capture.positions)
+
+
+@pytest.mark.parametrize("clip", CLEAN)
+def test_a_clean_clip_is_left_as_it_is(clip):
+    capture = capture_of(clip)
+    assert upright(capture).positions == pytest.approx(upright(capture, repair=False).positions, abs=1e-12)
+
+
+@pytest.mark.parametrize("frames", [1, 5, 1000])
+def test_a_jump_of_the_root_is_bridged_and_said_with_its_frame(frames):
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[100 : 100 + frames] += leg * np.array([1.0, 0.3, -0.5])
+    mended, whole = upright(replace(capture, positions=x)), upright(capture)
+    steps = [np.linalg.norm(np.diff(m.positions, axis=0), axis=2).max() for m in (mended, whole)]
+    assert steps[0] < 1.5 * steps[1]
+    assert any("The body jumps" in n and "frame 100 (3.33 s)" in n and "bridged" in n for n in mended.notes)
+
+
+def test_a_limb_that_flies_is_led_across():
+    capture, leg = walk()
+    names = capture.skeleton.names
+    x = capture.positions.copy()
+    hand = [k for k in range(len(names)) if names.index("LeftForeArm") in capture.skeleton.above(k)]
+    x[60:63, hand] += 0.7 * leg * np.array([0.0, 1.0, 0.0])
+    mended, whole = (upright(replace(capture, positions=p, rotations=None)) for p in (x, capture.positions))
+    assert np.abs(mended.positions - whole.positions).max() < 0.08
+    assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
+
+
+def test_without_repair_it_is_only_said():
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[100:] += leg
+    motion = upright(replace(capture, positions=x), repair=False)
+    assert any("The body jumps" in note and "--no-repair" in note for note in motion.notes)
+    assert np.linalg.norm(np.diff(motion.positions, axis=0), axis=2).max() > 1.0
+
+
+def test_a_pose_held_before_the_motion_is_dropped_however_long():
+    capture, leg = walk()
+    held = np.repeat(capture.positions[:1] + leg * np.array([2.0, 0.0, 1.0]), 45, axis=0)
+    motion = upright(replace(capture, positions=np.concatenate([held, capture.positions]), rotations=None))
+    assert len(motion) == len(capture.positions)
+    assert any("The first 45 frames (1.50 s) are one pose" in note for note in motion.notes)
+
+
+@pytest.mark.parametrize("size", [0.003, 0.01])
+def test_noise_is_measured_as_it_was_made_and_taken_away(size):
+    capture, _ = walk()
+    x = capture.positions + np.random.default_rng(0).normal(0, 100 * size, capture.positions.shape)
+    assert noise_of(x / 100, capture.fps, NoiseRule()) == pytest.approx(size, rel=0.25)
+    motion = upright(replace(capture, positions=x, rotations=None))
+    assert any("waver by" in note and "low pass of 6 Hz" in note for note in motion.notes)
+    # White noise through a low pass of 6 of 15 Hz keeps less than two thirds of its deviation.
+    assert np.std(motion.positions - upright(capture).positions) < 0.7 * size
+
+
+def test_smoothing_keeps_bones_as_long_as_they_are():
+    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54").since(1)
+    parents = capture.skeleton.parents
+    bones = [
+        np.linalg.norm(c.positions[:, 1:] - c.positions[:, parents[1:]], axis=2)
+        for c in (capture, smoothed(capture, NoiseRule()))
+    ]
+    assert bones[1] == pytest.approx(bones[0], abs=1e-6)
+
+
+def test_keyframes_far_apart_are_said():
+    capture, _ = walk()
+    assert any("keyframes" in note for note in upright(replace(capture, fps=1.0)).notes)
