@@ -5,11 +5,14 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from robot_retarget.simulate.report import Report
 
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
@@ -93,14 +96,18 @@ def show_solution(facts: dict[str, Any], explain: bool) -> None:
         note(sentence)
 
 
-def show_report(contract: dict[str, Any]) -> None:
-    """Print a report's verdict, its reasons and its plain figures."""
-    colour = "green" if contract["verdict"] == "pass" else "red"
-    out.print(f"\nverdict: [bold {colour}]{contract['verdict']}[/]")
-    for reason in contract["reasons"]:
+def show_report(report: "Report") -> None:
+    """Print a report: its verdict in a sentence, its reasons, what was judged and what else there is to know."""
+    from robot_retarget.simulate.words import facts, headline, judged_lines
+
+    colour = "green" if report.verdict.startswith("pass") else "red"
+    out.print(f"\nverdict: [bold {colour}]{report.verdict}[/]")
+    say(headline(report))
+    for reason in report.reasons:
         say(f"  {reason}")
-    rows = [(k, v) for k, v in contract["figures"].items() if isinstance(v, int | float | str)]
-    table("", ("figure", "value"), [(k, _cell(v)) for k, v in rows])
+    judged = [("yes" if line.held else "NO", *line[1:]) for line in judged_lines(report)]
+    table("\nJudged", ("good", "what", "is", "at most"), judged)
+    table("More figures", ("what", "value", "meaning"), facts(report.figures))
 
 
 def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> None:

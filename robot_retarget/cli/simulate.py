@@ -54,5 +54,5 @@ def simulate(
     if json:
         console.dump(report.contract())
     else:
-        console.show_report(report.contract())
+        console.show_report(report)
     raise typer.Exit(0 if report.verdict == "pass" else 1)

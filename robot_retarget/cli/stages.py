@@ -43,7 +43,7 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
         console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
     else:
         console.show_solution(solved, explain=False)
-        console.show_report(report.contract())
+        console.show_report(report)
         console.say(f"wrote {', '.join(files)} in {target}")
     return report.verdict
 

@@ -1,4 +1,4 @@
-"""The report as one page: verdict first, then figures, charts, pictures. No script, nothing from elsewhere: it opens offline.
+"""The report as one page: the verdict in a sentence, pictures, charts, then figures. No script, nothing from elsewhere: it opens offline.
 
 Charts are SVG from matplotlib rather than an interactive library: a plotting script of megabytes would be most of the
 file, and what a person wants here is to see at once what is wrong.
@@ -15,7 +15,7 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.thresholds import CHECKS
+from robot_retarget.simulate.words import facts, headline, judged_lines
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
@@ -61,7 +61,8 @@ def save_page(
         robot=html.escape(report.robot),
         how=_how(report),
         reasons=_reasons(report),
-        cards=_cards(report.figures),
+        headline=html.escape(headline(report)),
+        facts=_facts(report.figures),
         pictures=_pictures(strip, film, viewer),
         charts=_charts(report, warnings),
         checks=_checks(report),
@@ -84,7 +85,7 @@ def _how(report: Report) -> str:
 
 def _reasons(report: Report) -> str:
     if not report.reasons:
-        return "<p>It comes to its end within every limit below.</p>"
+        return "<p>Every limit below is kept.</p>"
     return _list(report.reasons) + "".join(f"<p>{html.escape(sentence)}</p>" for sentence in _advice(report.figures))
 
 
@@ -104,49 +105,21 @@ def _advice(f: Any) -> list[str]:
     return told
 
 
-def _cards(f: Any) -> str:
-    """The figures a person asks for first; those the simulation has none of are left out."""
-    cards = [("tracking error, rms", _degrees(f.get("tracking_rms_rad")), _before(f))]
-    if "fall_s" in f:
-        cards.append(("upright", "yes" if f["fall_s"] is None else f"fell at {f['fall_s']:g} s", f["fall_body"] or ""))
-        cards.append(("foot slip", _scaled(f["foot_slip_m"], 100, "cm"), ""))
-        cards.append(("least margin of balance", _scaled(f["zmp_margin_m"], 100, "cm"), "zero moment point"))
-    cards.append(("torque at its limit", _scaled(f.get("saturated_share"), 100, "%"), f.get("saturated_joint") or ""))
-    cards.append(
-        (
-            "top speed",
-            _scaled(f["speed_ratio"], 100, "%"),
-            f"of what {f['speed_ratio_joint']} can" if f["speed_ratio_joint"] else "",
-        )
-    )
-    if "temperature_rise_K" in f:
-        cards.append(("warming", f"{f['temperature_rise_K']:.1f} K", f["hottest_joint"]))
-        cards.append(("energy", f"{f['energy_J']:.0f} J", f"up to {f['peak_supply_current_A']:.1f} A"))
-    cards.append(("time touching itself", _scaled(f["tracked_self_contact_share"], 100, "%"), _foreseen(f)))
-    return "".join(
-        f"<div class='card'><span>{html.escape(name)}</span><b>{html.escape(value)}</b><i>{html.escape(more)}</i></div>"
-        for name, value, more in cards
-    )
+def _facts(f: Any) -> str:
+    """Every figure that is told, with what it means."""
+    rows = [
+        f"<tr><td>{html.escape(what)}</td><td><b>{html.escape(value)}</b></td><td>{html.escape(meaning)}</td></tr>"
+        for what, value, meaning in (*facts(f), *_foreseen(f))
+    ]
+    return _table(("figure", "value", "what it means"), rows)
 
 
-def _before(f: Any) -> str:
-    plain = f.get("plain_tracking_rms_rad")
-    return "" if plain is None else f"{_degrees(plain)} in plain playback"
-
-
-def _foreseen(f: Any) -> str:
+def _foreseen(f: Any) -> list[tuple[str, str, str]]:
     told = f.get("foreseen")
     if not told or not told["tracked_contacts"]:
-        return ""
-    return f"{told['tracked_contacts_foreseen']} of {told['tracked_contacts']} contacts foreseen"
-
-
-def _degrees(radians: float | None) -> str:
-    return "–" if radians is None else f"{radians * 57.29578:.2f}°"
-
-
-def _scaled(value: float | None, scale: float, unit: str) -> str:
-    return "–" if value is None else f"{scale * value:.3g} {unit}"
+        return []
+    share = f"{told['tracked_contacts_foreseen']} of {told['tracked_contacts']}"
+    return [("contacts foreseen", share, "touches on the servos that were warned of")]
 
 
 def _pictures(strip: Path | None, film: Path | None, viewer: Path | None) -> str:
@@ -184,19 +157,12 @@ def _charts(report: Report, warnings: Warnings | None) -> str:
 
 
 def _checks(report: Report) -> str:
-    f, rows = report.figures, [_check(report.figures["unstable_s"] is None, "the simulation runs to its end")]
-    if "fall_s" in f:
-        rows.append(_check(f["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
-    for check in CHECKS:
-        value, most = f.get(check.figure), getattr(report.thresholds, check.threshold)
-        if value is not None:
-            rows.append(_check(value <= most, check.what, f"{value:.4g}", f"{most:g} {check.unit}"))
-    return _table(("", "what", "figure", "most"), rows)
-
-
-def _check(passed: bool, what: str, value: str = "", most: str = "") -> str:
-    mark = "<td class='yes'>✓</td>" if passed else "<td class='no'>✗</td>"
-    return f"<tr>{mark}<td>{what}</td><td>{value}</td><td>{most}</td></tr>"
+    rows = [
+        f"<tr><td class='{'yes' if line.held else 'no'}'>{'✓' if line.held else '✗'}</td>"
+        f"<td>{html.escape(line.what)}</td><td>{line.value}</td><td>{line.most}</td></tr>"
+        for line in judged_lines(report)
+    ]
+    return _table(("", "what", "is", "at most"), rows)
 
 
 def _joints(joints: Any) -> str:

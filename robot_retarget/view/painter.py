@@ -4,14 +4,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from robot_retarget.view.picture import Pixels, Unavailable
-from robot_retarget.view.render import open_stage
+from robot_retarget.view.render import STILL, Finish, open_stage
 from robot_retarget.view.staging import Staging
 
 
 @contextmanager
-def painter(staging: Staging, width: int, height: int) -> Iterator[tuple[Callable[[int], Pixels], str]]:
+def painter(
+    staging: Staging, width: int, height: int, finish: Finish = STILL
+) -> Iterator[tuple[Callable[[int], Pixels], str]]:
     """What paints the k-th moment of a staging, and a sentence where it is not what one would wish."""
-    stage = open_stage(staging, width, height)
+    stage = open_stage(staging, width, height, finish)
     if isinstance(stage, Unavailable):
         from robot_retarget.view.draw import Sketch
 

@@ -1,6 +1,6 @@
 """Pictures by MuJoCo: the robot's own model on a floor in even light, the human as capsules in the same scene."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,10 +12,6 @@ from robot_retarget.view.picture import Pixels, Unavailable
 from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, Staging, visible
 
 MAX_GEOMS = 10_000
-SAMPLES = 4
-"""Samples per pixel."""
-SHADOWS = 2048
-"""Width of the shadow map [pixels]; the dearest item without a graphics card."""
 SKY = ((0.97, 0.98, 1.0), (0.80, 0.86, 0.93))
 TILES = ((0.84, 0.86, 0.88), (0.79, 0.81, 0.84))
 PALEST = 0.3
@@ -24,13 +20,27 @@ TILE = 0.5
 """A floor tile's side as a part of the robot's height."""
 
 
+class Finish(NamedTuple):
+    """How finely pictures are rendered. Without a graphics card both cost more than everything else."""
+
+    samples: int
+    """Per pixel, at most; 0 for one."""
+    shadows: int
+    """Width of the shadow map [pixels]."""
+
+
+STILL = Finish(samples=4, shadows=2048)
+MOVING = Finish(samples=0, shadows=1024)
+"""Half the cost: in a film that is pressed as video, edges blur anyway."""
+
+
 class Stage:
     """A renderer of one staging. Close it: GL contexts do not like to be left to the interpreter's end."""
 
-    def __init__(self, staging: Staging, width: int, height: int, context: Any):
+    def __init__(self, staging: Staging, width: int, height: int, context: Any, finish: Finish):
         self._staging, self._context = staging, context
         self._figure = human.figure(staging)
-        self._model = _scenery(staging, width, height)
+        self._model = _scenery(staging, width, height, finish)
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, MAX_GEOMS)
         self._option, self._perturb = mujoco.MjvOption(), mujoco.MjvPerturb()
@@ -70,19 +80,19 @@ class Stage:
         self._context.free()
 
 
-def open_stage(staging: Staging, width: int, height: int) -> Stage | Unavailable:
+def open_stage(staging: Staging, width: int, height: int, finish: Finish = STILL) -> Stage | Unavailable:
     """A renderer of pictures of that size, or why there is none."""
     context = open_context(width, height)
     if isinstance(context, Unavailable):
         return context
     try:
-        return Stage(staging, width, height, context)
+        return Stage(staging, width, height, context, finish)
     except (mujoco.FatalError, RuntimeError) as error:
         context.free()
         return Unavailable(f"no rendering: OpenGL is too limited here ({' '.join(str(error).split())})")
 
 
-def _scenery(staging: Staging, width: int, height: int) -> mujoco.MjModel:
+def _scenery(staging: Staging, width: int, height: int, finish: Finish) -> mujoco.MjModel:
     """The robot's model with a floor, lights and sky of ours in place of its own."""
     robot = staging.robot
     spec = robot.spec()
@@ -98,7 +108,7 @@ def _scenery(staging: Staging, width: int, height: int) -> mujoco.MjModel:
     model.stat.extent, model.stat.center[:] = staging.height, [0, 0, staging.height / 2]
     vis = model.vis
     vis.global_.fovy, vis.global_.offwidth, vis.global_.offheight = FIELD_OF_VIEW, width, height
-    vis.quality.offsamples, vis.quality.shadowsize = SAMPLES, SHADOWS
+    vis.quality.offsamples, vis.quality.shadowsize = finish
     vis.map.znear, vis.map.zfar, vis.map.shadowclip = 0.05, 60, 2.0
     vis.headlight.ambient[:], vis.headlight.diffuse[:], vis.headlight.specular[:] = 0.38, 0.28, 0.05
     return model

@@ -14,10 +14,13 @@ from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.view.painter import painter
 from robot_retarget.view.picture import NEEDS_PILLOW, Unavailable, has_pillow, labelled
+from robot_retarget.view.render import MOVING
 from robot_retarget.view.staging import Staging, arrange
 
-HEIGHT = 400
+HEIGHT = 720
 """Of the film [pixels]."""
+ASPECT = 4 / 3
+"""Width over height of the film: 960 by 720. What needs more room to the sides has a wider one."""
 NEEDS_FFMPEG = "films need imageio-ffmpeg: install robot-retarget[video]"
 
 
@@ -74,12 +77,12 @@ def video(
 def _film(staging: Staging, path: Path, fps: float, height: int, progress: Callable[[int, int], None] | None) -> str:
     from imageio_ffmpeg import write_frames
 
-    size = _even(height * staging.aspect), _even(height)  # H.264 halves the colours' resolution
+    size = _even(height * max(staging.aspect, ASPECT)), _even(height)  # H.264 halves the colours' resolution
     rate: Any = fps  # annotated as int there, handed on to ffmpeg as text
     writer = write_frames(str(path), size, fps=rate, quality=7, macro_block_size=2, ffmpeg_log_level="error")
     writer.send(None)
     try:
-        with painter(staging, *size) as (paint, note):
+        with painter(staging, *size, finish=MOVING) as (paint, note):
             for k, time in enumerate(staging.times):
                 writer.send(np.ascontiguousarray(labelled(paint(k), f"{time:.1f} s")))
                 if progress is not None:

@@ -46,7 +46,7 @@ def test_the_mistake_in_a_file_is_named_by_its_line(tmp_path):
 def test_smpl_parameters_take_a_body_model_and_a_frame_rate(tmp_path):
     np.savez(tmp_path / "clip.npz", poses=np.zeros((4, 72)), trans=np.zeros((4, 3)))
     np.savez(tmp_path / "SMPL.npz", v_template=np.zeros((3, 3)))
-    done = run("info", tmp_path / "clip.npz", "--source-fps", 25)
+    done = run("info", tmp_path / "clip.npz", "--source-fps", "25")
     assert done.returncode == 0 and "4 frames at 25 fps" in done.stdout
     done = run("info", tmp_path / "clip.npz", "--body-model", tmp_path / "SMPL.npz")
     assert done.returncode == 2 and "needs the array 'J_regressor'" in " ".join(done.stderr.split())

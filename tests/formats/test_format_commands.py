@@ -52,7 +52,7 @@ def test_joints_come_from_a_list_or_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words, parts", [
-    (["-f", "fbx"], ["unknown format 'fbx'; known: native, csv"]),
+    (["-f", "fbx"], ["fbx", "known: native, csv"]),
     ([], ["a.csv may be unitree or kimodo or protomotions-csv", "--format"]),
     (["-f", "unitree", "--joints", "tail"], ["1 joint names for 20 joint columns"]),
     (["-f", "mjlab"], ["a.csv as 'mjlab': no array 'joint_pos'"]),

@@ -1,0 +1,91 @@
+"""A report in words: what came of it in a sentence, and its figures in units of daily life with what each one means."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from robot_retarget.simulate.report import Report
+from robot_retarget.simulate.thresholds import CHECKS
+
+UNITS = {"rad": (57.29578, "°"), "m": (1000.0, "mm"), "of all": (100.0, "%")}
+"""What figures are shown in: a factor and a unit for each unit of the report."""
+
+
+class Line(NamedTuple):
+    """One thing that was judged."""
+
+    held: bool
+    what: str
+    value: str = ""
+    most: str = ""
+
+
+class Fact(NamedTuple):
+    """A figure that is told and not judged."""
+
+    figure: str
+    what: str
+    unit: str
+    meaning: str
+
+
+FACTS = (
+    Fact("duration_s", "length", "s", "of the robot's motion, with the stand before and after"),
+    Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
+    Fact("limb_deg", "limbs off the human's", "deg", "mean angle; under 10° looks alike"),
+    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "how far joints are from where they should be (rms)"),
+    Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not make up for lag and load"),
+    Fact("zmp_margin_m", "least margin of balance", "m", "how far inside the soles the weight stays; below 0 it tips over"),
+    Fact("peak_supply_current_A", "largest current", "A", "what the power supply has to give"),
+    Fact("energy_J", "energy", "J", "taken from the supply in all"),
+    Fact("tracked_self_contact_share", "time touching itself", "of all", "on the servos, meant or not"),
+)  # fmt: skip
+
+
+def headline(report: Report) -> str:
+    """What came of it, in a sentence for somebody who has never read a report."""
+    figures = report.figures
+    if figures["unstable_s"] is not None:
+        return f"The simulation broke down at {figures['unstable_s']:g} s of {figures['duration_s']:.1f} s."
+    if figures.get("fall_s") is not None:
+        return f"The robot falls over at {max(figures['fall_s'], 0):.1f} s of {figures['duration_s']:.1f} s."
+    came = (
+        "The robot stays on its feet to the end" if "fall_s" in figures else "Held by the pelvis, it plays to the end"
+    )
+    worst = figures.get("worst_joint_rms_rad")
+    close = f", its joints within {shown(worst, 'rad')} of the plan (rms)" if worst is not None else ""
+    return f"{came}{close}{_pace(figures)}{_likeness(figures)}."
+
+
+def judged_lines(report: Report) -> list[Line]:
+    """Everything that was judged, with the figure and the most that is let pass."""
+    figures = report.figures
+    lines = [Line(figures["unstable_s"] is None, "the simulation runs to its end")]
+    if "fall_s" in figures:
+        lines.append(Line(figures["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
+    for check in CHECKS:
+        value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
+        if value is not None:
+            lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
+    return lines
+
+
+def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """(what, value, meaning) of every figure that is told and that the simulation has."""
+    told = ((fact, figures.get(fact.figure)) for fact in FACTS)
+    return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in told if value is not None]
+
+
+def shown(value: float, unit: str) -> str:
+    """A figure in a unit of daily life: 0.2 rad is 11.5°."""
+    factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
+    return f"{factor * value:.3g}{'' if name == '°' or not name else ' '}{name}"
+
+
+def _pace(figures: Mapping[str, Any]) -> str:
+    slower = figures.get("slowdown")
+    return f", {slower:.1f} times as slow as the human" if slower is not None and slower > 1.05 else ""
+
+
+def _likeness(figures: Mapping[str, Any]) -> str:
+    angle = figures.get("limb_deg")
+    return "" if angle is None else f", its limbs {angle:.0f}° off the human's on average"
