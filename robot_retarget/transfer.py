@@ -12,12 +12,13 @@ from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.activity import activity_of, require_own_feet
 from robot_retarget.describe.edges import Edges, Weights, build_edges
 from robot_retarget.describe.match import Match, match
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.solve.clip import Smoothing
 from robot_retarget.solve.frame import Options
+from robot_retarget.solve.look import mismatch
 from robot_retarget.solve.problem import Problem, build_problem
 from robot_retarget.solve.progress import Progress
 from robot_retarget.solve.solution import Solution
@@ -46,11 +47,18 @@ class Result:
     robot: Robot
     balance: Balanced | None = None
     """How it was brought into balance, where it was."""
+    doubt: str = ""
+    """In what the robot does not do what the human does, where a map of the user's was followed nevertheless."""
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What there is to say about motion, match and balance, a sentence each."""
-        return (*self.motion.notes, *self.match.notes, *(self.balance.notes if self.balance else ()))
+        return (
+            *((self.doubt,) if self.doubt else ()),
+            *self.motion.notes,
+            *self.match.notes,
+            *(self.balance.notes if self.balance else ()),
+        )
 
     @property
     def trajectory(self) -> Trajectory:
@@ -96,7 +104,8 @@ def retarget(
         progress: called with (frames done, frames in all).
 
     Raises:
-        MatchError: the motion is not human, or the robot no humanoid.
+        MatchError: the motion is not human, or the robot no humanoid; or, without `overrides`, what was solved does not
+            look like what the human does (`look.mismatch`).
         UsageError: fps out of range, an unknown choice of legs or balance, or legs that stand without balance.
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
     """
@@ -111,7 +120,10 @@ def retarget(
     prepared = time.perf_counter() - began
     solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
     timed = replace(solution, timings={"prepare": prepared, **solution.timings})
-    result = Result(timed, matched, motion, robot)
+    doubt = mismatch(motion, robot, matched, solution.trajectory.qpos)
+    if doubt and overrides is None:
+        raise MatchError(doubt)
+    result = Result(timed, matched, motion, robot, doubt=doubt)
     return result if mode == "off" else _in_balance(result, edges, problem, legs, mode)
 
 

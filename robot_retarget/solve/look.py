@@ -1,0 +1,136 @@
+"""A look at what was solved, as a person would: does the robot do what the human does, or its mirror image, or on its head?
+
+The solver can only follow the map of both bodies. Where that is wrong (a heel taken for a toe, a front for a back) it
+follows faithfully, and what comes of it is seen on the robot: it faces elsewhere, its knees bend the other way.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.describe.match import Match
+from robot_retarget.motion import Motion
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import body_frames, world_points
+
+AGAINST = -0.5
+"""A direction with a smaller cosine with the human's goes the other way: it is more than 120° off."""
+BENT = 0.4
+"""Knees and elbows of a human are seen to bend where the sine of the angle is larger: 24° and more."""
+STRAIGHT = {"knee": 0.1, "elbow": -0.2}
+"""Of that bend the robot has less than such a share: a knee is straight or bends back, an elbow bends away. Arms of few
+hinges leave an elbow straight where a human bends it aside."""
+LEVEL = 0.5
+"""A left that points up or down by a larger cosine has no heading."""
+SHOWN = 0.2
+"""A look needs this share of the frames to show something ..."""
+FEWEST = 10
+"""... and so many of them ..."""
+MOST = 0.6
+"""... and is a mismatch where this share of those go the other way."""
+LIMBS = {"knee": ("hip", "ankle"), "elbow": ("shoulder", "hand")}
+
+
+@dataclass(frozen=True)
+class Glance:
+    """One thing that was looked at."""
+
+    what: str
+    frames: int
+    """So many frames show it."""
+    shown: float
+    """Share of the frames that do."""
+    against: float
+    """Share of those in which the robot goes the other way."""
+    cause: str
+    """What is likely wrong, and the line of a map file that mends it."""
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the robot goes the other way over most of what is shown."""
+        return self.frames >= FEWEST and self.shown > SHOWN and self.against > MOST
+
+
+def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
+    """In what a robot does not do what the human does over most of the clip, and what mends it; empty where it does.
+
+    Args:
+        qpos: (T, nq), a configuration for every frame of the motion.
+    """
+    wrong = [glance for glance in glances(motion, robot, match, qpos) if glance.wrong]
+    if not wrong:
+        return ""
+    seen = "; ".join(f"{g.what} in {g.against:.0%} of the frames that show it" for g in wrong)
+    return f"{robot.name} does not do what {motion.source or 'the human'} shows: {seen}. {wrong[0].cause}"
+
+
+def glances(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[Glance]:
+    """All that is looked at."""
+    human = _named(match, match.human_positions(motion))
+    own = _named(match, world_points(robot, match.points, qpos))
+    return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human)]
+
+
+def _named(match: Match, places: Floats) -> dict[str, Floats]:
+    return {keypoint: places[:, k] for k, keypoint in enumerate(match.keypoints)}
+
+
+def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
+    """Knees and elbows bend the human's way."""
+    for side, called in (("l", "left"), ("r", "right")):
+        for joint, ends in LIMBS.items():
+            keys = [f"{side}_{k}" for k in (ends[0], joint, ends[1])]
+            if not set(keys) <= human.keys():
+                continue
+            there, here = (_fold(*(body[k] for k in keys)) for body in (human, own))
+            bend = np.linalg.norm(there, axis=1)
+            along = (here * unit(there)).sum(axis=1) / np.maximum(bend, BENT)
+            cause = (
+                f"Front and back, or left and right, of one of the two are likely taken wrong: `forward = [x, y, z]` in "
+                f'[robot], or `{side}_{joint} = "Joint"` in [human] of a map file (--map) mends it'
+            )
+            yield _share(f"its {called} {joint} does not bend that way", bend > BENT, along < STRAIGHT[joint], cause)
+
+
+def _fold(start: Floats, middle: Floats, end: Floats) -> Floats:
+    """The axis about which a limb is bent, as long as the sine of the angle (T, 3)."""
+    return np.cross(unit(middle - start), unit(end - middle))
+
+
+def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
+    """The head is over the pelvis, or under it, as the human's is."""
+    top = next((k for k in ("head", "neck", "chest") if k in human), None)
+    if top and "pelvis" in human:
+        there, here = (unit(body[top] - body["pelvis"]) for body in (human, own))
+        cause = "The motion's up axis is likely taken wrong: `--up` says which one it is"
+        yield _glance(f"its {top} is where the human's feet are", there, here, np.ones(len(there), bool), cause)
+
+
+def _sides(robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats]) -> Iterator[Glance]:
+    """Pelvis and chest face where the human's do; hands are on their own sides."""
+    rotations = body_frames(robot, qpos)[1]
+    cause = (
+        "Left and right of one of the two are likely taken for each other: `forward = [x, y, z]` in [robot], or lines "
+        '`l_hip = "Joint"`, `r_hip = "Joint"` … in [human] of a map file (--map) mend it'
+    )
+    for segment, pair in (("pelvis", "hip"), ("chest", "shoulder")):
+        keys = [f"{side}_{pair}" for side in "lr"]
+        if segment in match.anatomy.frames and set(keys) <= human.keys():
+            body, axes = match.anatomy.frames[segment]
+            there, here = unit(human[keys[0]] - human[keys[1]]), rotations[:, body] @ axes[:, 1]
+            shown = (np.abs(there[:, 2]) < LEVEL) & (np.abs(here[:, 2]) < LEVEL)
+            yield _glance(f"its {segment} faces the other way", there, here, shown, cause)
+
+
+def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> Glance:
+    """Directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
+    return _share(what, shown, (unit(there) * unit(here)).sum(axis=1) < AGAINST, cause)
+
+
+def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> Glance:
+    """In which frames (T,) something shows, and in which the robot goes the other way."""
+    return Glance(
+        what, int(shown.sum()), float(shown.mean()), float(against[shown].mean()) if shown.any() else 0.0, cause
+    )

@@ -1,0 +1,75 @@
+"""After solving, a look: a robot that faces, stands or bends the other way is told from one that follows."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from shared_files import SHARED, needs_shared
+
+from robot_retarget.errors import MatchError
+from robot_retarget.motion import read_motion
+from robot_retarget.robot import load_robot
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.look import glances, mismatch
+from robot_retarget.transfer import Result, retarget
+
+
+@cache
+def solved(clip: str) -> Result:
+    return retarget(read_motion(SAMPLES / f"{clip}.bvh").resample(15), load_robot("op3"))
+
+
+def wrong(result: Result, qpos: np.ndarray) -> set[str]:
+    return {g.what for g in glances(result.motion, result.robot, result.match, qpos) if g.wrong}
+
+
+@pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat", "hips_and_bow"])
+def test_what_follows_is_not_doubted(clip: str) -> None:
+    result = solved(clip)
+    assert not result.doubt and not any(
+        g.against > 0.1 for g in glances(result.motion, result.robot, result.match, result.trajectory.qpos)
+    )
+
+
+@pytest.mark.parametrize(
+    ("axis", "seen"),
+    [
+        ("z", {"its pelvis faces the other way", "its chest faces the other way"}),
+        ("y", {"its head is where the human's feet are"}),
+    ],
+)
+def test_a_robot_that_is_turned_round_or_upside_down_is_seen(axis: str, seen: set[str]) -> None:
+    result = solved("squat")
+    turned = np.array(result.trajectory.qpos)
+    own = Rotation.from_quat(turned[:, 3:7], scalar_first=True)
+    turned[:, 3:7] = (Rotation.from_euler(axis, np.pi) * own).as_quat(scalar_first=True)
+    assert seen <= wrong(result, turned)
+    assert "map file" in mismatch(result.motion, result.robot, result.match, turned) or axis == "y"
+
+
+def test_knees_that_bend_the_other_way_are_seen() -> None:
+    result = solved("squat")
+    bent = np.array(result.trajectory.qpos)
+    knees = [result.robot.qpos_index[result.robot.joint_names.index(f"{side}_knee")] for side in "lr"]
+    bent[:, knees] *= -1
+    assert {f"its {side} knee does not bend that way" for side in ("left", "right")} <= wrong(result, bent)
+
+
+@needs_shared
+def test_a_robot_taken_back_to_front_is_refused_unless_the_map_insists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The T1's knees do not bend back: it cannot squat facing away."""
+    robot, clip = (
+        load_robot(SHARED / "robots/booster_t1/booster_t1.xml"),
+        read_motion(SAMPLES / "squat.bvh").resample(10),
+    )
+    turned = tmp_path / "map.toml"
+    turned.write_text("[robot]\nforward = [-1, 0, 0]\n")
+    result = retarget(clip, robot, overrides=turned)
+    assert "knee does not bend that way" in result.notes[0] and "forward = [x, y, z]" in result.notes[0]
+    monkeypatch.setattr("robot_retarget.transfer.match", lambda motion, *_: result.match)
+    with pytest.raises(MatchError, match=r"does not do what .* shows"):
+        retarget(clip, robot)
