@@ -48,7 +48,8 @@ class Result:
     balance: Balanced | None = None
     """How it was brought into balance, where it was."""
     doubt: str = ""
-    """In what the robot does not do what the human does, where a map of the user's was followed nevertheless."""
+    """In what the robot does not do what the human does, where a map of the user's, or a single causal pass, was followed
+    nevertheless."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -104,8 +105,8 @@ def retarget(
         progress: called with (frames done, frames in all).
 
     Raises:
-        MatchError: the motion is not human, or the robot no humanoid; or, without `overrides`, what was solved does not
-            look like what the human does (`look.mismatch`).
+        MatchError: the motion is not human, or the robot no humanoid; or, without `overrides`, what was solved as a
+            whole does not look like what the human does (`look.mismatch`).
         UsageError: fps out of range, an unknown choice of legs or balance, or legs that stand without balance.
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
     """
@@ -121,7 +122,7 @@ def retarget(
     solution = solve(problem, edges, motion.fps, Path(motion.source).name, options, smoothing, progress)
     timed = replace(solution, timings={"prepare": prepared, **solution.timings})
     doubt = mismatch(motion, robot, matched, solution.trajectory.qpos)
-    if doubt and overrides is None:
+    if doubt and overrides is None and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
     result = Result(timed, matched, motion, robot, doubt=doubt)
     return result if mode == "off" else _in_balance(result, edges, problem, legs, mode)
