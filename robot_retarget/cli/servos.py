@@ -32,6 +32,10 @@ def emulate(
     fault: Annotated[list[str] | None, typer.Option(help="What goes wrong, e.g. 'after 2 silent 3'.")] = None,
     strict: Annotated[bool, typer.Option(help="Silent at a wrong baud rate and to frames without stuffing.")] = False,
     control: Annotated[bool, typer.Option(help="Read faults and `state` from stdin.")] = False,
+    lockstep: Annotated[
+        float | None,
+        typer.Option(min=10, max=1000, help="Time goes by goals, so many frames a second, and not by the clock."),
+    ] = None,
 ) -> None:
     """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
     from robot_retarget.servo.emulator.run import emulator, scene_of
@@ -41,7 +45,9 @@ def emulate(
         raise UsageError("--view needs --physics: without it there is no robot to show")
     servo_map = load_map(map_name)
     body = (model or scene_of(servo_map.robot)) if physics else None
-    server = emulator(servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay, view)
+    server = emulator(
+        servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay, view, lockstep
+    )
     server.run(control)
 
 

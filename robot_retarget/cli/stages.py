@@ -119,8 +119,10 @@ def play_on_emulated(robot: str, folder: Path) -> None:
     from robot_retarget.servo.map import load_map
     from robot_retarget.trajectory import load_trajectory
 
-    console.say("\nplaying on the emulated robot, in real time")
-    outcome = play_emulated(load_trajectory(folder / "trajectory.npz"), load_map(robot), log=folder / "play.npz")
+    console.say("\nplaying on the emulated robot, as fast as it computes")
+    outcome = play_emulated(
+        load_trajectory(folder / "trajectory.npz"), load_map(robot), lockstep=True, log=folder / "play.npz"
+    )
     console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
 
 

@@ -32,9 +32,11 @@ class Cycle:
     answers are on the wire. Where there is time a tick is finished at once.
     """
 
-    def __init__(self, link: Link, guard: Guard, judge: Judge, record: Record, began: float) -> None:
+    def __init__(
+        self, link: Link, guard: Guard, judge: Judge, record: Record, began: float, lockstep: bool = False
+    ) -> None:
         self.link, self.guard, self.judge, self.record = link, guard, judge, record
-        self._began, self._sensed = began, 0.0
+        self._began, self._sensed, self._lockstep = began, 0.0, lockstep
         self._open: dict[str, Any] | None = None
         self._ahead: Ahead | None = None
 
@@ -45,14 +47,14 @@ class Cycle:
             FaultError: playing cannot go on.
             PortLostError: the port is gone.
         """
-        began = time.monotonic()
+        began = due if self._lockstep else time.monotonic()
         goal = self._send(wish, period)
         self.finish()
         self._open = {"time": began - self._began, "phase": PHASES.index(phase), "late": began - due}
         self._open |= {"goal": goal, "plan": wish}
         self._ahead = self._prepared(coming, period)
         self.link.listen()
-        now = time.monotonic()
+        now = due if self._lockstep else time.monotonic()
         self._open["busy"] = now - began
         if due + period - now > SPARE:
             self._sense(ceil(len(wish) * period / ROUND))

@@ -5,6 +5,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ def play_emulated(
     trajectory: Trajectory,
     servo_map: ServoMap,
     physics: bool = True,
+    lockstep: bool = False,
     log: str | Path | None = None,
     options: Options | None = None,
     say: Callable[[str], None] = lambda text: None,
@@ -62,6 +64,7 @@ def play_emulated(
         trajectory: of a robot that ships, or without physics of any.
         servo_map: its servos.
         physics: the robot's MuJoCo model stands behind the servos on its floor; else each motor turns by itself.
+        lockstep: as fast as both processes go: time goes by goals and not by the clock.
         log: where `play.npz` goes.
         options: how to play.
         say: is told what is being done.
@@ -70,8 +73,9 @@ def play_emulated(
         ServoError: the map does not cover the joints, or the emulator does not start.
     """
     plan = plain_plan(trajectory, servo_map) if trajectory.goals is None else goal_plan(trajectory, servo_map)
-    with emulator_process(servo_map, *(["--physics"] if physics else [])) as port:
-        return play(plan, servo_map, port, options, log, say)
+    words = [*(["--physics"] if physics else []), *(["--lockstep", str(plan.rate)] if lockstep else [])]
+    with emulator_process(servo_map, *words) as port:
+        return play(plan, servo_map, port, replace(options or Options(), lockstep=lockstep), log, say)
 
 
 def followed(outcome: Outcome) -> dict[str, Any]:

@@ -33,6 +33,9 @@ class Options:
     grace: float = field(default=10.0, metadata=within(0, 3600, "s"))
     """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
 
+    lockstep: bool = False
+    """Ticks follow each other as soon as they are answered: for an emulated bus whose time goes by goals."""
+
     def __post_init__(self) -> None:
         require_bounds(self)
 

@@ -94,7 +94,7 @@ class Player:
     def _engaged(self) -> Cycle:
         judge = Judge(self.link)
         self.guard = take_hold(self.link, judge)
-        return Cycle(self.link, self.guard, judge, self.record, self._began)
+        return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
     def _perform(self, cycle: Cycle, plan: Plan) -> str:
         limits, rate = self.map.limits, plan.rate
@@ -118,14 +118,15 @@ class Player:
         last, k, count = began, 0, len(wishes) - 1
         while k <= count:
             due = began + k * period
-            now = wait_until(due)
+            now = due if self.options.lockstep else wait_until(due)
             if now - last > self.map.limits.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
             last = now
             cycle.tick(wishes[k], period, phase, due, wishes[min(k + 1, count)])
             if self.interrupts.count:
                 raise _InterruptError
-            left_out = min(overdue(time.monotonic() - due, period), max(0, count - k - 1))
+            late = 0.0 if self.options.lockstep else time.monotonic() - due
+            left_out = min(overdue(late, period), max(0, count - k - 1))
             self.record.skipped += left_out
             k += 1 + left_out
         cycle.finish()

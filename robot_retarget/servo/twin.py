@@ -11,8 +11,12 @@ from robot_retarget.errors import ServoError, known
 from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.window import Window
 
-SUPPORT = 2.0
-"""The trunk is held for so long after the last servo has got torque, as by a hand [s]."""
+SUPPORT = 0.3
+"""The trunk is held, as by a hand, until all servos have had torque and all joints have been still for so long [s]."""
+STILL = 0.01
+"""Joints that stay within this of where they are are still [rad]."""
+LOWERING = 0.2
+"""A held robot whose feet are off the floor is lowered at this speed [m/s]."""
 
 
 class Twin:
@@ -21,7 +25,7 @@ class Twin:
     Args:
         path: MJCF of the robot, with a floor if it is to stand on one.
         servo_map: names the hinge of every servo and its direction, zero and gear.
-        support: how long the trunk stays held after torque is on everywhere [s].
+        support: how long the trunk stays held after torque is on everywhere and the joints are still [s].
 
     Raises:
         ServoError: the model cannot be read, or has not the joints of the map.
@@ -43,6 +47,7 @@ class Twin:
         self._held_for = 0.0
         mujoco.mj_forward(self.model, self.data)
         self._rest = self.data.qpos.copy()
+        self._place = self.data.qpos[self._qpos].copy()
         self._window: Window | None = None
 
     def watch(self) -> None:
@@ -67,12 +72,28 @@ class Twin:
         """One step under the servos' torques [N m]."""
         self.data.qfrc_applied[self._dof] = self._gear * np.asarray(torques)
         if self.held:
-            self._held_for = self._held_for + self.step if all(holding) else 0.0
-            self.data.qpos[self._root : self._root + 7] = self._rest[self._root : self._root + 7]  # type: ignore[operator]
-            self.data.qvel[:6] = 0.0
+            self._wait(all(holding))
+            self._set_down()
         mujoco.mj_step(self.model, self.data)
         if self._window is not None:
             self._window.show()
+
+    def _wait(self, holding: bool) -> None:
+        """Count for how long the joints have been still under torque."""
+        here = self.data.qpos[self._qpos]
+        if holding and np.abs(here - self._place).max() < STILL:
+            self._held_for += self.step
+        else:
+            self._held_for, self._place = 0.0, here.copy()
+
+    def _set_down(self) -> None:
+        """The hand keeps the trunk upright in its place and lets the feet just touch the floor, whatever the legs do."""
+        assert self._root is not None
+        contact, scene = self.data.contact, self.model.geom_bodyid == 0
+        depths = -contact.dist[scene[contact.geom].any(axis=1)] if self.data.ncon else np.zeros(0)
+        self._rest[self._root + 2] += depths.max() / 2 if depths.size else -LOWERING * self.step
+        self.data.qpos[self._root : self._root + 7] = self._rest[self._root : self._root + 7]
+        self.data.qvel[:6] = 0.0
 
     def shafts(self) -> tuple[list[float], list[float]]:
         """Encoder positions [ticks] and velocities [ticks/s]."""

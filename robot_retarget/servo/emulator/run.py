@@ -23,6 +23,7 @@ def emulator(
     strict: bool = False,
     return_delay: int = 0,
     view: bool = False,
+    lockstep: float | None = None,
 ) -> Server:
     """A server with one device for every servo of a map, on motors of their own or on a robot in MuJoCo.
 
@@ -35,6 +36,7 @@ def emulator(
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
         return_delay: register 9 of every servo [2 µs].
         view: show the robot in MuJoCo in a window.
+        lockstep: time goes on by one period of this rate with each frame of goals, and not with the clock [1/s].
 
     Raises:
         ServoError: the model, a fault, the link or the window is not to be had.
@@ -53,7 +55,7 @@ def emulator(
     world = World(devices, plant)
     for device in devices:
         device.boot()
-    server = Server(Network(devices), world, pace or Pace(), link, strict)
+    server = Server(Network(devices), world, pace or Pace(), link, strict, 1 / lockstep if lockstep else None)
     for sentence in faults:
         server.faults.add(sentence)
     return server

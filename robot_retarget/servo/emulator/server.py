@@ -22,8 +22,8 @@ from robot_retarget.servo.emulator.faults import Faults, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.protocol import Parser
-from robot_retarget.servo.tables import BAUDS
+from robot_retarget.servo.protocol import Frame, Instruction, Parser
+from robot_retarget.servo.tables import BAUDS, XM430_W350
 
 SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""
@@ -88,7 +88,17 @@ class Terminal:
 class Server:
     """Runs a network and its world behind a terminal until it is told to stop."""
 
-    def __init__(self, network: Network, world: World, pace: Pace, link: Path | None, strict: bool = False) -> None:
+    def __init__(
+        self,
+        network: Network,
+        world: World,
+        pace: Pace,
+        link: Path | None,
+        strict: bool = False,
+        lockstep: float | None = None,
+    ) -> None:
+        """`lockstep`: the world goes on by so much with each frame of goals, and not with the clock [s]."""
+        self._lockstep, self._told = lockstep, 0
         self.network, self.world, self.pace, self.strict = network, world, pace, strict
         self.wire = Wire()
         self.faults = Faults(network, world, self.wire)
@@ -124,7 +134,7 @@ class Server:
             # What is due goes out before the world takes its time.
             self._send(self.terminal)
         now = time.monotonic() - self._began
-        if abs(now - self._through) > HUSH or now - self.world.time > TICK:
+        if self._lockstep is None and (abs(now - self._through) > HUSH or now - self.world.time > TICK):
             self.world.advance(now)
         self.faults.due(now)
         if self.terminal is not None:
@@ -154,6 +164,11 @@ class Server:
 
     def _answer(self, frames: Sequence[Any], now: float) -> None:
         for frame in frames:
+            if self._lockstep is not None and _has_goals(frame):
+                self._told += 1
+                self.world.advance(
+                    self._told * self._lockstep + self.world.step / 2
+                )  # whole steps, whatever rounding does
             self.pace.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
                 due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
@@ -208,3 +223,9 @@ class Server:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self._stop = True
+
+
+def _has_goals(frame: Frame) -> bool:
+    """Whether a frame is a sync write of goal positions."""
+    address = XM430_W350["goal_position"].address
+    return frame.instruction == Instruction.SYNC_WRITE and int.from_bytes(frame.params[:2], "little") == address

@@ -1,0 +1,44 @@
+"""What was judged is what happens: the emulated robot under `play` does what `simulate` said, for every shipped sample.
+
+Time on the emulated bus goes by goals, so that a busy machine changes nothing.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from emulated import emulated
+
+import robot_retarget as rr
+from robot_retarget.servo.map import load_map
+from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.plan import goal_plan
+from robot_retarget.servo.play import play
+from robot_retarget.shipped import SAMPLES
+
+OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
+UPRIGHT = 0.9
+"""Cosine of the trunk's tilt."""
+
+
+@pytest.mark.parametrize("clip", sorted(path.stem for path in SAMPLES.glob("*.bvh")))
+def test_the_emulated_robot_does_what_was_judged(clip: str, tmp_path: Path) -> None:
+    solved = rr.retarget(rr.read_motion(SAMPLES / f"{clip}.bvh"), OP3, legs="stand", balance="static")
+    report = rr.simulate(solved.trajectory, OP3, mode="free")
+    assert report.trajectory is not None and report.trajectory.goals is not None
+    plan, goals = goal_plan(report.trajectory, OP3_MAP), report.trajectory.goals
+    with emulated(tmp_path, "op3", "--physics", "--lockstep", str(plan.rate)) as robot:
+        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True), tmp_path / "play.npz")
+        body = robot.do("state")["body"]
+    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert not body["held"] and outcome.figures["held_back"] == {}
+    assert (body["upright"] > UPRIGHT) == (report.figures["fall_s"] is None)
+    with np.load(tmp_path / "play.npz") as log:
+        playing = log["phase"] == list(log["phases"]).index("play")
+        order = [list(log["joint_names"]).index(joint) for joint in OP3.joint_names]
+        sent, present = log["goal"][playing][:, order], log["present"][playing][:, order]
+    np.testing.assert_allclose(sent, goals.angles, atol=1e-9)
+    frames, judged = report.series["time"], report.series["measured"]
+    seen = np.stack([np.interp(frames, goals.times, column) for column in present.T], axis=1)
+    assert np.sqrt(((seen - judged) ** 2).mean()) < 0.005
+    assert np.abs(seen[-1] - judged[-1]).max() < 0.01
