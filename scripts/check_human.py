@@ -63,7 +63,7 @@ def windows(clip: Clip) -> Iterator[tuple[int, int]]:
 
 def cut(capture: Capture, start: int, stop: int) -> Capture:
     rotations = None if capture.rotations is None else capture.rotations[start:stop]
-    return replace(capture, positions=capture.positions[start:stop], rotations=rotations)
+    return replace(capture, positions=capture.positions[start:stop], rotations=rotations, contacts=None)
 
 
 def heights(motion: Motion, found: Recognition) -> Floats:
@@ -99,8 +99,10 @@ def who_is_laid_on_the_floor_lies(clip: Clip) -> Iterator[str]:
         pelvis = clip.found.place(clip.motion.positions)[:, :1]
         x = (clip.motion.positions - pelvis) @ laid.T + pelvis * [1, 1, 0]
         x = x - (x[:, :, 2].min(axis=1) - 0.06)[:, None, None] * [0, 0, 1]
-        lying = replace(clip, motion=replace(clip.motion, positions=x, rotations=None))
-        capture = replace(clip.capture, positions=x / _metres(clip) @ undo.T, rotations=_some_turns(clip))
+        lying = replace(clip, motion=replace(clip.motion, positions=x, rotations=None, contacts=None))
+        capture = replace(
+            clip.capture, positions=x / _metres(clip) @ undo.T, rotations=_some_turns(clip), contacts=None
+        )
         for length in LENGTHS[1:]:
             frames = min(max(1, round(length * clip.capture.fps)), len(x))
             start = way * (len(x) - frames) // 4
@@ -136,7 +138,9 @@ def unit_and_axis_change_nothing(clip: Clip) -> Iterator[str]:
             undo = np.linalg.inv(turn_to_z(axis))
             x = clip.motion.positions @ undo.T * unit
             skeleton = replace(clip.capture.skeleton, offsets=clip.motion.skeleton.offsets @ undo.T * unit)
-            changed = replace(clip.capture, skeleton=skeleton, positions=x, rotations=_some_turns(clip))
+            changed = replace(
+                clip.capture, skeleton=skeleton, positions=x, rotations=_some_turns(clip), contacts=None, up=None
+            )
             yield same_height(replace(clip, capture=changed), changed, 0, len(x))
 
 
@@ -197,7 +201,7 @@ def a_calibration_pose_is_dropped_or_said(clip: Clip) -> Iterator[str]:
         away = clip.capture.positions[clip.first :]
         pose = away[:1] + leg_length(clip.found, away) * np.array([2.0, 0.0, 1.5])
         x = np.concatenate([np.repeat(pose, count, axis=0), away])
-        yield mended(clip, replace(clip.capture, positions=x, rotations=None), None, dropped=count)
+        yield mended(clip, replace(clip.capture, positions=x, rotations=None, contacts=None), None, dropped=count)
 
 
 def mended(clip: Clip, broken: Capture, start: int | None, dropped: int = 0) -> str:
