@@ -63,10 +63,14 @@ def show_motion(facts: dict[str, Any]) -> None:
         _missing(facts)
     for sentence in facts["notes"]:
         say(f"note: {sentence}")
+    if facts["human"]:
+        say(f"\nnext: robot-retarget run {facts['source']} --robot op3")
 
 
 def show_robot(facts: dict[str, Any]) -> None:
     """Print what `describe_robot` found."""
+    from robot_retarget.robot import shipped_robots
+
     say(f"{facts['name']}: {len(facts['joints'])} hinges, {facts['root']}, {facts['mass_kg']:g} kg ({facts['path']})\n")
     rows = [
         (k, v["lower"], v["upper"], v["max_speed"], "-" if v["max_torque"] is None else v["max_torque"])
@@ -79,6 +83,9 @@ def show_robot(facts: dict[str, Any]) -> None:
     rows = [(k, v["body"], v["offset_m"], v["confidence"], v["why"]) for k, v in facts["keypoints"].items()]
     table("Keypoints", ("keypoint", "body", "offset [m]", "sure", "because"), rows)
     _missing(facts)
+    say(
+        f"\nnext: robot-retarget run MOTION.bvh --robot {facts['path'] if facts['name'] not in shipped_robots() else facts['name']}"
+    )
 
 
 def show_solution(facts: dict[str, Any], explain: bool) -> None:
@@ -108,6 +115,36 @@ def show_report(report: "Report") -> None:
     judged = [("yes" if line.held else "NO", *line[1:]) for line in judged_lines(report)]
     table("\nJudged", ("good", "what", "is", "at most"), judged)
     table("More figures", ("what", "value", "meaning"), facts(report.figures))
+
+
+PLAYED = {
+    "tracking_rms_rad": ("tracking error of all joints (rms)", "rad"),
+    "worst_joint": ("joint that follows worst", ""),
+    "worst_joint_rms_rad": ("its tracking error (rms)", "rad"),
+    "largest_current_a": ("largest current of a servo", "A"),
+    "hottest_c": ("hottest servo at the end", "°C"),
+    "rate_hz": ("goals sent", "a second"),
+    "jitter_p99_ms": ("unevenness of 99 in 100 ticks, less than", "ms"),
+    "late_p99_ms": ("delay of 99 in 100 ticks, less than", "ms"),
+    "skipped_ticks": ("ticks left out", ""),
+    "lost_replies": ("answers that did not come", ""),
+}
+"""Figures of a playback that a person reads: words and unit."""
+
+
+def show_playback(figures: dict[str, Any]) -> None:
+    """Print how a playback went; which joints were held back, and for how many ticks."""
+    from robot_retarget.simulate.words import shown
+
+    rows = [
+        (what, value if isinstance(value, str) else shown(value, unit))
+        for name, (what, unit) in PLAYED.items()
+        if (value := figures.get(name)) is not None
+    ]
+    rows += [
+        (f"{joint} was held back to its limits", f"{n} ticks") for joint, n in figures.get("held_back", {}).items()
+    ]
+    table("Played", ("what", "value"), rows)
 
 
 def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> None:

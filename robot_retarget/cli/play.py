@@ -158,5 +158,5 @@ def _tell(outcome: "Outcome", log: Path, json: bool) -> None:
         return
     for sentence in outcome.warnings:
         console.note(sentence)
-    console.table("Played", ("figure", "value"), [(k, str(v)) for k, v in outcome.figures.items()])
+    console.show_playback(outcome.figures)
     console.say(f"{outcome.sentence}; log in {log}")

@@ -115,7 +115,7 @@ def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
 
 def play_on_emulated(robot: str, folder: Path) -> None:
     """Play the folder's trajectory on an emulated bus with the robot's model behind it, and say how it went."""
-    from robot_retarget.servo.emulated import followed, play_emulated
+    from robot_retarget.servo.emulated import play_emulated
     from robot_retarget.servo.map import load_map
     from robot_retarget.trajectory import load_trajectory
 
@@ -123,7 +123,8 @@ def play_on_emulated(robot: str, folder: Path) -> None:
     outcome = play_emulated(
         load_trajectory(folder / "trajectory.npz"), load_map(robot), lockstep=True, log=folder / "play.npz"
     )
-    console.table("", ("playback", "value"), [(k, v) for k, v in followed(outcome).items()])
+    console.show_playback(outcome.figures)
+    console.say(outcome.sentence)
 
 
 def _shown(result: "Result", target: Path, film: bool, quiet: bool) -> tuple[Path, Path | None]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.map import ServoMap, dump_map
@@ -76,9 +75,3 @@ def play_emulated(
     words = [*(["--physics"] if physics else []), *(["--lockstep", str(plan.rate)] if lockstep else [])]
     with emulator_process(servo_map, *words) as port:
         return play(plan, servo_map, port, replace(options or Options(), lockstep=lockstep), log, say)
-
-
-def followed(outcome: Outcome) -> dict[str, Any]:
-    """The figures of an outcome that say how closely the plan was followed."""
-    names = ("tracking_rms_rad", "worst_joint", "worst_joint_rms_rad", "rate_hz", "skipped_ticks", "lost_replies")
-    return {"ended": outcome.ended.name.lower(), **{name: outcome.figures.get(name) for name in names}}

@@ -7,7 +7,7 @@ import pytest
 from shared_files import ROOT
 
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.emulated import followed, play_emulated
+from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
@@ -81,4 +81,4 @@ def test_waving_arms_are_followed_on_the_emulated_robot() -> None:
     hasty = replace(OP3, limits=replace(OP3.limits, approach_time=0.5))
     outcome = play_emulated(Trajectory(qpos, 50, names, "op3"), hasty, options=Options(end_pose=False))
     assert outcome.ended is Ended.FINISHED, outcome.reason
-    assert followed(outcome)["tracking_rms_rad"] < 0.05
+    assert outcome.figures["tracking_rms_rad"] < 0.05
