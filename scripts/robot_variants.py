@@ -121,7 +121,7 @@ def turned(case: Case) -> Iterator[Variant]:
     for degrees in TURNS:
         spec, turn = case.spec(), Rotation.from_euler("z", degrees, degrees=True)
         first = spec.compile()
-        for body in [b for b in spec.bodies if b.parent is not None and b.parent.name == "world"]:
+        for body in spec.worldbody.bodies:
             pose = Rotation.from_quat(first.body_quat[body.id], scalar_first=True)
             body.pos, body.quat = turn.apply(first.body_pos[body.id]), (turn * pose).as_quat(scalar_first=True)
             body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT

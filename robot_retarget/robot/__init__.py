@@ -1,5 +1,10 @@
 """The robot side: an MJCF becomes a `Robot`, and a humanoid is found in it."""
 
+from robot_retarget.robot.versions import require_mujoco
+
+require_mujoco()
+# ruff: noqa: E402 (what follows imports MuJoCo)
+
 from robot_retarget.robot.anatomy import Anatomy as Anatomy
 from robot_retarget.robot.anatomy import Spot as Spot
 from robot_retarget.robot.catalog import load_robot as load_robot

@@ -70,7 +70,8 @@ def urdf(tmp_path: Path) -> Robot:
 def test_a_urdf_has_the_kinematics_ranges_and_speeds_that_it_was_written_from(urdf: Robot) -> None:
     op3 = load_robot("op3")
     assert urdf.joint_names == op3.joint_names and urdf.floating and NO_ROOT in urdf.notes
-    assert np.allclose(urdf.lower, op3.lower) and np.allclose(urdf.max_speed, 4.8) and np.allclose(urdf.max_torque, 4)
+    assert np.allclose(np.stack([urdf.lower, urdf.upper], axis=1), op3.model.jnt_range[op3.joint_ids])
+    assert np.allclose(urdf.max_speed, 4.8) and np.allclose(urdf.max_torque, 4)
     q, there = urdf.neutral(), op3.neutral()
     q[:7] = there[:7]
     q[urdf.qpos_index] = there[op3.qpos_index] = np.linspace(-0.2, 0.3, len(op3.joint_names)).clip(op3.lower, op3.upper)

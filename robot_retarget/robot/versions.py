@@ -1,0 +1,35 @@
+"""Which versions of MuJoCo give what they promise: checked once, before the first is imported."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+from robot_retarget.errors import RobotError
+
+OLDEST = (3, 12)
+WRONG = {"3.11.0": "it finds no distance between one pair of separate boxes in thirty"}
+"""Versions that give wrong results, and which."""
+
+
+def require_mujoco() -> None:
+    """Refuse a MuJoCo that is too old or known to be wrong.
+
+    Raises:
+        RobotError: says what is wrong with it, and the command that gets another.
+    """
+    try:
+        check(version("mujoco"))
+    except PackageNotFoundError:
+        return  # its import says so itself
+
+
+def check(found: str) -> None:
+    """As `require_mujoco`, of a version given by its number."""
+    oldest = ".".join(map(str, OLDEST))
+    reason = WRONG.get(found, f"it is older than {oldest}" if _numbers(found) < OLDEST else "")
+    if reason:
+        raise RobotError(f"MuJoCo {found} cannot be used: {reason}. Install another: pip install 'mujoco>={oldest}'")
+
+
+def _numbers(found: str) -> tuple[int, ...]:
+    """The first two numbers of a version; what is no number counts as new."""
+    parts = found.split(".")[:2]
+    return tuple(int(part) if part.isdigit() else 10**6 for part in parts)
