@@ -10,6 +10,7 @@ from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.limbs import ARM_WORDS, words
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot, robot_from_model
+from robot_retarget.robot.names import described
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, urdf_notes, urdf_speeds
@@ -37,7 +38,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
     """Load a robot by a shipped name, an MJCF or URDF path, or a `robot_descriptions` name (extra `descriptions`).
 
     Args:
-        name: `op3`, `path/to/robot.xml`, or `g1_mj_description`.
+        name: `op3`, `path/to/robot.xml`, or `g1`, `unitree_g1`, `g1_mj_description`.
         limits: a TOML file of joint limits that fill or replace the model's, tables `range` [rad], `speed` [rad/s]
             and `torque` [N m] by joint name (`"*"` = every joint). Without it, `limits.toml` or `STEM.limits.toml`
             beside the MJCF is read where it is there.
@@ -134,29 +135,7 @@ def _find(name: str | Path) -> Path:
         if not path.is_file():
             raise RobotError(f"there is no file {path}")
         return path
-    return _description(str(name), list(shipped))
-
-
-def _description(name: str, shipped: list[str]) -> Path:
-    """The MJCF of a `robot_descriptions` entry; the package downloads it once."""
-    choices = f"{known(shipped)}; or a path to an MJCF (.xml) or URDF"
-    try:
-        from robot_descriptions import DESCRIPTIONS  # pyright: ignore[reportMissingImports]
-        from robot_descriptions._descriptions import Format  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise RobotError(
-            f"unknown robot {name!r}; {choices}; or a robot_descriptions name, with the extra "
-            "robot-retarget[descriptions] installed"
-        ) from None
-    entries = [key for key, entry in DESCRIPTIONS.items() if Format.MJCF in entry.formats]
-    if name not in entries:
-        raise RobotError(f"unknown robot {name!r}; {choices}; or a robot_descriptions name, {known(entries)}")
-    import importlib
-
-    try:
-        return Path(importlib.import_module(f"robot_descriptions.{name}").MJCF_PATH)
-    except Exception as error:  # the package clones with git and lets any of its errors through
-        raise RobotError(f"robot_descriptions could not fetch {name!r}: {error}") from error
+    return described(str(name), f"{known(shipped)}; or a path to an MJCF (.xml) or URDF")
 
 
 def _beside(path: Path) -> Path | None:
