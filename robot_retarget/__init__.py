@@ -15,6 +15,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from robot_retarget.describe.graph import Graph as Graph
+    from robot_retarget.describe.graph import describe as describe
     from robot_retarget.describe.match import Match as Match
     from robot_retarget.describe.match import match as match
     from robot_retarget.dgp import interaction_distance as interaction_distance
@@ -33,11 +35,14 @@ if TYPE_CHECKING:
     from robot_retarget.trajectory import Trajectory as Trajectory
     from robot_retarget.transfer import Result as Result
     from robot_retarget.transfer import retarget as retarget
+    from robot_retarget.transfer import solve as solve
     from robot_retarget.view.web.page import view as view
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "describe": "describe.graph",
+    "Graph": "describe.graph",
     "interaction_distance": "dgp",
     "RobotRetargetError": "errors",
     "export": "formats",
@@ -50,6 +55,7 @@ _HOME = {
     "Solution": "solve.solution",
     "Result": "transfer",
     "retarget": "transfer",
+    "solve": "transfer",
     "Robot": "robot",
     "load_robot": "robot",
     "Report": "simulate.report",
@@ -58,7 +64,7 @@ _HOME = {
     "load_trajectory": "formats",
     "view": "view.web.page",
 }
-_FOLDERS = {"simulate", "view"}
+_FOLDERS = {"describe", "simulate", "solve", "view"}
 """Folders that are called like their function."""
 
 

@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.track import HARD, Track
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion, leg_length, stature
 from robot_retarget.motion import recognise as recognise_human
@@ -125,18 +127,55 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "frames": frames,
         "fps": round(solution.trajectory.fps, 4),
         "status": reasons,
-        "stress_mean": round(float(solution.stress.mean()), 5),
-        "stress_max": round(float(solution.stress.max()), 5),
-        "stress_max_frame": int(solution.stress.argmax()),
+        "distance_error_mean": round(float(solution.posture_error.mean()), 5),
+        "distance_error_max": round(float(solution.posture_error.max()), 5),
+        "distance_error_max_frame": int(solution.posture_error.argmax()),
         "largest_step_rad": round(solution.largest_step(), 3),
         "solved_per_second": round(frames / seconds, 1) if seconds else None,
         "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
         "machine_code": solution.native,
-        "worst_edges": [
-            {"edge": name, "mean_error": round(mean, 4), "worst_frame": frame}
-            for name, mean, frame in solution.worst_edges()
-        ],
+        **describe_stress(solution),
         "notes": [*notes, *_jumps_told(solution)],
+    }
+
+
+def describe_graph(graph: Graph) -> dict[str, Any]:
+    """The kinds of a graph: how many edges, how many a frame on the mean, intervals, priorities."""
+    return {
+        "robot": graph.robot.name,
+        "frames": len(graph),
+        "fps": round(graph.fps, 4),
+        "kinds": {name: _kind(track) for name, track in graph.kinds.items()},
+    }
+
+
+def _kind(track: Track) -> dict[str, Any]:
+    present = track.priority > 0
+    chosen, finite = track.priority[present], track.priority[present & np.isfinite(track.priority)]
+    return {
+        "edges": len(track),
+        "present": round(float(present.sum(axis=1).mean()), 1),
+        "interval": "exact" if track.exact else "interval",
+        "priority": f"{finite.min():.3g} … {finite.max():.3g}" if finite.size else "limit" if chosen.size else "absent",
+        "hard": bool(chosen.size and chosen.min() >= HARD),
+    }
+
+
+def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
+    """Stress per kind, and the edges that cost most, each at its worst frame."""
+    return {
+        "stress": {kind: round(float(part.mean()), 5) for kind, part in solution.stress.items()},
+        "worst_edges": [
+            {
+                "edge": edge.name,
+                "frame": edge.frame,
+                "wished": round(edge.wished, 4),
+                "measured": round(edge.measured, 4),
+                "error": round(edge.error, 4),
+                "priority": round(edge.priority, 3),
+            }
+            for edge in solution.costliest(count)
+        ],
     }
 
 

@@ -1,4 +1,4 @@
-"""Which edge kind buys what: `python scripts/ablation.py --robots op3 … --clips FILE …` prints a Markdown table.
+"""Which edge kind and which mechanism buys what: `python scripts/ablation.py --robots op3 … --clips FILE … [--mechanisms]`.
 
 Every row is the solver with one kind left out, every figure a mean over the clips (`depth_cm` and `step_rad` are the
 largest), the weights stand over the tables. One table a robot. Definitions: `scripts/retarget_figures.py`.
@@ -12,10 +12,9 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
-from robot_retarget.describe.edges import Weights
+from robot_retarget.describe.weights import Weights
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.clip import Smoothing
-from robot_retarget.solve.frame import Options
+from robot_retarget.solve.options import Options, Search, Smoothing
 
 
 @dataclass(frozen=True)
@@ -25,40 +24,43 @@ class Variant:
     weights: Weights = field(default_factory=Weights)
     options: Options = field(default_factory=Options)
     smoothing: Smoothing = field(default_factory=Smoothing)
+    search: Search = field(default_factory=Search)
+    without: str = ""
+    """A kind of edge."""
 
 
-VARIANTS: dict[str, Variant] = {
+KINDS: dict[str, Variant] = {
     "everything": Variant(),
-    "no posture": Variant(Weights(posture=0.0)),
-    "no touch": Variant(Weights(touch=0.0)),
-    "no compass": Variant(Weights(compass=0.0)),
-    "no girdle": Variant(Weights(girdle=0.0)),
-    "no marker": Variant(Weights(marker=0.0)),
-    "no path": Variant(Weights(path=0.0)),
-    "no rest": Variant(Weights(rest=0.0)),
-    "distances by squares": Variant(Weights(posture=10.0, give=1e6)),
-    "distances only": Variant(Weights(compass=0.0, girdle=0.0, marker=0.0)),
-    "directions only": Variant(Weights(posture=0.0, touch=0.0)),
-    "no footholds": Variant(options=Options(footholds=False)),
+    **{
+        f"no {kind}": Variant(without=kind)
+        for kind in ("posture", "touch", "compass", "orientation", "path", "foothold")
+    },
+    "no hip and shoulder lines": Variant(Weights(hips=0.0, shoulders=0.0)),
+    "distances by squares": Variant(Weights(give=1e6)),
     "no separation": Variant(options=Options(separation=False)),
-    "no second differences": Variant(smoothing=Smoothing(stiffness=0.0)),
+    "no second differences": Variant(Weights(smooth=1e-3)),
     "frame by frame": Variant(smoothing=Smoothing(passes=0)),
 }
-"""Without second differences the clip still starts from a sketch; frame by frame it does not."""
+MECHANISMS: dict[str, Variant] = {
+    "everything": Variant(),
+    "one start": Variant(search=Search(starts=0, candidates=1)),
+    "one candidate a moment": Variant(search=Search(candidates=1)),
+    "no recombination of limbs": Variant(search=Search(recombinations=0)),
+    "no looks between frames": Variant(smoothing=Smoothing(looks=())),
+    "links measured at every step": Variant(options=Options(glance=0.0)),
+    "half the passes": Variant(smoothing=Smoothing(passes=4)),
+}
+"""What the solver does beside descending: what leaving it out does to the figures."""
+VARIANTS = KINDS | MECHANISMS
 DECIMALS = (1, 3, 2, 1, 2, 2, 2, 0, 2)
 """Of the columns, in the order of `Figures`."""
 
 
 def measure(motion: rr.Motion, robot: rr.Robot, variant: Variant, fps: float | None = None) -> Figures:
     """Retarget one clip and judge the result."""
-    result = rr.retarget(
-        motion,
-        robot,
-        fps=fps,
-        weights=variant.weights,
-        options=variant.options,
-        smoothing=variant.smoothing,
-    )
+    graph = rr.describe(motion, robot, fps=fps, weights=variant.weights)
+    graph = graph.without(variant.without) if variant.without else graph
+    result = rr.solve(graph, options=variant.options, smoothing=variant.smoothing, search=variant.search)
     human = result.match.human_positions(result.motion)
     return figures(robot, result.match, human, result.trajectory.qpos, result.trajectory.fps)
 
@@ -82,16 +84,18 @@ def main() -> None:
     ask.add_argument("--robots", nargs="+", default=["op3"], help="shipped names or MJCF files")
     ask.add_argument("--clips", nargs="+", type=Path, default=sorted(SAMPLES.glob("*.bvh")))
     ask.add_argument("--fps", type=float, default=None, help="frames per second of the trajectories")
-    ask.add_argument("--only", nargs="+", choices=VARIANTS, default=list(VARIANTS))
+    ask.add_argument("--mechanisms", action="store_true", help="leave out mechanisms of the solver, not kinds of edges")
+    ask.add_argument("--only", nargs="+", choices=VARIANTS)
     given = ask.parse_args()
+    chosen = given.only or list(MECHANISMS if given.mechanisms else KINDS)
     motions = [rr.read_motion(path) for path in given.clips]
-    print(", ".join(f"{kind} {weight:g}" for kind, weight in asdict(Weights()).items()))
+    print(", ".join(f"{kind} {weight}" for kind, weight in asdict(Weights()).items()))
     for name in given.robots:
         robot = rr.load_robot(name)
         print(f"\n{robot.name}: {', '.join(path.stem for path in given.clips)}\n")
         print("| left out | " + " | ".join(f.name for f in fields(Figures)) + " |")
         print("|---" * (1 + len(fields(Figures))) + "|", flush=True)
-        for variant in given.only:
+        for variant in chosen:
             print(*rows(motions, robot, [variant], given.fps), flush=True)
 
 

@@ -19,7 +19,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import Surfaces, surfaces
 from robot_retarget.robot.clearance import Clearance
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.frame import Options
+from robot_retarget.solve.options import Options
 
 APART = 0.003
 """[m]."""

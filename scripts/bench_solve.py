@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -21,24 +21,21 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.edges import Edges, build_edges
-from robot_retarget.describe.match import Match
+from robot_retarget.describe.graph import MOST_FPS, Graph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve import causal as causal_module
 from robot_retarget.solve import clip as clip_module
-from robot_retarget.solve import frame as frame_module
 from robot_retarget.solve import quadratic as quadratic_module
-from robot_retarget.solve.clip import Smoothing
+from robot_retarget.solve import sqp as sqp_module
+from robot_retarget.solve import stream as stream_module
+from robot_retarget.solve.candidates import coarse_path, place_root
 from robot_retarget.solve.compiled import Compiled, QuadraticProgram
-from robot_retarget.solve.frame import FrameSolver
+from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import Problem, build_problem
-from robot_retarget.solve.quadratic import Landscape
-from robot_retarget.solve.sketch import Draft, sketch
-from robot_retarget.solve.solve import solve
-from robot_retarget.solve.starts import place_root
-from robot_retarget.transfer import MOST_FPS
+from robot_retarget.solve.quadratic import CostModel
+from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solve.sqp import FrameSolver
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
@@ -50,40 +47,42 @@ MODES = {"frame by frame": Smoothing(passes=0), WHOLE: Smoothing()}
 IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 """mink's steps a frame and at the first frame, and the step [rad or m] under which it is done, as our own rule."""
 PROGRAM = "quadratic program"
-MOVES: list[tuple[object, str]] = [(frame_module, "integrate"), (quadratic_module, "difference")]
-MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("integrate", "difference")]
+MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
+MOVES += [(module, f) for module in (stream_module, clip_module) for f in ("integrate", "difference")]
 PARTS: dict[str, list[tuple[object, str]]] = {
     "kinematics and normal equations": [(Compiled, "__call__")],
     "separation of links": [(Separation, "near")],
     PROGRAM: [(QuadraticProgram, "solve")],
     "closed chains, gears": [(Coupling, "__call__"), (Coupling, "closed")],
     "configurations q ⊕ v, q ⊖ p": MOVES,
-    "Python around the quadratic model": [(Landscape, "around"), (Landscape, "pulled"), (FrameSolver, "_step")],
+    "Python around the quadratic model": [
+        (CostModel, "linearize"),
+        (CostModel, "with_proximal"),
+        (FrameSolver, "_step"),
+    ],
     "Python of the descent": [(FrameSolver, "descend")],
 }
 """What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A clip on a robot, prepared: what the solver is given."""
-
-    motion: rr.Motion
-    match: Match
-    edges: Edges
-    problem: Problem
-
-    @property
-    def name(self) -> str:
-        return f"{self.problem.robot.name}, {Path(self.motion.source).stem} ({len(self.edges)} frames)"
+def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> Graph:
+    """Match and describe by edges; not part of any figure."""
+    return describe(motion, robot, fps=fps or min(motion.fps, MOST_FPS))
 
 
-def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None, native: bool = True) -> Case:
-    """Match, describe by edges and compile, for `native` to machine code; not part of any figure."""
-    motion = motion.resample(fps or min(motion.fps, MOST_FPS))
-    matched = rr.match(motion, robot)
-    edges = build_edges(motion, matched)
-    return Case(motion, matched, edges, build_problem(robot, matched, edges, native=native))
+@cache
+def compiled(graph: Graph) -> Problem:
+    """The graph's functions, once their machine code is there; not part of any figure."""
+    problem = build_problem(graph.robot, graph.match, graph.tracks, native=True)
+    for part in problem.parts:
+        part.model.wait()
+        part.cost.wait()
+    return problem
+
+
+def name_of(graph: Graph) -> str:
+    """Robot, clip and frames."""
+    return f"{graph.robot.name}, {Path(graph.motion.source).stem} ({len(graph)} frames)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +95,8 @@ class Run:
     first: float
     """Seconds until the first frame was done, its several starts among them."""
     steps: float
-    """Taken a frame, in the mean; those of the sketch not counted."""
-    draft: float = 0.0
+    """Taken a frame, in the mean; those of the coarse path not counted."""
+    coarse: float = 0.0
     """Share of the time until the passes over the clip began."""
 
     @property
@@ -127,43 +126,44 @@ class Stopwatch:
         return CLOCK() - self.began
 
 
-def ours(case: Case, smoothing: Smoothing) -> Run:
-    """Our solver, its starts, sketch and final check included."""
-    watch, drafted = Stopwatch(), [0.0]
+def ours(graph: Graph, smoothing: Smoothing) -> Run:
+    """Our solver, its starts, coarse path and final check included; assembling the functions is not."""
+    problem, coarse = compiled(graph), [0.0]
+    watch = Stopwatch()
 
-    def sketched(*args: Any, **named: Any) -> Draft:
+    def timed(*args: Any, **named: Any) -> list[Floats]:
         began = CLOCK()
-        draft = sketch(*args, **named)
-        drafted[0] += CLOCK() - began
-        return draft
+        path = coarse_path(*args, **named)
+        coarse[0] += CLOCK() - began
+        return path
 
-    with patch.object(clip_module, "sketch", sketched):
-        solution = solve(case.problem, case.edges, case.motion.fps, smoothing=smoothing, progress=watch.tick)
+    with patch.object(clip_module, "coarse_path", timed):
+        solution = solve_graph(graph, problem=problem, smoothing=smoothing, progress=watch.tick)
     taken = watch.now()
-    return Run(solution.trajectory.qpos, taken, watch.first, float(solution.iterations.mean()), drafted[0] / taken)
+    return Run(solution.trajectory.qpos, taken, watch.first, float(solution.iterations.mean()), coarse[0] / taken)
 
 
-def inverse_kinematics(case: Case) -> Run:
+def inverse_kinematics(graph: Graph) -> Run:
     """The same by mink, one frame after the other: the human posture rebuilt with the robot's bones is tracked point
     by point, segments in their orientation, within joint ranges; no floor, footholds or separation.
     """
     import mink
 
-    robot, edges = case.problem.robot, case.edges
-    model = _with_sites(case.problem)
-    places = [mink.FrameTask(f"point {k}", "site", 1.0, 0.0) for k in edges.keypoints]
-    turns = [mink.FrameTask(f"segment {s}", "site", 0.0, 0.1) for s in edges.segments]
+    robot, segments = graph.robot, graph.human.segments
+    model = _with_sites(graph)
+    places = [mink.FrameTask(f"point {k}", "site", 1.0, 0.0) for k in graph.match.keypoints]
+    turns = [mink.FrameTask(f"segment {s}", "site", 0.0, 0.1) for s in segments]
     posture = mink.PostureTask(model, cost=1e-3)
-    start = place_root(case.problem, robot.standing(), edges.root[0], edges.facing[0])
+    start = place_root(graph, robot.standing(), 0)
     posture.set_target(start)
-    limits, configuration, dt = [mink.ConfigurationLimit(model)], mink.Configuration(model, start), 1 / case.motion.fps
-    points, qpos, steps = rebuilt(case), [], 0
+    limits, configuration, dt = [mink.ConfigurationLimit(model)], mink.Configuration(model, start), 1 / graph.fps
+    points, qpos, steps = rebuilt(graph), [], 0
     watch = Stopwatch()
-    for t in range(len(edges)):
+    for t in range(len(graph)):
         for task, place in zip(places, points[t], strict=True):
             task.set_target(mink.SE3.from_translation(place))
-        for task, turn in zip(turns, edges.frames[t], strict=True):
-            task.set_target(mink.SE3.from_rotation(mink.SO3.from_matrix(turn)))
+        for task, turn in zip(turns, segments.values(), strict=True):
+            task.set_target(mink.SE3.from_rotation(mink.SO3.from_matrix(turn[t])))
         for _ in range(IK_STEPS if t else FIRST_STEPS):
             velocity = mink.solve_ik(configuration, [*places, *turns, posture], dt, "daqp", 1e-3, limits=limits)
             configuration.integrate_inplace(velocity, dt)
@@ -171,26 +171,26 @@ def inverse_kinematics(case: Case) -> Run:
             if np.abs(velocity * dt).max() < IK_TOLERANCE:
                 break
         qpos.append(configuration.q.copy())
-        watch.tick(t + 1, len(edges))
-    return Run(np.array(qpos), watch.now(), watch.first, steps / len(edges))
+        watch.tick(t + 1, len(graph))
+    return Run(np.array(qpos), watch.now(), watch.first, steps / len(graph))
 
 
-def rebuilt(case: Case) -> Floats:
+def rebuilt(graph: Graph) -> Floats:
     """(T, K, 3) the human posture with the robot's bones, one after the other from the pelvis's path [m]."""
-    human, matched = case.match.human_positions(case.motion), case.match
+    human, matched = graph.match.human_positions(graph.motion), graph.match
     points = np.empty_like(human)
     for k, parent in enumerate(matched.parents):
         along = human[:, k] - human[:, parent]
         length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-        points[:, k] = case.edges.root if parent < 0 else points[:, parent] + matched.robot_bones[k] * along / length
+        points[:, k] = graph.pelvis if parent < 0 else points[:, parent] + matched.robot_bones[k] * along / length
     return points
 
 
-def _with_sites(problem: Problem) -> mujoco.MjModel:
+def _with_sites(graph: Graph) -> mujoco.MjModel:
     """The robot's model with a site at every keypoint, and one turned as every segment."""
-    anatomy, spec = problem.match.anatomy, mujoco.MjSpec.from_file(str(problem.robot.path))
-    body_names = [problem.robot.model.body(b).name for b in range(problem.robot.model.nbody)]
-    for keypoint in problem.match.keypoints:
+    anatomy, spec = graph.match.anatomy, mujoco.MjSpec.from_file(str(graph.robot.path))
+    body_names = [graph.robot.model.body(b).name for b in range(graph.robot.model.nbody)]
+    for keypoint in graph.match.keypoints:
         spot = anatomy.spots[keypoint]
         spec.body(body_names[spot.body]).add_site(name=f"point {keypoint}", pos=spot.offset)
     for segment, (body, axes) in anatomy.frames.items():
@@ -238,17 +238,17 @@ def clocked() -> Iterator[dict[str, Spent]]:
         yield spent
 
 
-def speeds(case: Case, repeats: int, peer: bool) -> list[str]:
+def speeds(graph: Graph, repeats: int, peer: bool) -> list[str]:
     """Rows of the table of speeds, each with what came out."""
-    runs: dict[str, Callable[[], Run]] = {mode: partial(ours, case, smoothing) for mode, smoothing in MODES.items()}
+    runs: dict[str, Callable[[], Run]] = {mode: partial(ours, graph, smoothing) for mode, smoothing in MODES.items()}
     if peer:
-        runs[PEER] = partial(inverse_kinematics, case)
+        runs[PEER] = partial(inverse_kinematics, graph)
     rounds = [{name: run() for name, run in runs.items()} for _ in range(repeats)]
     found = {name: [one[name] for one in rounds] for name in runs}
     rate = {name: float(np.median([run.rate for run in several])) for name, several in found.items()}
-    human, rows = case.match.human_positions(case.motion), []
+    human, rows = graph.match.human_positions(graph.motion), []
     for name, several in found.items():
-        judged = figures(case.problem.robot, case.match, human, several[0].qpos, case.motion.fps)
+        judged = figures(graph.robot, graph.match, human, several[0].qpos, graph.fps)
         cells = [
             f"{rate[name]:.0f}",
             f"{np.median([run.rate_after_first for run in several]):.0f}" if name != WHOLE else "",
@@ -260,25 +260,25 @@ def speeds(case: Case, repeats: int, peer: bool) -> list[str]:
             f"{judged.skate_cm_s:.1f}",
             f"{judged.jerk:.0f}",
         ]
-        rows.append(f"| {case.name} | {name} | " + " | ".join(cells) + " |")
+        rows.append(f"| {name_of(graph)} | {name} | " + " | ".join(cells) + " |")
     return rows
 
 
-def shares(case: Case) -> list[str]:
+def shares(graph: Graph) -> list[str]:
     """Rows of the table of where the time goes, in both modes."""
     rows = []
     for mode, smoothing in MODES.items():
         with clocked() as parts:
-            run = ours(case, smoothing)
+            run = ours(graph, smoothing)
         parts = {part: spent for part, spent in parts.items() if spent.calls}
         for part, spent in parts.items():
-            each, per_call = spent.calls / len(case.edges), 1e6 * spent.seconds / spent.calls
+            each, per_call = spent.calls / len(graph), 1e6 * spent.seconds / spent.calls
             percent = 100 * spent.seconds / run.seconds
-            rows.append(f"| {case.name} | {mode} | {part} | {each:.1f} | {per_call:.0f} | {percent:.0f} |")
+            rows.append(f"| {name_of(graph)} | {mode} | {part} | {each:.1f} | {per_call:.0f} | {percent:.0f} |")
         rest = 100 * (1 - sum(spent.seconds for spent in parts.values()) / run.seconds)
-        rows.append(f"| {case.name} | {mode} | everything else | | | {rest:.0f} |")
+        rows.append(f"| {name_of(graph)} | {mode} | everything else | | | {rest:.0f} |")
         if mode == WHOLE:
-            rows.append(f"| {case.name} | {mode} | of all that, the sketch | | | {100 * run.draft:.0f} |")
+            rows.append(f"| {name_of(graph)} | {mode} | of all that, the coarse path | | | {100 * run.coarse:.0f} |")
     return rows
 
 
@@ -306,13 +306,10 @@ def main() -> None:
     ask.add_argument("--clips", nargs="+", type=Path, default=[WALK] if there else sorted(SAMPLES.glob("*.bvh")))
     ask.add_argument("--fps", type=float, default=None, help="frames per second of the trajectories")
     ask.add_argument("--repeats", type=int, default=5, help="runs of which the median counts")
-    ask.add_argument("--interpreted", action="store_true", help="CasADi's virtual machine, as without a C compiler")
     given = ask.parse_args()
     peer = has_mink()
     cases = [
-        prepare(rr.read_motion(clip), rr.load_robot(robot), given.fps, not given.interpreted)
-        for robot in given.robots
-        for clip in given.clips
+        prepare(rr.read_motion(clip), rr.load_robot(robot), given.fps) for robot in given.robots for clip in given.clips
     ]
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" + ("" if peer else "; mink is not installed"))
     for head, rows in ((SPEED_HEAD, lambda case: speeds(case, given.repeats, peer)), (SHARE_HEAD, shares)):

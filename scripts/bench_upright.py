@@ -14,6 +14,7 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.describe.activity import activity_of
+from robot_retarget.describe.graph import MOST_FPS
 from robot_retarget.errors import BalanceError
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
@@ -21,7 +22,6 @@ from robot_retarget.simulate.domain import draws
 from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.simulate.stepping import Playback
-from robot_retarget.transfer import MOST_FPS
 
 SETTLE = Playback(settle_before=3.0, settle_after=3.0)
 

@@ -25,7 +25,7 @@ from robot_retarget.robot import Points, recognise, world_points
 from robot_retarget.robot.clearance import Clearance, Marks
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.contacts import replay_contacts
-from robot_retarget.solve.frame import Options
+from robot_retarget.solve.options import Options
 from robot_retarget.trajectory import Trajectory
 
 NEAR_MISS = 0.01

@@ -1,65 +1,62 @@
 """A draft becomes a motion that stands: from a balanced stand, over planted feet, back into a balanced stand.
 
-    draft ──support──▶ footholds ──retime──▶ timeline ──zmp──▶ path of the centre of mass ──planting──▶ configurations
+    draft ──support──▶ footholds ──timeline──▶ pace ──zmp──▶ path of the centre of mass ──planter──▶ configurations
 
-All but the last is laid out in `outline.py`, round after round. Nothing of it looks at the human again: the draft is what the robot should do, and is changed as little as balance asks.
+The last step is retargeting again: the human's edges at the playback's pace, with footholds and centre of mass on top.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.beside import parted
 from robot_retarget.balance.outline import Clip, Outline, outlined
-from robot_retarget.balance.planting import Planter
-from robot_retarget.balance.retime import Pacing, Score, motion_needs, shift_needs, stretched, unhurried
-from robot_retarget.balance.stand import balanced_stand, over_stand, stand_places
+from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
 from robot_retarget.balance.steps import carried, within_reach
 from robot_retarget.balance.support import kept_down, planted_feet
+from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.balance.zmp import Plan, Steadiness
-from robot_retarget.describe.match import Match
+from robot_retarget.describe.activity import activity_of, require_own_feet
+from robot_retarget.describe.graph import Graph, graph_from
+from robot_retarget.describe.likeness import likeness_of
+from robot_retarget.describe.track import Track
 from robot_retarget.errors import BalanceError, UsageError, known
+from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
-from robot_retarget.solve.footing import HOLD
-from robot_retarget.solve.smooth import smooth_offsets
+from robot_retarget.solve.clip import Clip as SolverClip
+from robot_retarget.solve.clip import clip_passes, smoothness
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.problem import wishes_of
+from robot_retarget.solve.progress import Count
+from robot_retarget.solve.solution import Solution
+from robot_retarget.solve.solve import solution_of
+from robot_retarget.solve.sqp import Pose
 from robot_retarget.trajectory import Trajectory
 
 SWAY = 0.5
 """A body goes along with its footholds smoothly, over this time [s]."""
-SWING = 1e3
-"""Weight of a foot in the air, over the squared leg length."""
-STOOP = 0.1
-"""A robot that steps carries its pelvis this share of a leg lower than in the stand: straight knees have to hurry."""
-EASINGS = 4
-"""Rounds of smoothing where joints leap, each planted anew."""
-EASE = 0.3
-"""Time to either side of a leap that is smoothed [s]."""
-EASE_STIFFNESS = 200.0
-"""As `smooth.smooth_offsets`, at 30 frames a second."""
-STIFFNESS = 3.0
-"""The same of the whole motion, which is then planted anew: nearly straight knees answer the pelvis with jolts."""
-JOLT = 0.5
-"""A joint that changes its speed by this share of its greatest from frame to frame leaps."""
 QUICK = 0.04
 """Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
 
-LEGS = ("follow", "stand")
+LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Balanced:
     """A playback that stands, as far as it was planned."""
 
-    qpos: Floats
-    """(K, nq)."""
-    score: Score
+    poses: tuple[Pose, ...]
+    """K frames."""
+    tracks: tuple[Track, ...]
+    """What was asked of them."""
+    timeline: Timeline
     places: Floats
     """(K, F, 4, 3) of the soles [m]."""
     plan: Plan
@@ -67,54 +64,30 @@ class Balanced:
     """Duration within the clip over the clip's own."""
     stride: float
     """Length of the steps over the clip's own."""
+    legs: str
+    """`follow` or `stand`."""
     zmp: Floats
     """(K, 2) [m]."""
     margin: Floats
     """(K,) of the zero moment point inside the full support polygon [m]."""
     friction: Floats
     """(K,) coefficient of the floor that the soles need."""
+    instead: str = ""
+    """Why both feet stay in place though they were to follow if they can."""
+
+    @property
+    def qpos(self) -> Floats:
+        """(K, nq)."""
+        return np.array([pose.qpos for pose in self.poses])
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was done to the clip, a sentence each."""
         slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
         shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
-        return (f"balanced: {slower}{shorter}, with a stand before and after",)
-
-
-def clip_of(planter: Planter, draft: Floats, stances: dict[str, np.ndarray], fps: float, legs: str) -> Clip:
-    """Decide on which feet the draft stands.
-
-    Raises:
-        BalanceError: it leaves the floor.
-    """
-    if legs == "stand":
-        return _standing(planter, draft, fps)
-    corners = planter.corners(draft)
-    planted = planted_feet(stances, planter.feet, corners, planter.leg, fps)
-    own = stand_places(planter)
-    corners = parted(corners, own)
-    kept = kept_down(planted, corners, planter.leg, fps)
-    return Clip(draft, corners, kept, fps) if kept.all() else _stepping(planter, draft, corners, kept, own, fps)
-
-
-def _standing(planter: Planter, draft: Floats, fps: float) -> Clip:
-    """Both feet in the balanced stand all the time."""
-    places = stand_places(planter)
-    posed, count = over_stand(planter, draft, balanced_stand(planter, places), fps), len(draft)
-    return Clip(posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), fps)
-
-
-def _stepping(planter: Planter, draft: Floats, corners: Floats, kept: np.ndarray, own: Floats, fps: float) -> Clip:
-    """The draft's steps within the robot's reach, its body lower and going along."""
-    placed = within_reach(kept, corners, own, planter.leg)
-    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
-    posed = np.array(draft)
-    posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
-    stand = balanced_stand(planter, own)
-    posed[:, root.stop] = np.minimum(posed[:, root.stop], stand[root.stop] - STOOP * planter.leg)
-    stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)
-    return Clip(posed, placed, kept, fps, stride)
+        feet = ", both feet in place" if self.legs == "stand" else ""
+        why = (f"both feet stay in place: {self.instead}",) if self.instead else ()
+        return (f"balanced: {slower}{shorter}{feet}, with a stand before and after", *why)
 
 
 def balance_of(robot: Robot, legs: str, balance: str) -> str:
@@ -128,7 +101,7 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
         if choice not in choices:
             raise UsageError(f"unknown {what} {choice!r}; {known(choices)}")
     if legs == "stand" and balance == "off":
-        raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
+        raise UsageError("legs that stand need balance: static or dynamic")
     servos = robot.floating and robot.path.with_name("servos.toml").is_file()
     mode = ("static" if servos or legs == "stand" else "off") if balance == "auto" else balance
     if mode != "off" and not robot.floating:
@@ -136,22 +109,101 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
     return mode
 
 
-def balanced(
-    robot: Robot, match: Match, stances: dict[str, np.ndarray], draft: Trajectory, legs: str, mode: str
-) -> Balanced:
-    """Bring a draft into balance.
+@dataclass(frozen=True)
+class Acceptable:
+    """How far following the human's legs may go from the human before both feet stay in place instead."""
 
-    Args:
-        stances: the human's (`contacts.stances`), frame by frame of the draft.
+    slowdown: float = 2.5
+    """Time, over the human's [-]."""
+    legs: float = 0.45
+    """Mean angle of thighs and shins to the human's [rad]."""
+    trunk: float = 0.25
+    """Mean angle of the trunk [rad]."""
+
+
+def in_balance(graph: Graph, draft: Solution, legs: str, mode: str) -> tuple[Balanced, Graph, Solution]:
+    """Bring a draft into balance; the graph at the frames of the playback, and its solution.
 
     Raises:
-        BalanceError: the motion leaves the floor, or the robot has fewer than two feet.
+        BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
     """
-    if len(match.anatomy.soles) < 2:
-        raise BalanceError(f"{robot.name} has no two feet to stand on: do without balance (balance 'off')")
-    planter = Planter(robot, match)
-    clip = clip_of(planter, draft.qpos, stances, draft.fps, legs)
-    return paced(planter, clip, Steadiness(static=mode == "static"))
+    if len(graph.match.anatomy.soles) < 2:
+        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (--balance off)")
+    planter = Planter(graph)
+    if legs == "stand":
+        return _played_as(planter, draft, "stand", mode)
+    try:
+        require_own_feet(activity_of(graph.motion, graph.match))
+        found = _played_as(planter, draft, "follow", mode)
+    except BalanceError as error:
+        if legs == "follow":
+            raise
+        return _instead(_played_as(planter, draft, "stand", mode), str(error).split(": a robot that stands free")[0])
+    reason = "" if legs == "follow" else _unlike(found)
+    return _instead(_played_as(planter, draft, "stand", mode), reason) if reason else found
+
+
+def _unlike(found: tuple[Balanced, Graph, Solution], acceptable: Acceptable | None = None) -> str:
+    """Why a playback that follows the legs is too unlike the human; empty where it is not."""
+    most, (balanced, graph, solution) = acceptable or Acceptable(), found
+    inside = balanced.timeline.share >= 1
+    likeness = likeness_of(graph.at(inside), solution.trajectory.qpos[inside])
+    if balanced.slowdown > most.slowdown:
+        return f"stepping would take {balanced.slowdown:.1f} times as long as the human"
+    for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
+        off = likeness.part(part) or 0.0
+        if off > bound:
+            return f"stepping would turn the {part} {np.degrees(off):.0f}° from the human's"
+    return ""
+
+
+def _instead(found: tuple[Balanced, Graph, Solution], reason: str) -> tuple[Balanced, Graph, Solution]:
+    balanced, graph, solution = found
+    return replace(balanced, instead=reason), graph, solution
+
+
+def _played_as(planter: Planter, draft: Solution, legs: str, mode: str) -> tuple[Balanced, Graph, Solution]:
+    """A playback whose legs follow the human's or stand."""
+    qpos, graph = draft.trajectory.qpos, planter.graph
+    clip = _standing(planter, qpos) if legs == "stand" else _stepping(planter, qpos)
+    found = replace(paced(planter, clip, Steadiness(static=mode == "static")), legs=legs)
+    frames = np.round(found.timeline.at).astype(int)
+    motion = at_frames(clip.graph.motion, found.timeline.at, graph.fps)
+    played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
+    solution = solution_of(planter.solver, played, list(found.poses), draft.timings)
+    times = np.interp(found.timeline.at, np.arange(len(graph)), draft.trajectory.source_time)
+    return found, played, replace(solution, trajectory=replace(solution.trajectory, source_time=times))
+
+
+def _standing(planter: Planter, draft: Floats) -> Clip:
+    """Both feet in the balanced stand all the time."""
+    graph, places = planter.graph, stand_places(planter)
+    human, turns = in_place(graph.human, graph.match)
+    posed, count = posed_in_place(planter, draft, turns, balanced_stand(planter, places)), len(draft)
+    still = graph_from(graph, human)
+    return Clip(still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), graph.fps)
+
+
+def _stepping(planter: Planter, draft: Floats) -> Clip:
+    """The draft's steps within the robot's reach, its body going along.
+
+    Raises:
+        BalanceError: it leaves the floor.
+    """
+    graph, fps = planter.graph, planter.graph.fps
+    corners = planter.corners(draft)
+    planted = planted_feet(graph.human.contacts, planter.feet, corners, planter.leg, fps)
+    own = stand_places(planter)
+    corners = parted(corners, own)
+    kept = kept_down(planted, corners, planter.leg, fps)
+    if kept.all():
+        return Clip(graph, draft, corners, kept, fps)
+    placed = within_reach(kept, corners, own, planter.leg)
+    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
+    posed = np.array(draft)
+    posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
+    stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)
+    return Clip(graph, posed, placed, kept, fps, stride)
 
 
 def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None = None) -> Balanced:
@@ -163,88 +215,89 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, pacing: Pacing | None =
         late = outline.plan.excess > chosen.excess
         if not late.any() or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        stretch = stretched(stretch, outline.score, shift_needs(late, outline.score, chosen), chosen)
+        stretch = stretched(stretch, outline.timeline, shift_needs(late, outline.timeline, chosen), chosen)
         outline = outlined(planter, clip, stretch, how)
-    found = eased(planter, outline)
-    clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
+    found = played(planter, clip, outline)
     for _ in range(chosen.rounds):
         loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
         inside = found.margin / outline.reach
         needs = motion_needs(planter.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
-        if needs.max() <= 1.0 or stretch.mean() >= chosen.slowest - 1e-3:
+        if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        stretch = stretched(stretch, outline.score, needs, chosen)
+        stretch = stretched(stretch, outline.timeline, needs, chosen)
+        clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
         outline = outlined(planter, clip, stretch, how)
-        found = played(planter, outline)
-    return eased(planter, outline) if _leaps(planter.robot, found.qpos, clip.fps).any() else found
+        found = played(planter, clip, outline, near=True)
+    return found
 
 
-def played(planter: Planter, outline: Outline) -> Balanced:
-    """The configurations that follow an outline."""
-    robot, fps = planter.robot, outline.score.fps
-    rough = _planted(planter, outline, outline.wished)
-    return _judged(planter, outline, _planted(planter, outline, _smoothed(robot, rough, fps, np.ones(len(rough)))))
-
-
-def eased(planter: Planter, outline: Outline) -> Balanced:
-    """As `played`, smoothed and planted anew as long as joints leap from one way of standing to another."""
-    qpos = _planted(planter, outline, outline.wished)
-    for _ in range(EASINGS):
-        wished = _eased(planter.robot, qpos, outline.score.fps)
-        if wished is None:
-            break
-        qpos = _planted(planter, outline, wished)
-    return played(planter, replace(outline, wished=qpos))
-
-
-def _judged(planter: Planter, outline: Outline, qpos: Floats) -> Balanced:
-    score, places = outline.score, outline.places
-    pressed = tread(planter.robot, qpos, score.fps, QUICK)
+def played(planter: Planter, clip: Clip, outline: Outline, near: bool = False) -> Balanced:
+    """The configurations that follow an outline; `near` where the clip's configurations have been planted before."""
+    tracks = asked(planter, clip, outline)
+    wishes, graph, robot = wishes_of(tracks), clip.graph, planter.robot
+    smooth = smoothness(robot, graph.weights.smooth, graph.weights.smooth_root, clip.fps)
+    solver_clip = SolverClip(planter.solver, wishes, Smoothing(), smooth, clip.fps)
+    start = list(outline.wished) if near else _in_turn(planter, outline, solver_clip)
+    poses = clip_passes(solver_clip, start, Count(None, 1))
+    qpos, timeline = np.array([pose.qpos for pose in poses]), outline.timeline
+    pressed = tread(robot, qpos, timeline.fps, QUICK)
     margin = np.array([p.margin(x) for p, x in zip(outline.supports, pressed.point, strict=True)])
-    friction = pressed.friction([spots[down].reshape(-1, 3) for spots, down in zip(places, score.planted, strict=True)])
-    slowed = outline.slowdown, outline.stride
-    return Balanced(qpos, score, places, outline.plan, *slowed, pressed.point, margin, friction)
+    standing = [spots[down].reshape(-1, 3) for spots, down in zip(outline.places, timeline.planted, strict=True)]
+    return Balanced(
+        tuple(poses),
+        tuple(tracks),
+        timeline,
+        outline.places,
+        outline.plan,
+        outline.slowdown,
+        outline.stride,
+        "follow",
+        pressed.point,
+        margin,
+        pressed.friction(standing),
+    )
+
+
+def asked(planter: Planter, clip: Clip, outline: Outline) -> list[Track]:
+    """What is asked of a playback: the human's edges at its pace, fading into the stands, feet and mass as outlined."""
+    timeline, tracks = outline.timeline, []
+    share, first = timeline.share[:, None], np.arange(len(timeline.share)) < len(timeline.share) // 2
+    for track in clip.graph.tracks:
+        own = track.resampled(timeline.at)
+        stand = np.where(first[:, None], *(planter.measured(track.name, stand)[None] for stand in outline.stands))
+        if track.name == "rest":
+            own = replace(
+                own,
+                lower=np.where(share < 1, stand, own.lower),
+                upper=np.where(share < 1, stand, own.upper),
+                priority=own.priority + (1 - share) * planter.options.standing,
+            )
+        elif track.name == "path":
+            height = share * np.minimum(own.lower, stand) + (1 - share) * stand
+            weight = np.where([axis == "z" for axis in own.axes], planter.options.height, 0.0)
+            own = replace(own, lower=height, upper=height, priority=np.broadcast_to(weight, height.shape))
+        else:
+            own = replace(own, priority=own.priority * share)
+        tracks.append(own)
+    return planter.planted(tracks, outline.places, timeline.planted, outline.plan.centre)
+
+
+def _in_turn(planter: Planter, outline: Outline, clip: SolverClip) -> list[Floats]:
+    """(K, nq) each frame from the correction of the one before: where the passes over all frames begin."""
+    robot, solver, found = planter.robot, planter.solver, []
+    correction = np.zeros(robot.model.nv)
+    for k, wish in enumerate(outline.wished):
+        box = solver.reachable([found[-1]] if found else [], 1 / clip.fps)
+        start = integrate(robot, wish, correction)
+        pose = solver.descend(start, clip.wishes.at(k), iterations=8, tolerance=1e-4, box=box)
+        correction = difference(robot, wish, pose.qpos)
+        found.append(pose.qpos)
+    return found
 
 
 def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
     """(T, nq) what a playback does at the clip's own frames."""
-    inside = np.flatnonzero(found.score.share >= 1)
-    inside = inside[np.unique(found.score.at[inside], return_index=True)[1]]
-    times = np.interp(np.arange(len(clip.qpos)), found.score.at[inside], inside / clip.fps)
+    inside = np.flatnonzero(found.timeline.share >= 1)
+    inside = inside[np.unique(found.timeline.at[inside], return_index=True)[1]]
+    times = np.interp(np.arange(len(clip.qpos)), found.timeline.at[inside], inside / clip.fps)
     return sample(Trajectory(found.qpos, clip.fps, robot.joint_names, robot.name), robot, times)
-
-
-def _planted(planter: Planter, outline: Outline, wished: Floats) -> Floats:
-    """(K, nq) each frame from the correction of the one before."""
-    robot, found, before, box = planter.robot, [], None, None
-    correction, places, centres = np.zeros(robot.model.nv), outline.places, outline.plan.centre
-    for k, wish in enumerate(wished):
-        grip = np.where(outline.score.planted[k], HOLD, SWING)
-        start = integrate(robot, wish, correction)
-        before = planter.plant(start, wish, places[k], centres[k], grip, box=box, before=before)
-        box = planter.solver.reachable([before], 1 / outline.score.fps)
-        correction = difference(robot, wish, before)
-        found.append(before)
-    return np.array(found)
-
-
-def _eased(robot: Robot, qpos: Floats, fps: float) -> Floats | None:
-    """The motion smoothed where a joint leaps from one way of standing to another; None where none does."""
-    leaps = _leaps(robot, qpos, fps)
-    if not leaps.any():
-        return None
-    near = maximum_filter1d(np.append(leaps, False).astype(float), 2 * round(EASE * fps) + 1)
-    return _smoothed(robot, qpos, fps, gaussian_filter1d(near, EASE * fps / 2), EASE_STIFFNESS)
-
-
-def _smoothed(robot: Robot, qpos: Floats, fps: float, part: Floats, stiffness: float = STIFFNESS) -> Floats:
-    """The motion (K, nq), each frame moved by its `part` (K,) of the way to the smooth one."""
-    speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
-    offsets = part[:, None] * smooth_offsets(speed, stiffness * (fps / 30) ** 4)
-    return np.array([integrate(robot, q, d) for q, d in zip(qpos, offsets, strict=True)])
-
-
-def _leaps(robot: Robot, qpos: Floats, fps: float) -> np.ndarray:
-    """(K − 1,) whether a joint changes its speed from one frame to the next by more than a motor can."""
-    speed = np.diff(qpos[:, robot.qpos_index], axis=0, append=qpos[-1:, robot.qpos_index]) * fps
-    return np.any(np.abs(np.diff(speed, axis=0)) > JOLT * robot.max_speed, axis=1)

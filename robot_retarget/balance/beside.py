@@ -6,7 +6,7 @@ Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot f
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.solve.footing import lengths
+from robot_retarget.describe.soles import lengths
 
 GAP = 0.6
 """Between two soles there is at least this share of what is between them in the robot's own stand."""

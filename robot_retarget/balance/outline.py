@@ -6,14 +6,15 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.beside import GAP, gaps
-from robot_retarget.balance.planting import Planter
-from robot_retarget.balance.retime import Score
+from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
+from robot_retarget.balance.timeline import Timeline
 from robot_retarget.balance.zmp import Plan, Polygon, Steadiness, plan_centre, support
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.soles import flattened
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
-from robot_retarget.solve.footing import flattened
 from robot_retarget.trajectory import Trajectory
 
 LEAD = 1.5
@@ -34,8 +35,10 @@ ARC = 0.1
 class Clip:
     """What is to be played: T frames."""
 
+    graph: Graph
+    """What the human asks for."""
     qpos: Floats
-    """(T, nq)."""
+    """(T, nq) about where it is met."""
     corners: Floats
     """(T, F, 4, 3) of the soles [m]."""
     planted: np.ndarray
@@ -49,11 +52,13 @@ class Clip:
 class Outline:
     """What is wished at every frame of a playback, and where the centre of mass has to be."""
 
-    score: Score
+    timeline: Timeline
     wished: Floats
     """(K, nq)."""
     places: Floats
     """(K, F, 4, 3) of the soles [m]."""
+    stands: tuple[Floats, Floats]
+    """The configurations (nq,) that it begins and ends in."""
     supports: list[Polygon]
     plan: Plan
     slowdown: float
@@ -69,17 +74,17 @@ def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> 
     """Lay the clip out in time and plan its balance, frame t lasting stretch_t (T − 1,) times as long."""
     ends = [_end_places(planter, clip, t) for t in (0, -1)]
     stands = [balanced_stand(planter, places) for places in ends]
-    score = write_score(planter, clip, stands, stretch)
-    wished = _wished(planter, clip, stands, score)
-    places = _places(planter, clip, ends, score)
-    supports = _supports(score, places)
+    timeline = timeline_of(planter, clip, stands, stretch)
+    wished = _wished(planter, clip, stands, timeline)
+    places = _places(planter, clip, ends, timeline)
+    supports = _supports(timeline, places)
     centre = planter.centres(wished)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
     plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
-    return Outline(score, wished, places, supports, plan, float(stretch.mean()), clip.stride)
+    return Outline(timeline, wished, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride)
 
 
-def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Score:
+def timeline_of(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Timeline:
     """Lay the clip between its two stands, frame by frame of the playback."""
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
@@ -93,7 +98,7 @@ def write_score(planter: Planter, clip: Clip, stands: list[Floats], stretch: Flo
     planted = clip.planted[np.round(at).astype(int)]
     planted[: len(lead) - up] = True
     planted[len(at) - len(tail) + down :] = True
-    return Score(at, share, planted, fps)
+    return Timeline(at, share, planted, fps)
 
 
 def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: int) -> Floats:
@@ -107,15 +112,15 @@ def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: 
     return np.concatenate([shares, np.ones(lifting)])
 
 
-def _wished(planter: Planter, clip: Clip, stands: list[Floats], score: Score) -> Floats:
-    """(K, nq) the draft at the score's times, blended with the stands joint by joint."""
+def _wished(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeline) -> Floats:
+    """(K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
     robot = planter.robot
     trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
-    wished = sample(trajectory, robot, score.at / clip.fps)
-    middle = len(score.at) // 2
-    for k in np.flatnonzero(score.share < 1):
+    wished = sample(trajectory, robot, timeline.at / clip.fps)
+    middle = len(timeline.at) // 2
+    for k in np.flatnonzero(timeline.share < 1):
         stand = stands[0] if k < middle else stands[1]
-        wished[k] = integrate(robot, stand, score.share[k] * difference(robot, stand, wished[k]))
+        wished[k] = integrate(robot, stand, timeline.share[k] * difference(robot, stand, wished[k]))
     return wished
 
 
@@ -132,24 +137,24 @@ def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
     return there.mean(axis=0) + (own - here.mean(axis=0)) @ spin.T
 
 
-def _places(planter: Planter, clip: Clip, ends: list[Floats], score: Score) -> Floats:
+def _places(planter: Planter, clip: Clip, ends: list[Floats], timeline: Timeline) -> Floats:
     """(K, F, 4, 3) where the soles go."""
-    before = np.minimum(score.at.astype(int), len(clip.corners) - 2)
-    part = (score.at - before)[:, None, None, None]
+    before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
+    part = (timeline.at - before)[:, None, None, None]
     corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
-    first, last = np.flatnonzero(score.at > 0)[0], np.flatnonzero(score.at < score.at[-1])[-1]
+    first, last = np.flatnonzero(timeline.at > 0)[0], np.flatnonzero(timeline.at < timeline.at[-1])[-1]
     for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
-        aside = score.planted[frames] & ~clip.planted[frame]
+        aside = timeline.planted[frames] & ~clip.planted[frame]
         corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
     gap = GAP * float(gaps(stand_places(planter)[None])[0])
-    return foothold_places(score.planted, corners, ARC * planter.leg, gap)
+    return foothold_places(timeline.planted, corners, ARC * planter.leg, gap)
 
 
-def _supports(score: Score, places: Floats) -> list[Polygon]:
+def _supports(timeline: Timeline, places: Floats) -> list[Polygon]:
     """K hulls of the planted soles."""
     known: dict[bytes, Polygon] = {}
     found = []
-    for planted, corners in zip(score.planted, places, strict=True):
+    for planted, corners in zip(timeline.planted, places, strict=True):
         standing = corners[planted].reshape(-1, 3)
         key = standing.tobytes()
         if key not in known:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.contacts import intervals
-from robot_retarget.solve.footing import lengths
+from robot_retarget.describe.soles import lengths
 
 REACH = 0.35
 """How far a foot is set from its place beside the other, over the leg length."""

@@ -5,7 +5,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.beside import gaps, left
 from robot_retarget.describe.contacts import intervals
-from robot_retarget.solve.footing import flattened, smoothstep
+from robot_retarget.describe.soles import flattened, smoothstep
 
 APART = 8
 """Rounds of moving footholds apart: a step to the side may bring the next one nearer."""

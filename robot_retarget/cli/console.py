@@ -93,14 +93,35 @@ def show_solution(facts: dict[str, Any], explain: bool) -> None:
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
     say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
     say(
-        f"stress {facts['stress_mean']:.4f} mean, {facts['stress_max']:.4f} at frame {facts['stress_max_frame']}; "
+        f"distances off by {100 * facts['distance_error_mean']:.1f} % of their paths, "
+        f"{100 * facts['distance_error_max']:.1f} % at frame {facts['distance_error_max_frame']}; "
         f"largest step {facts['largest_step_rad']:g} rad"
     )
     if explain:
-        rows = [(e["edge"], e["mean_error"], e["worst_frame"]) for e in facts["worst_edges"]]
-        table("\nEdges that lost most", ("edge", "mean error", "worst frame"), rows)
+        _show_stress(facts)
     for sentence in facts["notes"]:
         note(sentence)
+
+
+def show_graph(facts: dict[str, Any]) -> None:
+    """Print what `describe_graph` found, and `describe_stress` where it was solved."""
+    say(f"{facts['robot']}: {facts['frames']} frames at {facts['fps']:g} a second")
+    rows = [
+        (name, k["edges"], k["present"], k["interval"], k["priority"], "hard" if k["hard"] else "soft")
+        for name, k in facts["kinds"].items()
+    ]
+    table("Kinds of edges", ("kind", "edges", "a frame", "wished", "priority", ""), rows)
+    if "stress" in facts:
+        _show_stress(facts)
+
+
+def _show_stress(facts: dict[str, Any]) -> None:
+    """Stress per kind and the edges that lost most."""
+    table("Stress, a frame on the mean", ("kind", "stress"), list(facts["stress"].items()))
+    rows = [
+        (e["edge"], e["wished"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
+    ]
+    table("Edges that lost most", ("edge", "wished", "measured", "error", "priority", "frame"), rows)
 
 
 def show_report(report: "Report") -> None:

@@ -28,7 +28,10 @@ Fps = Annotated[
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
 Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
 Legs = Annotated[
-    Literal["follow", "stand"], typer.Option(help="follow the human's, or stand: both feet stay where they are.")
+    Literal["auto", "follow", "stand"],
+    typer.Option(
+        help="follow the human's, or stand: both feet stay where they are; auto: follow where that looks like the human."
+    ),
 ]
 Balance = Annotated[
     Literal["auto", "static", "dynamic", "off"],
@@ -37,6 +40,7 @@ Balance = Annotated[
         "servos.toml and for legs that stand."
     ),
 ]
+Edges = Annotated[Path | None, typer.Option(help="TOML file of edges to add, weigh or drop.")]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 Servos = Annotated[
     str | None,

@@ -9,6 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import (
     Balance,
     BodyModel,
+    Edges,
     Fps,
     Frames,
     Json,
@@ -39,7 +40,8 @@ def solve(
     repair: Repair = True,
     map_file: Overrides = None,
     limits: Limits = None,
-    legs: Legs = "follow",
+    edges: Edges = None,
+    legs: Legs = "auto",
     balance: Balance = "auto",
     explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
     json: Json = False,
@@ -50,7 +52,7 @@ def solve(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    wishes = Wishes(fps, map_file, legs, balance)
+    wishes = Wishes(fps, map_file, legs, balance, edges)
     result = carried_over(
         read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits), wishes, quiet=json
     )

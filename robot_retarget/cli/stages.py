@@ -10,6 +10,7 @@ from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
+    from robot_retarget.describe.graph import Graph
     from robot_retarget.motion import Motion
     from robot_retarget.robot import Robot
     from robot_retarget.simulate.report import Report
@@ -25,6 +26,7 @@ class Wishes:
     map_file: Path | None
     legs: str
     balance: str
+    edges: Path | None = None
 
 
 def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool) -> str:
@@ -180,20 +182,24 @@ def draw_warnings(warnings: "Warnings", path: Path) -> None:
     console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
 
 
+def described(
+    motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, edges: Path | None
+) -> "Graph":
+    """The graph of a motion on a robot, with the edits of a file."""
+    from robot_retarget.describe.edits import edited, read_edits
+    from robot_retarget.describe.graph import describe
+
+    edits = read_edits(edges) if edges else []
+    return edited(describe(motion, robot, fps=fps, overrides=map_file), edits, edges or "")
+
+
 def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) -> "Result":
     """The motion on the robot, with progress unless it is to be quiet."""
-    from robot_retarget.transfer import retarget
+    from robot_retarget.transfer import solve
 
+    graph = described(motion, robot, wishes.fps, wishes.map_file, wishes.edges)
     with console.progress(f"retarget to {robot.name}", quiet) as advance:
-        return retarget(
-            motion,
-            robot,
-            fps=wishes.fps,
-            overrides=wishes.map_file,
-            legs=wishes.legs,
-            balance=wishes.balance,
-            progress=advance,
-        )
+        return solve(graph, legs=wishes.legs, balance=wishes.balance, progress=advance)
 
 
 def read_clip(

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import intervals, stances
+from robot_retarget.describe.contacts import contact_schedule, intervals
 from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import Match
 from robot_retarget.errors import BalanceError
@@ -58,7 +58,7 @@ def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) 
     flying = _flying(x, match, fps, chosen)
     if any((stop - start) / fps > chosen.flight for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
-    planted = [foot.any(axis=1) for foot in stances(x * match.human_leg, match, fps, motion.contacts).values()]
+    planted = [foot.any(axis=1) for foot in contact_schedule(x * match.human_leg, match, fps, motion.contacts).values()]
     return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= chosen.planted else STEPPING)
 
 
@@ -72,7 +72,7 @@ def require_own_feet(activity: Activity) -> None:
         raise BalanceError(
             f"something that the robot does not have holds the human up (a chair, hands on the floor), longest from "
             f"{activity.since:.1f} to {activity.until:.1f} s: a robot that stands free cannot play that; keep both feet on "
-            "the floor (legs 'stand'), or do without balance (balance 'off')"
+            "the floor (--legs stand), or do without balance (--balance off)"
         )
 
 

@@ -21,7 +21,7 @@ class StanceRule:
     """A stance or a swing shorter than this is taken for noise [s]."""
 
 
-def stances(
+def contact_schedule(
     x: Floats, match: Match, fps: float, contacts: Bools | None = None, rule: StanceRule | None = None
 ) -> dict[str, np.ndarray]:
     """Per foot (`l`, `r`) a boolean (T, 2): whether the toe, and whether the heel, stands at each frame.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.contacts import stances
+from robot_retarget.describe.contacts import contact_schedule
 from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import Match
 from robot_retarget.describe.rotations import UP, constant_between, own_rotation
@@ -29,7 +29,10 @@ def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str,
     """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
     level = grounded(match.human_positions(motion), match, motion.fps)
     top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
-    stands, upright = stances(level, match, motion.fps, motion.contacts), np.asarray(top >= UPRIGHT * top.max())
+    stands, upright = (
+        contact_schedule(level, match, motion.fps, motion.contacts),
+        np.asarray(top >= UPRIGHT * top.max()),
+    )
     sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
     toes = {side: stands[side][:, 0] for side in sides}
     flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}

@@ -1,17 +1,16 @@
 """Human and robot in the same words: the keypoints both have, the tree over them, and both bodies' bone lengths."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.describe.bones import bone_lengths, own_bones
-from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.describe.bones import bone_lengths
 from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import ARM, KEYPOINTS, parents_within
+from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
 from robot_retarget.robot import Anatomy, Points, Robot, read_toml, recognise_with, world_points
 
@@ -30,13 +29,11 @@ class Match:
     """(K,) index of each keypoint's parent among them, −1 at the root."""
     human_bones: Floats
     robot_bones: Floats
-    """(K,) length of the bone to the parent, 0 at the root [m]; the robot's at rest, or as the source shows (`itself`)."""
+    """(K,) length of the bone to the parent, 0 at the root [m]; the robot's in its reference pose."""
     rest: Floats
     """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
     """Of the robot's ankles over its soles where they are level, 0 without legs [m]."""
-    itself: bool
-    """Whether the source is the robot itself: its bones are all what the robot's can be."""
 
     @property
     def points(self) -> Points:
@@ -78,16 +75,6 @@ class Match:
     def leg_ratio(self) -> float:
         """Robot leg over human leg."""
         return self.robot_leg / self.human_leg
-
-    def paths_in(self, robot: Robot, qpos: Floats) -> Floats:
-        """τ (K, K) of the robot with every bone as long as it is in the middle of configurations (T, nq) [m].
-
-        A shoulder's point turns with hinges of the arm that do not meet in it, and is nearer to the neck or farther from it.
-        How long bones were where the robot itself was the source, the source has shown.
-        """
-        if self.itself:
-            return path_weights(self.parents, self.robot_bones)
-        return path_weights(self.parents, bone_lengths(world_points(robot, self.points, qpos), self.parents))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -131,28 +118,16 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
     source = bone_lengths(human, parents)
-    own = own_bones(robot, points, shared, parents, source)
     return Match(
         recognition,
-        anatomy if own is None else _arms_framed(anatomy, shared),
+        anatomy,
         shared,
         frozen(parents, np.int64),
         human_bones=source,
-        robot_bones=bone_lengths(rest, parents) if own is None else own,
+        robot_bones=bone_lengths(rest, parents),
         rest=frozen(rest[0]),
         ankle_height=_ankle_height(anatomy),
-        itself=own is not None,
     )
-
-
-def _arms_framed(anatomy: Anatomy, keypoints: tuple[str, ...]) -> Anatomy:
-    """With frames for the links of arms (`l_elbow_link`), along their bodies' axes: the robot turned them, so it can.
-
-    They tell what no joint centre does: the twist of a straight arm, which way an elbow bends, a wrist of two hinges.
-    """
-    arms = [f"{side}_{k}" for side in "lr" for k in ARM if f"{side}_{k}" in keypoints]
-    links = {f"{keypoint}_link": (anatomy.spots[keypoint].body, frozen(np.eye(3))) for keypoint in arms}
-    return replace(anatomy, frames={**anatomy.frames, **links})
 
 
 def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:

@@ -5,8 +5,7 @@ between keypoints, in the same way on both bodies. A head's yaw and a foot's rol
 pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
 over the clip (that of feet is found in `feet.py`). A head may hang and a hand be bent throughout: for these the file's
 rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions alone is
-levelled where its neck is built otherwise than the robot's. Nothing is fitted where the robot itself is the source and
-its joints are turned as its bodies are.
+levelled where its neck is built otherwise than the robot's.
 """
 
 import numpy as np
@@ -29,8 +28,6 @@ LIKELY = {"head": 1.2, "hand": np.pi / 2}
 """A rest pose further from how a segment is turned on the whole is none [rad]."""
 LEANT = 0.2
 """A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
-OWN_AXES = 0.1
-"""The robot's own trunk is turned as its bodies are when what its keypoints show is no further off on the whole [rad]."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -45,18 +42,7 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
             frames[f"{side}_foot"] = feet[side]
         if (hand := _hand(motion, match, side, x)) is not None:
             frames[f"{side}_hand"] = hand
-    frames = {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
-    return _as_bodies(motion, match, frames) if match.itself else frames
-
-
-def _as_bodies(motion: Motion, match: Match, fitted: dict[str, Floats]) -> dict[str, Floats]:
-    """Frames (T, 3, 3) of a source that is the robot itself: as its bodies have them, if the trunk bears that out."""
-    bearers = {segment: segment.replace("foot", "ankle").removesuffix("_link") for segment in match.anatomy.frames}
-    own = {s: own_rotation(motion, match, bearer) for s, bearer in bearers.items() if bearer in match.keypoints}
-    frames = {segment: turn @ match.anatomy.frames[segment][1] for segment, turn in own.items() if turn is not None}
-    trunk = [constant_between(frames[s], fitted[s]) for s in ("pelvis", "chest") if s in frames.keys() & fitted.keys()]
-    off = max((Rotation.from_matrix(constant).magnitude() for constant in trunk), default=np.inf)
-    return frames if off < OWN_AXES else fitted
+    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
 
 
 def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:

@@ -62,7 +62,13 @@ def point_function(robot: Robot, points: Points) -> ca.Function:
 
 def mass_function(robot: Robot) -> ca.Function:
     """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
-    model, bodies = robot.model, Bodies(robot)
+    bodies = Bodies(robot)
+    return bodies.function("mass", list(mass_shares(robot, bodies)))
+
+
+def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[Any, Any]:
+    """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q."""
+    model = robot.model
     heavy = np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
     shares = model.body_mass[heavy] / model.body_mass[heavy].sum()
     centres = bodies.places(Points(heavy, model.body_ipos[heavy]))
@@ -72,7 +78,7 @@ def mass_function(robot: Robot) -> ca.Function:
         share[dof] * bodies.velocity(dof, centres @ ca.DM(carried[:, dof] / share[dof])) if share[dof] else ca.SX(3, 1)
         for dof in range(model.nv)
     ]
-    return bodies.function("mass", [centres @ ca.DM(shares), ca.horzcat(*columns)])
+    return centres @ ca.DM(shares), ca.horzcat(*columns)
 
 
 class Bodies:

@@ -1,184 +1,218 @@
-"""The whole clip at once: a sketch first, then the smooth path all frames agree on, window by window."""
+"""The whole clip at once: a coarse path through the candidates, then the smooth path all frames agree on."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.edges import Edges
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.kinds.kind import Renewable
+from robot_retarget.describe.track import Track, joined
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.accord import in_accord
-from robot_retarget.solve.footing import footholds, led, near_footholds
-from robot_retarget.solve.frame import FrameSolver, Options, Pose
-from robot_retarget.solve.mending import Mender, Passages, beside
-from robot_retarget.solve.problem import frame_parameters
+from robot_retarget.solve.between import Between, on_the_way
+from robot_retarget.solve.candidates import coarse_path
+from robot_retarget.solve.options import Search, Smoothing
+from robot_retarget.solve.problem import Wishes, wishes_of
 from robot_retarget.solve.progress import Count
-from robot_retarget.solve.quadratic import Ahead, Pull
-from robot_retarget.solve.sketch import Draft, settled, sketch
+from robot_retarget.solve.quadratic import Interaction, Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.windows import Windows
+from robot_retarget.solve.sqp import FrameSolver, Pose
 
-PASS_TOLERANCE = 1e-5
-"""A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
-LOOKS = (2, 4, 6)
-"""Before these passes links are looked for that pass through each other between frames."""
-SETTLED = 0.01
-"""A frame that the last pass moved by less counts as converged [rad or m]."""
+ROUNDS = 3
+"""So often frames whose links interpenetrate are solved anew: what makes way at one side may meet another link."""
+
+LOOSE = 5e-4
+"""A hard edge that misses its interval by more is sought again [m]."""
 
 
-@dataclass(frozen=True)
-class Smoothing:
-    """How the whole clip is brought to agree with a smooth path (`clip_passes`)."""
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """What is asked of some frames of a graph, the first of which are `fixed`."""
 
-    passes: int = 8
-    weight: float = 40.0
-    """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
-    root: float = 10.0
-    """How much more the root is drawn, per rad² and per m² [-]."""
-    stiffness: float = 20.0
-    """Weight of squared second differences, at 30 frames a second [1/rad²]."""
-    met: float = 0.05
-    """Wishes that cost so little in the sketch are nearly met: half the pull (`doubts`) [-]."""
-    windows: Windows = field(default_factory=Windows)
-    """How a long clip is cut."""
+    solver: FrameSolver
+    wishes: Wishes
+    smoothing: Smoothing
+    smooth: Floats
+    """(nv,) π of squared second differences, per tangent direction."""
+    fps: float
+    fixed: int = 0
+
+    def __len__(self) -> int:
+        return len(self.wishes)
 
 
 def clip_poses(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, smoothing: Smoothing, fps: float, count: Count
-) -> list[Pose]:
-    """Sketch and smooth every window after the one before, with bones as long as the first sketch has them."""
+    solver: FrameSolver, graph: Graph, search: Search, smoothing: Smoothing, count: Count
+) -> tuple[list[Pose], Graph]:
+    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.Renewable`)."""
     poses: list[Pose] = []
-    paths: Floats | None = None
-    for window in smoothing.windows.cut(len(edges), fps):
-        span = slice(window.first, window.last)
-        part, known = edges.window(span), poses[window.first :]
-        draft = sketch(solver, part, held[span], fps, known=[pose.qpos for pose in known])
-        if paths is None:
-            paths = solver.problem.match.paths_in(solver.robot, np.array(draft.qpos))
-        solved = clip_passes(solver, part.over(paths), held[span], draft, smoothing, fps, count, fixed=window.fixed)
-        poses += solved[window.fixed : window.final - window.first]
-    return poses
+    asked: list[list[Track]] = []
+    smooth = smoothness(solver.robot, graph.weights.smooth, graph.weights.smooth_root, graph.fps)
+    for window in smoothing.windows.cut(len(graph), graph.fps):
+        part, known = graph.frames(window.first, window.last), poses[window.first :]
+        coarse = coarse_path(solver, part, wishes_of(coarse_tracks(part)), search, [pose.qpos for pose in known])
+        tracks = renewed_tracks(solver, part, coarse, window.fixed)
+        clip = Clip(solver, wishes_of(tracks), smoothing, smooth, graph.fps, window.fixed)
+        kept = slice(window.fixed, window.final - window.first)
+        poses += clip_passes(clip, coarse, count)[kept]
+        asked.append([track.at(kept) for track in tracks])
+    return poses, replace(graph, tracks=tuple(joined(parts) for parts in zip(*asked, strict=True)))
 
 
-def clip_passes(
-    solver: FrameSolver,
-    edges: Edges,
-    held: np.ndarray,
-    draft: Draft,
-    smoothing: Smoothing,
-    fps: float,
-    count: Count,
-    fixed: int = 0,
-) -> list[Pose]:
+def coarse_tracks(graph: Graph) -> list[Track]:
+    """What is asked of the coarse path."""
+    return [track.kind.coarse(track) if isinstance(track.kind, Renewable) else track for track in graph.tracks]
+
+
+def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
+    """The tracks, those that depend on where the robot goes by itself renewed."""
+    measured, tracks, first = np.array([solver.problem.values(q) for q in coarse]), [], 0
+    for track in graph.tracks:
+        own = measured[:, first : first + len(track)]
+        first += len(track)
+        tracks.append(track.kind.renewed(track, own, fixed) if isinstance(track.kind, Renewable) else track)
+    return tracks
+
+
+def smoothness(robot: Robot, joints: float, root: float, fps: float) -> Floats:
+    """(nv,) π of squared second differences  κ ‖q_{t−1} − 2 q_t + q_{t+1}‖²  at a frame rate, given at 30 a second."""
+    weight = np.full(robot.model.nv, root * joints)
+    weight[robot.dof_index] = joints
+    return weight * (fps / 30) ** 4
+
+
+def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
-    The method of multipliers on  Σ f_t(q_t)/σ_t + S(s)  subject to  q_t = s_t:  every pass moves each frame once against
-    σ_t ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y; σ are the `doubts` of the draft. What the frames keep
-    (ranges and floor exactly, footholds and separation as far as their weights carry) is kept in what is returned: the
-    frames, not the path.
-    Joint speeds are kept between the frames: the draft is slowed down to them, and no step leads further from a neighbour.
-    The first `fixed` frames stay as the draft has them.
+    The alternating direction method of multipliers on  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to q_t = s_t:
+    every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. What the
+    frames keep is kept in what is returned: the frames, not the path. Joint speeds are kept between the frames: the start
+    is slowed down to them, and no step leads further from a neighbour. The first `fixed` frames stay.
     """
-    robot, draft = solver.robot, settled(solver, edges, held, draft, fixed)
-    doubt = doubts(draft.cost, smoothing.met)
-    weights = doubt[:, None] * _pull_weights(solver, smoothing)
-    path = _paced(solver, draft.qpos, fps, fixed)
-    wished = _wished(solver, edges, held, path, doubt, fps, fixed)
+    solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
+    path = _at_speeds(clip, start)
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
-    stiffness = smoothing.stiffness * (fps / 30) ** 4 / smoothing.weight
-    passages = Passages(solver)
+    rho = smoothing.proximal * clip.smooth / clip.smooth[robot.dof_index].max()
+    met: set[int] = set()
     for number in range(smoothing.passes):
-        if number in LOOKS:
-            passages.look(poses, range(max(fixed - 1, 0), len(poses) - 1))
+        if number in smoothing.looks:
+            met |= _interpenetrating(clip, poses)
         moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
-        path = _smooth_path(solver, moved, stiffness, fixed)
+        path = _smooth_path(clip, moved, clip.smooth / rho)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
-        dual[:fixed] = 0.0
-        for t in range(fixed, len(poses)):
-            poses[t] = _stepped(solver, poses, t, wished[t], Pull(path[t], -dual[t], weights[t]), passages, fps)
+        dual[: clip.fixed] = 0.0
+        for t in range(clip.fixed, len(poses)):
+            poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), met)
             count.one()
-    pulls = [Pull(s, -y, weight) for s, y, weight in zip(path, dual, weights, strict=True)]
-    mended = Mender(solver, wished, pulls, passages, fixed, fps).mended(poses)
-    return [solver.lifted(pose) for pose in mended]
+    proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
+    held = _apart(clip, _held(clip, poses, proximal), proximal)
+    return [solver.lifted(pose) for pose in held]
 
 
-def doubts(cost: Floats, met: float) -> Floats:
-    """σ = c⁴/(c⁴ + m⁴) (T,): how much each frame is drawn to the smooth path, c being what its wishes cost in the draft.
-
-    Wishes that no pose fulfils, of another body or of a measurement with noise, waver from frame to frame in what they
-    leave, and smoothing takes that away. Where nothing is left, as of a robot's own motion, what is quick is meant.
-    """
-    return cost**4 / (cost**4 + met**4)
-
-
-def _wished(
-    solver: FrameSolver, edges: Edges, held: np.ndarray, draft: list[Floats], doubt: Floats, fps: float, fixed: int
-) -> list[tuple[Floats, ...]]:
-    """What is asked of each frame, with the footholds where the draft has them."""
-    corners, near = np.array([solver.corners(q) for q in draft]), near_footholds(held, fps)
-    places = led(in_accord(solver, edges, held, draft, footholds(held, corners, fixed)), held, corners, fixed)
-    leads = [solver.grip.lead(*frame) for frame in zip(held, places, near, doubt, strict=True)]
-    return [(*frame_parameters(edges, t), *lead) for t, lead in enumerate(leads)]
-
-
-def _paced(solver: FrameSolver, draft: list[Floats], fps: float, fixed: int) -> list[Floats]:
-    """The draft slowed down to the joints' speeds: whatever a pass does within the boxes then keeps them."""
-    hinges, paced = solver.robot.qpos_index, np.array(draft)
-    paced[:, hinges] = within_speeds(paced[:, hinges], solver.robot.max_speed / fps, fixed)
+def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
+    """The start slowed down to the joints' speeds: whatever a pass does within the boxes then keeps them."""
+    hinges, paced = clip.solver.robot.qpos_index, np.array(start)
+    paced[:, hinges] = within_speeds(paced[:, hinges], clip.solver.speed / clip.fps, clip.fixed)
     return list(paced)
 
 
-def _stepped(
-    solver: FrameSolver,
-    poses: list[Pose],
-    t: int,
-    wished: tuple[Floats, ...],
-    pull: Pull,
-    passages: Passages,
-    fps: float,
-) -> Pose:
+def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
     """A frame after one more step: within reach of its neighbours, and links apart on the way to them where they met."""
+    solver = clip.solver
     after = solver.descend(
         poses[t],
-        wished,
-        pull=pull,
-        ahead=_ahead(solver.options, poses, t, fps),
+        clip.wishes.at(t),
+        proximal=proximal,
+        interaction=_interaction(clip, poses, t),
         iterations=1,
-        tolerance=PASS_TOLERANCE,
-        box=solver.reachable(beside(poses, t), 1 / fps),
-        between=passages.between(poses, t),
+        tolerance=clip.smoothing.tolerance,
+        box=solver.reachable(_beside(poses, t), 1 / clip.fps),
+        between=_between(clip, poses, t, met),
     )
-    return _resumed(poses[t], after, solver.robot)
+    moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
+    status = Status.CONVERGED if moved < clip.smoothing.converged else after.status
+    return replace(after, status=status, iterations=poses[t].iterations + after.iterations)
 
 
-def _ahead(options: Options, poses: list[Pose], t: int, fps: float) -> Ahead | None:
+def _interaction(clip: Clip, poses: list[Pose], t: int) -> Interaction | None:
     """The interaction edges of a frame: what its step from the frame before leads to."""
+    options = clip.solver.options
     if options.interaction == 0 or t == 0:
         return None
-    return Ahead(poses[t - 1].qpos, options.horizon * fps, options.interaction)
+    return Interaction(poses[t - 1].qpos, options.horizon * clip.fps, options.interaction)
 
 
-def _resumed(before: Pose, after: Pose, robot: Robot) -> Pose:
-    """A pose after one more pass: converged when that pass hardly moved it; iterations add up."""
-    moved = float(np.abs(difference(robot, before.qpos, after.qpos)).max())
-    status = Status.CONVERGED if moved < SETTLED else after.status
-    return replace(after, status=status, iterations=before.iterations + after.iterations)
-
-
-def _smooth_path(solver: FrameSolver, moved: Floats, stiffness: float, fixed: int) -> list[Floats]:
+def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
     """The smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
-    speed = np.array([difference(solver.robot, a, b) for a, b in pairwise(moved)]).reshape(-1, solver.robot.model.nv)
-    offsets = smooth_offsets(speed, stiffness, fixed)
-    return [integrate(solver.robot, q, d) for q, d in zip(moved, offsets, strict=True)]
+    robot = clip.solver.robot
+    speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
+    offsets = smooth_offsets(speed, float(stiffness.max()), clip.fixed)
+    return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
 
 
-def _pull_weights(solver: FrameSolver, smoothing: Smoothing) -> Floats:
-    """ρ per tangent direction: the root carries everything, so it is drawn more."""
-    weight = np.full(solver.robot.model.nv, smoothing.root * smoothing.weight)
-    weight[solver.hinges] = smoothing.weight
-    return weight
+def _beside(poses: list[Pose], t: int) -> list[Floats]:
+    """The configurations before and after a frame."""
+    return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
+
+
+def _between(clip: Clip, poses: list[Pose], t: int, met: set[int]) -> tuple[Between, ...]:
+    """Where links are kept apart between a frame and its neighbours: after the frames in `met`."""
+    neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in met)
+    return tuple(way for q in neighbours for way in on_the_way(clip.solver.robot, q, poses[t].qpos))
+
+
+def _interpenetrating(clip: Clip, poses: list[Pose]) -> set[int]:
+    """The frames t between which and t + 1 links come inside each other."""
+    first, last, solver = max(clip.fixed - 1, 0), len(poses) - 1, clip.solver
+    depth = {t: solver.depth_between(poses[t].qpos, poses[t + 1].qpos) for t in range(first, last)}
+    return {t for t, deep in depth.items() if deep > solver.options.overlap}
+
+
+def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+    """The poses, those that miss a hard edge solved to the end: one step a pass may not have brought them there."""
+    poses, solver = list(poses), clip.solver
+    for _ in range(ROUNDS):
+        missing = [
+            t for t in range(clip.fixed, len(poses)) if solver.problem.missed(poses[t].qpos, clip.wishes.at(t)) > LOOSE
+        ]
+        for t in missing:
+            box = solver.reachable(_beside(poses, t), 1 / clip.fps)
+            poses[t] = solver.descend(poses[t], clip.wishes.at(t), proximal=proximal[t], box=box)
+        if not missing:
+            break
+    return poses
+
+
+def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+    """The poses with links apart, at frames and between them, as far as that is found.
+
+    If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with the rows of separation
+    of the way between; a frame that stays inside is held back on the way from the frame before.
+    """
+    poses, solver = list(poses), clip.solver
+    for _ in range(ROUNDS):
+        met = _interpenetrating(clip, poses)
+        inside = {t for t in range(clip.fixed, len(poses)) if solver.overlapping(poses[t].qpos)}
+        frames = sorted({t for k in met for t in (k, k + 1) if t >= clip.fixed} | inside)
+        for t in frames:
+            poses[t] = _shallower(clip, poses, t, proximal[t], met)
+        if not frames:
+            break
+    for t in range(max(clip.fixed, 1), len(poses)):
+        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t])
+    return poses
+
+
+def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
+    """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
+    solver, box = clip.solver, clip.solver.reachable(_beside(poses, t), 1 / clip.fps)
+    ways, wish = _between(clip, poses, t, met), clip.wishes.at(t)
+    again = solver.descend(poses[t].qpos, wish, proximal=proximal, box=box, between=ways)
+    if solver.overlapping(again.qpos):
+        again = solver.descend(poses[max(t - 1, 0)].qpos, wish, box=box, between=ways)
+    return again if solver.depth(again.qpos) <= solver.depth(poses[t].qpos) else poses[t]

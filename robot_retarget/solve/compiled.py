@@ -1,9 +1,12 @@
 """CasADi functions called through their buffers: no conversion, no allocation but of the answers."""
 
+from threading import Thread
+
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.solve.native import machine_code
 
 WITHIN = 1e-5
 """A bound or row is kept when it is missed by no more: the solver's own millionth is of rows scaled by the Hessian."""
@@ -31,6 +34,31 @@ class Compiled:
             result.copy() if columns == 1 else result.reshape((rows, columns), order="F").copy()
             for result, (rows, columns) in zip(self.results, self.shapes, strict=True)
         ]
+
+
+class Upgraded:
+    """A function that CasADi's virtual machine serves until its machine code is there; the results are the same."""
+
+    def __init__(self, function: ca.Function, native: bool):
+        """Compile in the background, where that is asked for."""
+        self._serves, self.native = Compiled(function), False
+        self._compiling = Thread(target=self._compile, args=(function,)) if native else None
+        if self._compiling:
+            self._compiling.start()
+
+    def __call__(self, *values: Floats) -> list[Floats]:
+        """As `Compiled`."""
+        return self._serves(*values)
+
+    def wait(self) -> None:
+        """Until the machine code is there, or cannot be had."""
+        if self._compiling:
+            self._compiling.join()
+
+    def _compile(self, function: ca.Function) -> None:
+        code = machine_code(function)
+        if code is not None:
+            self._serves, self.native = Compiled(code), True
 
 
 def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Compiled:

@@ -1,167 +1,201 @@
-"""One frame's problem as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
+"""One frame of a graph as CasADi functions: edges through forward kinematics to a quadratic model in the tangent v.
 
-    minimise  Σ π ϱ(e_ij)  +  Σ ϖ e_ij²  +  Σ w ‖(x_a − x_b)/d_ab − u‖²  +  Σ w ‖R e − r‖²  +  w ‖x_pelvis − y‖²/ℓ²
-                 + Σ h ‖c(q ⊕ v) − p‖²/ℓ²  +  w ‖q_joint − rest‖²
-    subject to  lower ≤ q_joint ⊕ v ≤ upper,   z_sole(q ⊕ v) ≥ 0
-    with  e_ij = (d_ij(q ⊕ v) − δ_ij)/τ_ij,   ϱ(e) = 2 s² (√(1 + (e/s)²) − 1)
+    minimise  Σ π ϱ((d(q ⊕ v) − y)/scale)    subject to    z_sole(q ⊕ v) ≥ 0
 
-ϱ is e² for small errors and 2 s |e| for large ones: two builds differ in a few distances (shoulder to shoulder, head to
-shoulder) that no posture can mend, and squares would bend the rest of the body towards them. Its quadratic model is
-that of iteratively reweighted least squares, which lies above it everywhere. Touching pairs ϖ count by their squares.
-The sum with h holds the corners c of a standing sole at their places p; its weight is so high that they stay within a
-tenth of a millimetre where the leg has six hinges to reach them, and never makes the rest infeasible.
-
-What edges measure and its Jacobian F are scalar instructions (`measures.py`); with weights W, wishes and residuals r the
-quadratic model is Fᵀ W r and Fᵀ W F, two sparse products; machine code has them as scalar instructions too, of what is
-not zero, and of Fᵀ W F one half.
+over the edges of all kinds (`describe.track`), y being the point of [lower, upper] nearest to d. With the Jacobian J of
+what is measured, residuals r = d − y and weights w = π/scale² · ϱ'(e)/2e (iteratively reweighted least squares, whose
+model lies above ϱ everywhere) the model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.describe.edges import Edges, Weights
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.match import Match
-from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import carrying
-from robot_retarget.solve.compiled import Compiled, dense_function
-from robot_retarget.solve.footing import CORNERS
-from robot_retarget.solve.measures import Measures, build_measures
-from robot_retarget.solve.native import machine_code
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.track import HARD, Track
+from robot_retarget.robot import Points, Robot
+from robot_retarget.robot.kinematics import point_function
+from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """What is asked of one frame: one number an edge, kind after kind."""
+
+    lower: Floats
+    upper: Floats
+    priority: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Wishes:
+    """What is asked of T frames, (T, E) each."""
+
+    lower: Floats
+    upper: Floats
+    priority: Floats
+
+    def __len__(self) -> int:
+        return len(self.lower)
+
+    def at(self, frame: int) -> Wish:
+        """Of one frame."""
+        return Wish(self.lower[frame], self.upper[frame], self.priority[frame])
+
+
+def wishes_of(tracks: Sequence[Track]) -> Wishes:
+    """The tracks side by side."""
+    return Wishes(
+        *(np.concatenate([getattr(track, name) for track in tracks], axis=1) for name in ("lower", "upper", "priority"))
+    )
+
+
+class Part:
+    """Some of a graph's tracks, side by side, as compiled functions."""
+
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
+        """Assemble the functions of tracks whose edges begin with the graph's `first`."""
+        body = Measured(robot, match)
+        found = body.resolved([track.kind.measure(track, body) for track in tracks])
+        self.terms = _Terms(tracks, found.rows)
+        self.edges = slice(first, first + self.terms.edges)
+        q, asked = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
+        at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
+        model = self._model(ca.Function("slopes", [q], [found.values, found.slopes]), at, asked)
+        alone = ca.Function("cost", [at, *asked], [ca.densify(self.terms.around(measure(at), *asked)[0])])
+        self.model, self.cost = Upgraded(model.expand(), native), Upgraded(alone.expand(), native)
+        self.values = dense_function("values", [at], [measure(at)[found.rows.tolist()]])
+
+    def _model(self, slopes: ca.Function, q: ca.MX, asked: list[ca.MX]) -> ca.Function:
+        """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
+        values, jacobian = slopes(q)
+        cost, pull, weight = self.terms.around(values, *asked)
+        normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
+        return ca.Function("model", [q, *asked], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
+
+    def asked(self, wish: Wish) -> tuple[Floats, Floats, Floats]:
+        """What is asked of these edges."""
+        return wish.lower[self.edges], wish.upper[self.edges], wish.priority[self.edges]
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
-    """The compiled problem of one robot and one match; it holds no frame and no state."""
+    """The compiled problem of one robot and the edges of a graph; it holds no frame and no state."""
 
     robot: Robot
     match: Match
-    model: Compiled
-    """(q, δ, π, ϖ, u, r, y, h, p) ↦ cost, gradient (nv), normal matrix (nv, nv), floor heights (F), their slopes (F, nv)."""
-    cost: Compiled
-    """The first of these alone."""
-    stress: Compiled
-    """(q, δ) ↦ (d − δ)/τ of every posture edge (E)."""
+    parts: tuple[Part, ...]
     heights: Compiled
-    """q ↦ the sole points' heights over the floor (F) [m]."""
-    corners: Compiled
-    """q ↦ the corners of the soles, stacked (3 · 4 · feet) [m]."""
-    feet: tuple[str, ...]
+    """q ↦ heights over the floor (F) [m] of the soles' points, and their Jacobian (F, nv)."""
     soles: int
-    """F, how many sole points stay above the floor."""
-    native: bool = False
-    """Whether `model` and `cost` are machine code."""
+    """F, how many points stay above the floor."""
+
+    @property
+    def leg(self) -> float:
+        """The robot's leg [m]."""
+        return self.match.robot_leg
+
+    @property
+    def native(self) -> bool:
+        """Whether machine code serves."""
+        return all(part.model.native for part in self.parts)
+
+    def model(self, q: Floats, wish: Wish) -> tuple[float, Floats, Floats]:
+        """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
+        (cost, gradient, normal), *others = [part.model(q, *part.asked(wish)) for part in self.parts]
+        for more in others:
+            cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
+        return float(cost[0]), gradient, normal
+
+    def cost(self, q: Floats, wish: Wish) -> float:
+        """The first of these alone."""
+        return float(sum(part.cost(q, *part.asked(wish))[0][0] for part in self.parts))
+
+    def missed(self, q: Floats, wish: Wish) -> float:
+        """By how much the worst hard edge misses its interval [m]; 0 where there is none."""
+        d, hard = self.values(q), wish.priority >= HARD
+        return float(np.abs(d - np.clip(d, wish.lower, wish.upper))[hard].max(initial=0.0))
+
+    def values(self, q: Floats) -> Floats:
+        """(E,) what the edges measure."""
+        return np.concatenate([part.values(q)[0] for part in self.parts])
 
 
-def build_problem(
-    robot: Robot, match: Match, edges: Edges, weights: Weights | None = None, native: bool = False
-) -> Problem:
-    """Assemble the functions for a robot; the wished values stay parameters.
+def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False) -> Problem:
+    """Assemble the functions for a robot; wished values stay parameters.
+
+    The kinds that every motion is described by are one part, each other kind is a part of its own: an edge that a user adds
+    leaves the rest compiled as it is.
 
     Args:
-        native: take machine code where it can be had (`native.py`): seconds once, kept for later.
+        native: take machine code as soon as it can be had (`native.py`); until then, and elsewhere, CasADi's virtual
+            machine serves, with the same results.
     """
-    measures = build_measures(robot, match, edges)
-    terms = _Terms(robot, match, edges, weights or Weights(), _Wished(edges, CORNERS * len(measures.feet)))
-    q, wished = ca.MX.sym("q", robot.model.nq), terms.wished
-    model, alone = _model(measures, terms, q), measures.values(q)
-    cost = ca.Function("cost", [q, *wished.all], [ca.densify(terms.around(alone)[0])])
-    compiled = [machine_code(function.expand()) if native else None for function in (model, cost)]
-    return Problem(
-        robot,
-        match,
-        Compiled(compiled[0] or model),
-        Compiled(compiled[1] or cost),
-        dense_function("stress", [q, wished.delta], [terms.stretch(alone)]),
-        Compiled(measures.heights),
-        Compiled(measures.corners),
-        measures.feet,
-        measures.heights.numel_out(0),
-        None not in compiled,
-    )
+    common = {kind.name for kind in KINDS}
+    groups = [[track for track in tracks if track.name in common]]
+    groups += [[track] for track in tracks if track.name not in common]
+    firsts = np.cumsum([0, *(sum(map(len, group)) for group in groups)])
+    parts = [
+        Part(robot, match, group, int(first), native and group is groups[0])
+        for group, first in zip(groups, firsts, strict=False)
+        if group
+    ]
+    heights = _heights(robot, match)
+    return Problem(robot, match, tuple(parts), Compiled(heights), heights.numel_out(0))
 
 
-def _model(measures: Measures, terms: "_Terms", q: ca.MX) -> ca.Function:
-    """q and all that is wished ↦ `Problem.model`."""
-    values, slopes, heights, height_slopes = measures.slopes(q)
-    cost, residual, weight = terms.around(values)
-    weighted = ca.diag(weight) @ slopes
-    normal = ca.triu2symm(ca.triu(weighted.T @ slopes))
-    found = [cost, weighted.T @ residual, normal, heights, height_slopes]
-    return ca.Function("model", [q, *terms.wished.all], [ca.densify(each) for each in found])
-
-
-@dataclass(frozen=True)
 class _Terms:
-    """Everything that is summed, as expressions of what is measured."""
+    """What is summed, as expressions of what is measured."""
 
-    robot: Robot
-    match: Match
-    edges: Edges
-    weights: Weights
-    wished: "_Wished"
+    def __init__(self, tracks: Sequence[Track], rows: Ints):
+        self.edges, self.rows = len(rows), rows
+        self.scale = np.concatenate([track.scale for track in tracks])
+        self.give = np.concatenate([np.full(len(track), track.give) for track in tracks])
+        self.open = np.flatnonzero(np.concatenate([np.full(len(track), not track.exact) for track in tracks])).tolist()
+        self.gather = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
+        """(M, E) that sums edges up over the rows they share."""
 
-    def around(self, values: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """The cost, and the residuals and weights whose weighted squares are its quadratic model."""
-        give, pi, squared = self.weights.give, self.wished.pi, self._squared()
-        residual, stretch = values - self._wish(), self.stretch(values)
-        pairs, root = stretch.numel(), ca.sqrt(1 + (stretch / give) ** 2)
-        cost = 2 * give**2 * ca.dot(pi, root - 1) + ca.dot(squared, residual**2)
-        giving = pi / root / self.edges.path_length**2
-        return cost, residual, ca.vertcat(giving + squared[:pairs], squared[pairs:])
-
-    def stretch(self, values: ca.MX) -> ca.MX:
-        """(d − δ)/τ of the posture edges."""
-        return (values[: len(self.edges.pairs)] - self.wished.delta) / self.edges.path_length
-
-    def _wish(self) -> ca.MX:
-        """What all that is measured should be."""
-        wished, standing = self.wished, self.robot.standing()[self.robot.qpos_index]
-        return ca.vertcat(wished.delta, wished.u, wished.r, wished.y, standing, wished.p)
-
-    def _squared(self) -> ca.MX:
-        """Weights of what counts by its square: of pairs, the touches."""
-        w, edges, leg = self.weights, self.edges, self.match.robot_leg
-        touching = np.eye(len(edges.pairs))[:, edges.touching] / edges.path_length[:, None] ** 2
-        foot = np.array([segment.endswith("foot") for segment in edges.segments])
-        return ca.vertcat(
-            ca.sparsify(ca.DM(touching)) @ self.wished.touch,
-            np.repeat(edges.line_weight, 3),
-            np.repeat(np.where(foot, w.marker / 3, w.marker), 6),
-            np.full(3, w.path / leg**2),
-            np.where(_unled(self.robot, self.match, edges), w.wrist, w.rest),
-            self.wished.h / leg**2,
-        )
+    def around(self, values: ca.MX, lower: ca.MX, upper: ca.MX, priority: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """The cost, and per row the sum of weighted residuals and the sum of weights."""
+        d = values[self.rows.tolist()]
+        residual, weight = d - lower, priority / self.scale**2
+        if self.open:
+            low, high, own = lower[self.open], upper[self.open], d[self.open]
+            residual[self.open] = ca.fmin(own - low, 0) + ca.fmax(own - high, 0)
+            weight[self.open] *= 1 - ca.logic_and(own > low, own < high)
+        soft = np.flatnonzero(np.isfinite(self.give)).tolist()
+        stiff = np.flatnonzero(~np.isfinite(self.give)).tolist()
+        cost = ca.dot(weight[stiff], residual[stiff] ** 2)
+        if soft:
+            give = ca.DM(self.give[soft])
+            root = ca.sqrt(1 + (residual[soft] / (self.scale[soft] * self.give[soft])) ** 2)
+            cost += ca.dot(2 * give**2 * priority[soft], root - 1)
+            weight[soft] /= root
+        return cost, self.gather @ (weight * residual), self.gather @ weight
 
 
-class _Wished:
-    """The parameters of a frame as symbols."""
-
-    def __init__(self, edges: Edges, corners: int):
-        self.delta, self.pi = ca.MX.sym("delta", len(edges.pairs)), ca.MX.sym("pi", len(edges.pairs))
-        self.u, self.r = ca.MX.sym("u", edges.direction[0].size), ca.MX.sym("r", 3 * 2 * len(edges.segments))
-        self.touch = ca.MX.sym("touch", len(edges.touching))
-        self.y, self.h, self.p = ca.MX.sym("y", 3), ca.MX.sym("h", 3 * corners), ca.MX.sym("p", 3 * corners)
-        self.all = [self.delta, self.pi, self.touch, self.u, self.r, self.y, self.h, self.p]
-
-
-def frame_parameters(edges: Edges, frame: int) -> tuple[Floats, ...]:
-    """δ, π, ϖ, u, r, y of one frame, as `Problem.model` takes them before the footholds h and p."""
-    return (
-        edges.distance[frame],
-        edges.priority[frame],
-        edges.touch[frame],
-        edges.direction[frame].ravel(),
-        edges.frames[frame][:, :, [0, 2]].transpose(0, 2, 1).ravel(),
-        edges.root[frame],
+def _heights(robot: Robot, match: Match) -> ca.Function:
+    """q ↦ heights of the sole points over the floor (F) [m] and their Jacobian (F, nv)."""
+    soles = list(match.anatomy.soles.values()) if robot.root_joints.size else []
+    points = Points(
+        np.concatenate([np.zeros(0, int), *(sole.bodies for sole in soles)]),
+        np.concatenate([np.zeros((0, 3)), *(sole.offsets for sole in soles)]),
     )
+    q = ca.SX.sym("q", robot.model.nq)
+    x, jacobian = point_function(robot, points)(q)
+    return ca.Function("heights", [q], [ca.densify(x[2::3]), ca.densify(jacobian[2::3, :])])
 
 
-def _unled(robot: Robot, match: Match, edges: Edges) -> np.ndarray:
-    """(n,) the wrists without markers: the hinges that move a hand and no other keypoint."""
-    moves, bodies = carrying(robot.model)[match.points.bodies][:, robot.dof_index], match.points.bodies
-    marked = [match.anatomy.frames[segment][0] for segment in edges.segments]
-    hands = [k for k, keypoint in enumerate(match.keypoints) if keypoint[2:] == "hand" and bodies[k] not in marked]
-    return (moves.sum(axis=0) == 1) & moves[hands].any(axis=0)
+def stresses(track_list: Sequence[Track], values: Floats) -> dict[str, Floats]:
+    """Per kind (T, E) π ϱ(e) at measured values (T, E in all), by the equation of `describe.track`."""
+    found, first = {}, 0
+    for track in track_list:
+        own = values[:, first : first + len(track)]
+        first += len(track)
+        found[track.name] = track.priority * track.loss((own - np.clip(own, track.lower, track.upper)) / track.scale)
+    return found

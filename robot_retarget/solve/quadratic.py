@@ -9,27 +9,12 @@ from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.separation import Separation
 from robot_retarget.solve.between import Between
-from robot_retarget.solve.problem import Problem
-
-SEPARATION_COST = 1e6
-"""Per squared leg length of what cannot be kept apart at once: the program is never infeasible."""
-COUPLED = 30.0
-"""Weight of joints that are geared together and chains that close, over the squared leg length."""
-GRACE = 2e-4
-"""Links may stay where they lack so little of their margin, over the leg length: distances bend along a step, and one that
-ends a hair inside the margin need not be refused."""
-SUNK = -1e-4
-"""A start this deep under the floor [m] takes its first steps whatever they cost."""
-TAUGHT = 0.1
-"""Curvature is learned from how the gradient changed along steps no longer than this [rad, m] ..."""
-FALLEN = 1.5
-"""... from where the cost was at most so many times as high: on its way to a foothold a foot bends it more than all else ..."""
-LEARNED = 0.3
-"""... unless it would be less than this share of the model's, or more than its inverse [-]."""
+from robot_retarget.solve.options import Options
+from robot_retarget.solve.problem import Problem, Wish
 
 
 @dataclass(frozen=True)
-class Pull:
+class Proximal:
     """Σ w (q ⊖ anchor − offset)²: draws a pose towards another, per tangent direction."""
 
     anchor: Floats
@@ -38,12 +23,12 @@ class Pull:
 
 
 @dataclass(frozen=True)
-class Ahead:
+class Interaction:
     """Σ w max(0, −k ḋ − room)²/ℓ²: interaction edges between links that near each other.
 
     Along the normal of their nearest surfaces the interaction distance of `dgp.interaction` is D = d + k ḋ, with ḋ = d − d
     a frame before, and its gradient (1 + k) times that of d. The edge counts where D would break the margin within k
-    frames, by how much more than the `room` d − margin there is, so that links slow down before separation bites.
+    frames, by how much more than the `room` d − margin there is: a velocity damper, before separation bites.
     """
 
     before: Floats
@@ -51,6 +36,19 @@ class Ahead:
     frames: float
     """k; real, so that the cost has no steps."""
     weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Links near each other, as measured at a configuration."""
+
+    qpos: Floats
+    distance: Floats
+    """(C,) [m]."""
+    slope: Floats
+    """(C, nv) by the tangent vector."""
+    rest: Floats
+    """(C,) how far apart the pairs rest [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,27 +64,13 @@ class Quadratic:
     """(rows, nv + 1)."""
     least: Floats
     missing: float
-    """How much more than `GRACE` the nearest links lack to be apart, over the leg length."""
+    """How much more than the tolerance the nearest links lack to their margin, over the leg."""
     sunk: bool
     """Whether a sole is under the floor."""
+    near: Near | None = None
+    """The links near each other, where they were last measured."""
 
-    def after(self, step: Floats, before: "Quadratic") -> "Quadratic":
-        """The model with the curvature that a step s (nv) from the model before has shown: N s = g − g_before (BFGS).
-
-        N = Jᵀ W J leaves out how the Jacobian bends and takes ϱ for steeper than it is, so that a descent by it alone
-        creeps along soft directions: each step three quarters of the one before.
-        """
-        if before.cost > FALLEN * self.cost or np.abs(step).max() > TAUGHT:
-            return self
-        expected, shown = self.normal @ step, self.gradient - before.gradient
-        modelled, found = float(step @ expected), float(step @ shown)
-        if not LEARNED * modelled < found < modelled / LEARNED:
-            return self
-        normal = self.normal - expected[:, None] * (expected / modelled)
-        normal += shown[:, None] * (shown / found)
-        return replace(self, normal=normal)
-
-    def warned(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
+    def with_rows_met(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
         """The model with the rows of links that a step (nv) brought too near, as they are there: J v ≥ least + J step.
 
         Where the nearest places of two links change on the way, rows of the beginning alone lead into the same wall again.
@@ -99,67 +83,100 @@ class Quadratic:
         rows[farthest], least[farthest] = there.rows[hit], demand
         return replace(self, rows=rows, least=least)
 
-    def decrease(self, step: Floats, slack: float) -> float:
-        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
-        posture = -float(step @ (2 * self.gradient + self.normal @ step))
-        return posture + SEPARATION_COST * (self.missing**2 - slack**2)
 
+class CostModel:
+    """The cost of one frame's problem around any configuration, links kept apart."""
 
-class Landscape:
-    """The cost of one frame's problem around any configuration."""
-
-    def __init__(self, problem: Problem, separation: bool, margin: float, reach: float, glance: float = 0.0):
-        """Keep links apart by a `margin`, those within a `reach` of each other, both over the leg length.
-
-        Within a `glance` [rad, m] of a configuration distances go on along their slopes instead of being measured anew.
-        """
-        self.problem, self.robot, self.leg = problem, problem.robot, problem.match.robot_leg
+    def __init__(self, problem: Problem, options: Options):
+        self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
         feet = frozenset(int(sole.bodies[0]) for sole in problem.match.anatomy.soles.values())
         floor = feet if self.robot.root_joints.size else None
-        self.separation = (
-            Separation(self.robot, reach * self.leg, margin * self.leg, feet=floor) if separation else None
-        )
-        self.glance, self._seen = glance, None
+        reach, margin = options.reach * self.leg, options.margin * self.leg
+        self.separation = Separation(self.robot, reach, margin, feet=floor) if options.separation else None
         self.coupling = Coupling(self.robot)
         self.rows = problem.soles + (self.separation.most if self.separation else 0)
 
-    def around(self, q: Floats, wished: tuple[Floats, ...], between: tuple[Between, ...] = ()) -> Quadratic:
-        """What the edges, gears, floor and links say at a configuration, and links `between` it and its neighbours."""
-        cost, gradient, normal, floor, slope = self.problem.model(q, *wished)
-        total = float(cost[0])
+    def linearize(
+        self, q: Floats, wish: Wish, between: tuple[Between, ...] = (), known: Near | None = None
+    ) -> Quadratic:
+        """What edges, gears, floor and links say at a configuration, and links `between` it and its neighbours.
+
+        Args:
+            known: links as they were measured nearby: less than a `glance` away they go on along their slopes.
+        """
+        total, gradient, normal = self.problem.model(q, wish)
+        floor, slope = self.problem.heights(q)
         if self.coupling.present:
             violation, tie = self.coupling(q)
-            scale = COUPLED / self.leg**2
+            scale = self.options.coupled / self.leg**2
             total += scale * float(violation @ violation)
             gradient, normal = gradient + scale * (tie.T @ violation), normal + scale * (tie.T @ tie)
         nv, floors = len(gradient), len(floor)
         rows, least = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
         rows[:floors, :nv], least[:floors] = slope, -floor
-        missing = 0.0
-        if self.separation is not None:
-            missing = self._apart(self._around(q, between), rows[floors:], least[floors:])
-        total += SEPARATION_COST * missing**2
-        return Quadratic(total, gradient, normal, rows, least, missing, bool(floor.min(initial=0.0) < SUNK))
+        near = self._near(q, known)
+        missing = self._apart(q, near, between, rows[floors:], least[floors:]) if near else 0.0
+        total += self.options.overlap_cost * missing**2
+        sunk = bool(floor.min(initial=0.0) < -self.options.sunk)
+        return Quadratic(total, gradient, normal, rows, least, missing, sunk, near)
 
-    def _apart(self, links: tuple[Floats, Floats, Floats], rows: Floats, least: Floats) -> float:
-        """Fill in the rows of near links; how much more than `GRACE` the nearest lack, over the leg length."""
-        distance, slope, rest = links
+    def cost(self, q: Floats, wish: Wish) -> float:
+        """What is minimised, at a configuration."""
+        return self.problem.cost(q, wish) + self.coupling_cost(q) + self.separation_cost(q)
+
+    def coupling_cost(self, q: Floats) -> float:
+        """Its part for gears that are out of mesh and chains that are open."""
+        if not self.coupling.present:
+            return 0.0
+        violation = self.coupling(q)[0]
+        return self.options.coupled / self.leg**2 * float(violation @ violation)
+
+    def separation_cost(self, q: Floats) -> float:
+        """Its part for links that lack more to their margin than is tolerated."""
+        if self.separation is None:
+            return 0.0
+        distance, _, rest = self.separation.near(q)
+        return self.options.overlap_cost * self._missing(self.separation.lacking(distance, rest)) ** 2
+
+    def _missing(self, wanted: Floats) -> float:
+        """How much more than what is tolerated the nearest links lack, over the leg."""
+        return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
+
+    def decrease(self, here: Quadratic, step: Floats, slack: float) -> float:
+        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
+        edges = -float(step @ (2 * here.gradient + here.normal @ step))
+        return edges + self.options.overlap_cost * (here.missing**2 - slack**2)
+
+    def _near(self, q: Floats, known: Near | None) -> Near | None:
+        """The links near each other: measured, or as known nearby."""
+        if self.separation is None:
+            return None
+        if known is not None and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.glance:
+            return known
+        return Near(np.array(q), *self.separation.near(q))
+
+    def _apart(self, q: Floats, near: Near, between: tuple[Between, ...], rows: Floats, least: Floats) -> float:
+        """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
+        distance, slope, rest = self._with_ways(q, near, between)
         assert self.separation is not None
         wanted = self.separation.lacking(distance, rest)
-        near, grace = len(distance), GRACE * self.leg
-        rows[:near, :-1], rows[:near, -1] = slope, 1.0
-        least[:near] = np.where(wanted > grace, wanted, np.minimum(wanted, 0.0))
-        return max(float(wanted.max(initial=0.0)) - grace, 0.0) / self.leg
+        count, tolerance = len(distance), self.options.tolerated * self.leg
+        rows[:count, :-1], rows[:count, -1] = slope, 1.0
+        least[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
+        return self._missing(wanted)
 
-    def _around(self, q: Floats, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
-        """As `Separation.near`, with links between a configuration and its neighbours, which a share of a step moves.
+    def _with_ways(self, q: Floats, near: Near, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
+        """Distances, slopes and rests at a configuration, and between it and its neighbours, which a share of a step moves.
 
-        There they may touch: a margin would bend the frames more than the passage asks.
+        There links may touch: a margin would bend the frames more than the passage asks.
         """
-        if not between:
-            return self._near(q)
         assert self.separation is not None
-        found = [self._near(q)]
+        here = near.distance
+        if near.qpos is not q:
+            here = here + near.slope @ difference(self.robot, near.qpos, q)
+        if not between:
+            return here, near.slope, near.rest
+        found = [(here, near.slope, near.rest)]
         for way in between:
             distance, slope, rest = self.separation.near(way.at(self.robot, q))
             found.append((distance, way.share * slope, np.minimum(rest, 0.0)))
@@ -167,43 +184,30 @@ class Landscape:
         kept = self.separation.foremost(distance, rest)
         return distance[kept], slope[kept], rest[kept]
 
-    def _near(self, q: Floats) -> tuple[Floats, Floats, Floats]:
-        """As `Separation.near`; from a configuration hardly elsewhere, as its slopes tell."""
-        assert self.separation is not None
-        if self._seen is not None:
-            there, (distance, slope, rest) = self._seen
-            moved = difference(self.robot, there, q)
-            if np.abs(moved).max() < self.glance:
-                return distance + slope @ moved, slope, rest
-        near = self.separation.near(q)
-        if self.glance:
-            self._seen = np.array(q), near
-        return near
-
-    def pulled(self, here: Quadratic, q: Floats, pull: Pull | None) -> Quadratic:
-        """The model with a pull on top."""
-        if pull is None:
+    def with_proximal(self, here: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
+        """The model with a proximal term on top."""
+        if proximal is None:
             return here
-        change = difference(self.robot, pull.anchor, q) - pull.offset
+        change = difference(self.robot, proximal.anchor, q) - proximal.offset
         return replace(
             here,
-            cost=here.cost + float(pull.weight @ change**2),
-            gradient=here.gradient + pull.weight * change,
-            normal=here.normal + np.diag(pull.weight),
+            cost=here.cost + float(proximal.weight @ change**2),
+            gradient=here.gradient + proximal.weight * change,
+            normal=here.normal + np.diag(proximal.weight),
         )
 
-    def foreseen(self, here: Quadratic, q: Floats, ahead: Ahead | None) -> Quadratic:
-        """The model with interaction edges on top: on the rows of separation, whose `least` is what lacks to the margin."""
-        if ahead is None or self.separation is None:
+    def with_interaction(self, here: Quadratic, q: Floats, interaction: Interaction | None) -> Quadratic:
+        """The model with interaction edges on top, on the rows of separation, whose `least` is what lacks to the margin."""
+        if interaction is None or self.separation is None:
             return here
         rows, least = here.rows[self.problem.soles :, :-1], here.least[self.problem.soles :]
-        coming = -ahead.frames * (rows @ difference(self.robot, ahead.before, q))
+        coming = -interaction.frames * (rows @ difference(self.robot, interaction.before, q))
         broken = np.flatnonzero((coming > 0) & (coming + np.minimum(least, 0.0) > 0))
         if not broken.size:
             return here
         error = coming[broken] + np.minimum(least[broken], 0.0)
-        slope = (ahead.frames + (least[broken] < 0))[:, None] * rows[broken]
-        scale = ahead.weight / self.leg**2
+        slope = (interaction.frames + (least[broken] < 0))[:, None] * rows[broken]
+        scale = interaction.weight / self.leg**2
         return replace(
             here,
             cost=here.cost + scale * float(error @ error),

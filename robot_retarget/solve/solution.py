@@ -1,16 +1,20 @@
-"""What a solver returns: the trajectory, and how well each frame was solved."""
+"""What a solver returns: the trajectory, and how well each frame and each edge was solved."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.track import HARD
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0
 """A hinge that turns faster is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos turn at up to 10."""
+UNREACHED = 1e-3
+"""A hard edge that misses its interval by more could not be reached [m]."""
 
 
 class Status(Enum):
@@ -19,31 +23,38 @@ class Status(Enum):
     CONVERGED = "the step fell below the tolerance"
     OUT_OF_ITERATIONS = "the iterations ran out; the pose is usable, not final"
     BLOCKED = "no admissible step was found; the previous pose is kept"
+    UNREACHED = "a hard edge of your own cannot be reached; the pose comes as near as it can"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
-    """A trajectory that can judge itself: how each frame ended, how much it misses, and where."""
+    """A trajectory that can judge itself: how each frame ended, what each edge costs, and where."""
 
     trajectory: Trajectory
+    graph: Graph
     status: tuple[Status, ...]
     cost: Floats
-    """(T,) weighted sum of squared edge errors."""
-    errors: Floats
-    """(T, E) of the posture edges, |d − δ|/τ."""
-    labels: tuple[str, ...]
-    """(E,) names of the posture edges."""
+    """(T,) what was minimised at the returned configurations: Σ over kinds of `stress`."""
+    stress: Mapping[str, Floats]
+    """Per kind (T,) its part of the cost."""
+    measured: Mapping[str, Floats]
+    """Per kind with edges (T, E) what they measure [m], or [rad]."""
     iterations: Ints
-    """(T,) Gauss–Newton steps."""
+    """(T,) steps of the quadratic program."""
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds spent, by stage."""
     native: bool = False
     """Whether machine code served, not CasADi's virtual machine; the results are the same."""
 
-    @cached_property
-    def stress(self) -> Floats:
+    def errors(self, kind: str) -> Floats:
+        """(T, E) signed errors (d − y)/scale of a kind's edges [-]."""
+        track, found = self.graph.kinds[kind], self.measured[kind]
+        return (found - np.clip(found, track.lower, track.upper)) / track.scale
+
+    @property
+    def posture_error(self) -> Floats:
         """(T,) mean of |d − δ|/τ over the posture edges."""
-        return self.errors.mean(axis=1) if self.errors.size else np.zeros(len(self.cost))
+        return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))
 
     def unsolved(self) -> list[int]:
         """Frames that did not converge."""
@@ -62,8 +73,43 @@ class Solution:
         order = np.argsort(-np.abs(steps[frames, joints]))
         return [(names[joints[k]], int(frames[k]) + 1, float(steps[frames[k], joints[k]])) for k in order]
 
-    def worst_edges(self, count: int = 8) -> list[tuple[str, float, int]]:
-        """The posture edges with the largest mean error: name, mean error, the frame where it is largest."""
-        mean = self.errors.mean(axis=0)
-        order = np.argsort(-mean)[:count]
-        return [(self.labels[e], float(mean[e]), int(self.errors[:, e].argmax())) for e in order]
+    def costliest(self, count: int = 8) -> list["EdgeError"]:
+        """The edges that cost most over the clip, each at its worst frame."""
+        found = []
+        for kind in self.measured:
+            track, errors = self.graph.kinds[kind], self.errors(kind)
+            loss = self.edge_stress(kind)
+            for e in np.argsort(-loss.sum(axis=0))[:count]:
+                t = int(loss[:, e].argmax())
+                wished = float(np.clip(self.measured[kind][t, e], track.lower[t, e], track.upper[t, e]))
+                values = float(self.measured[kind][t, e]), float(errors[t, e]), float(track.priority[t, e])
+                found.append((float(loss[:, e].sum()), EdgeError(track.edge_name(int(e)), t, wished, *values)))
+        return [edge for _, edge in sorted(found, key=lambda item: -item[0])[:count]]
+
+    def edge_stress(self, kind: str) -> Floats:
+        """(T, E) π ϱ(e) of a kind's edges."""
+        track = self.graph.kinds[kind]
+        return track.priority * track.loss(self.errors(kind))
+
+
+@dataclass(frozen=True)
+class EdgeError:
+    """An edge at a frame."""
+
+    name: str
+    frame: int
+    wished: float
+    measured: float
+    error: float
+    """(d − y)/scale [-]."""
+    priority: float
+
+
+def unreached(graph: Graph, measured: Mapping[str, Floats]) -> np.ndarray:
+    """(T,) whether a hard edge of one's own misses its interval by more than `UNREACHED`."""
+    own = graph.kinds.get("own")
+    if own is None:
+        return np.zeros(len(graph), dtype=bool)
+    d = measured["own"]
+    missed = np.abs(d - np.clip(d, own.lower, own.upper)) > UNREACHED
+    return np.asarray((missed & (own.priority >= HARD)).any(axis=1))

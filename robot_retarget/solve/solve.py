@@ -1,62 +1,90 @@
-"""Solve a clip: frame by frame as it comes, or as a whole."""
+"""Solve a graph: as a whole clip, or frame by frame."""
 
 import time
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.describe.edges import Edges
-from robot_retarget.solve.causal import causal_pass
-from robot_retarget.solve.clip import Smoothing, clip_poses
-from robot_retarget.solve.footing import held_corners
-from robot_retarget.solve.frame import FrameSolver, Options, Pose
-from robot_retarget.solve.problem import Problem
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.graph import Graph
+from robot_retarget.robot.kinematics import difference
+from robot_retarget.solve.clip import clip_poses, smoothness
+from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.problem import Problem, build_problem, stresses, wishes_of
 from robot_retarget.solve.progress import Count, Progress
-from robot_retarget.solve.solution import Solution
+from robot_retarget.solve.solution import Solution, Status, unreached
+from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.stream import causal_poses
 from robot_retarget.trajectory import Trajectory
 
+WORTH_COMPILING = 60
+"""Clips of as many frames are worth the seconds that a C compiler takes, once per robot (`native.py`): others follow."""
 
-def solve(
-    problem: Problem,
-    edges: Edges,
-    fps: float,
-    source: str = "",
+
+def solve_graph(
+    graph: Graph,
+    *,
+    problem: Problem | None = None,
     options: Options | None = None,
+    search: Search | None = None,
     smoothing: Smoothing | None = None,
     progress: Progress | None = None,
 ) -> Solution:
-    """Solve the clip as a whole; with `smoothing.passes` = 0 frame by frame, each from the one before.
+    """The configurations that minimise the graph's edges, within its limits.
 
     Args:
-        fps: frames per second of the edges.
+        problem: as `problem_of` builds it, if it is there already.
+        smoothing: of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
         progress: called with (frames done, frames in all), all passes counted.
     """
     began = time.perf_counter()
-    chosen, smoothly = options or Options(), smoothing or Smoothing()
-    solver = FrameSolver(problem, chosen)
-    # The robot itself as a source stands in the motion already; its feet may turn where a human's would be taken to stand.
-    stances = edges.stances if chosen.footholds and not problem.match.itself else {}
-    held = held_corners(stances, problem.feet, len(edges))
-    count = Count(progress, len(edges) * max(smoothly.passes, 1))
-    if smoothly.passes == 0 or len(edges) < 3:
-        poses = causal_pass(solver, edges, held, fps, count)
+    chosen, smoothly = search or Search(), smoothing or Smoothing()
+    problem = problem or problem_of(graph)
+    solver, built = FrameSolver(problem, options), time.perf_counter()
+    count = Count(progress, len(graph) * max(smoothly.passes, 1))
+    if smoothly.passes == 0 or len(graph) < 3:
+        poses = causal_poses(solver, graph, chosen, count)
     else:
-        poses = clip_poses(solver, edges, held, smoothly, fps, count)
-    return _solution(problem, edges, poses, fps, source, {"solve": time.perf_counter() - began})
+        poses, graph = clip_poses(solver, graph, chosen, smoothly, count)
+    timings = {"build": built - began, "solve": time.perf_counter() - built}
+    return solution_of(solver, graph, poses, timings)
 
 
-def _solution(
-    problem: Problem, edges: Edges, poses: list[Pose], fps: float, source: str, timings: dict[str, float]
-) -> Solution:
-    qpos = np.array([p.qpos for p in poses])
-    errors = np.array([np.abs(problem.stress(q, edges.distance[t])[0]) for t, q in enumerate(qpos)])
-    trajectory = Trajectory(qpos, fps, problem.robot.joint_names, problem.robot.name, source)
-    return Solution(
-        trajectory,
-        tuple(p.status for p in poses),
-        np.array([p.cost for p in poses]),
-        errors,
-        tuple(edges.labels),
-        np.array([p.iterations for p in poses]),
-        timings,
-        problem.native,
-    )
+def problem_of(graph: Graph) -> Problem:
+    """The graph's edges as compiled functions."""
+    return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
+
+
+def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: dict[str, float]) -> Solution:
+    """The poses, judged where they ended."""
+    qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
+    trajectory = Trajectory(qpos, graph.fps, graph.robot.joint_names, graph.robot.name, Path(graph.motion.source).name)
+    measured = measured_by(problem, graph, qpos)
+    every = np.concatenate(list(measured.values()), axis=1)
+    stress = {name: edges.sum(axis=1) for name, edges in stresses(graph.tracks, every).items()}
+    stress["separation"] = np.array([solver.costs.separation_cost(q) for q in qpos])
+    stress["coupling"] = np.array([solver.costs.coupling_cost(q) for q in qpos])
+    stress["smoothness"] = _smoothness(graph, qpos)
+    far, wishes = unreached(graph, measured), wishes_of(graph.tracks)
+    status = tuple(Status.UNREACHED if off else pose.status for off, pose in zip(far, poses, strict=True))
+    cost = np.array([solver.costs.cost(q, wishes.at(t)) for t, q in enumerate(qpos)]) + stress["smoothness"]
+    iterations = np.array([pose.iterations for pose in poses])
+    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native)
+
+
+def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Floats]:
+    """Per kind (T, E) what its edges measure at configurations (T, nq)."""
+    every = np.array([problem.values(q) for q in qpos])
+    ends = np.cumsum([len(track) for track in graph.tracks])[:-1]
+    return {track.name: part for track, part in zip(graph.tracks, np.split(every, ends, axis=1), strict=True)}
+
+
+def _smoothness(graph: Graph, qpos: Floats) -> Floats:
+    """(T,) κ ‖second difference‖² about every frame; 0 at both ends."""
+    robot, found = graph.robot, np.zeros(len(qpos))
+    if len(qpos) > 2:
+        weight = smoothness(robot, graph.weights.smooth, graph.weights.smooth_root, graph.fps)
+        speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
+        found[1:-1] = (weight * np.diff(speed, axis=0) ** 2).sum(axis=1)
+    return found

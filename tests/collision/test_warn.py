@@ -124,7 +124,7 @@ def test_moving_the_whole_robot_changes_nothing(
 
 def test_the_frame_rate_changes_no_event_by_more_than_a_frame(op3: Robot, known: Surfaces) -> None:
     fine = wander(op3, 4 * 90, 120.0)
-    coarse = replace(fine, qpos=fine.qpos[::4], fps=30.0)
+    coarse = replace(fine, qpos=fine.qpos[::4], fps=30.0, source_time=fine.source_time[::4])
     events = [warnings_of(t, op3, known=known).events for t in (fine, coarse)]
     assert len(events[1]) > 5
     assert [e.pair for e in events[0]] == [e.pair for e in events[1]]

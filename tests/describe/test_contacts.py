@@ -5,7 +5,7 @@ import pytest
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.describe.contacts import stances
+from robot_retarget.describe.contacts import contact_schedule
 from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import match
 from robot_retarget.motion import read_motion
@@ -25,7 +25,7 @@ def test_said_contacts_are_the_stances_side_by_side_and_toe_before_heel(walk):
     said = np.zeros((len(motion), 4), dtype=bool)
     for column, first in enumerate((10, 30, 50, 70)):
         said[first : first + 15, column] = True
-    found = stances(x, matched, motion.fps, said)
+    found = contact_schedule(x, matched, motion.fps, said)
     assert np.array_equal(found["l"], said[:, [1, 0]])
     assert np.array_equal(found["r"], said[:, [3, 2]])
 
@@ -34,7 +34,7 @@ def test_a_contact_too_short_to_be_true_is_passed_over(walk):
     motion, matched, x = walk
     said = np.zeros((len(motion), 4), dtype=bool)
     said[20:22, 0] = True
-    assert not stances(x, matched, motion.fps, said)["l"].any()
+    assert not contact_schedule(x, matched, motion.fps, said)["l"].any()
 
 
 @needs_shared
@@ -43,7 +43,7 @@ def test_heels_are_still_while_a_generated_motion_says_they_stand(name):
     motion = read_motion(NPZ / f"kimodo_soma30_{name}.npz")
     matched = match(motion, rr.load_robot("op3"))
     x = grounded(matched.human_positions(motion), matched, motion.fps)
-    said = stances(x, matched, motion.fps, motion.contacts)
+    said = contact_schedule(x, matched, motion.fps, motion.contacts)
     for side in "lr":
         ankle = x[:, matched.index(f"{side}_ankle")]
         speed = np.linalg.norm(np.gradient(ankle, 1 / motion.fps, axis=0), axis=1)

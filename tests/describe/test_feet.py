@@ -8,7 +8,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.contacts import stances
+from robot_retarget.describe.contacts import contact_schedule
 from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import match
 from robot_retarget.describe.segments import human_frames
@@ -27,7 +27,7 @@ def shown(path: str) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, np
     matched = match(motion, load_robot("op3"))
     x = grounded(matched.human_positions(motion), matched, motion.fps)
     keypoints = {keypoint: x[:, k] for k, keypoint in enumerate(matched.keypoints)}
-    return human_frames(motion, matched), keypoints, stances(x, matched, motion.fps)
+    return human_frames(motion, matched), keypoints, contact_schedule(x, matched, motion.fps)
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave", "squat"])

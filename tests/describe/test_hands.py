@@ -14,7 +14,7 @@ from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.clip import Smoothing
+from robot_retarget.solve.options import Smoothing
 from robot_retarget.transfer import retarget
 
 TURN = 0.5 * np.sin(np.linspace(0, 4 * np.pi, 25))

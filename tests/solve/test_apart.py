@@ -5,18 +5,17 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.edges import build_edges
-from robot_retarget.describe.match import match
+from robot_retarget.describe.graph import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.kinematics import carrying, integrate
+from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.clip import Smoothing
-from robot_retarget.solve.frame import FrameSolver, Options, Pose
-from robot_retarget.solve.problem import build_problem, frame_parameters
+from robot_retarget.solve.options import Options, Smoothing
+from robot_retarget.solve.problem import build_problem, wishes_of
 from robot_retarget.solve.solution import Status
+from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.transfer import retarget
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
@@ -81,17 +80,17 @@ def test_a_dof_carries_exactly_the_bodies_it_moves() -> None:
         assert (differs == table[:, dof]).all()
 
 
-def test_a_pose_held_back_is_apart_and_tells_its_own_cost() -> None:
-    motion, robot = read_motion(SAMPLES / "wave.bvh").resample(30).frames(0, 3), load_robot("op3")
-    matched = match(motion, robot)
-    edges = build_edges(motion, matched)
-    solver = FrameSolver(build_problem(robot, matched, edges), Options())
-    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(np.zeros((2, 4), dtype=bool)))
-    crossed = crossed_arms()[1]
+def test_a_pose_held_back_is_apart_and_on_the_way() -> None:
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
+    robot, crossed = graph.robot, crossed_arms()[1]
+    solver = FrameSolver(build_problem(robot, graph.match, graph.tracks))
     assert solver.overlapping(crossed)
-    held = solver.held_back(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1), wished)
+    held = solver.held_back(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1))
     assert held.status is Status.BLOCKED and not solver.overlapping(held.qpos)
-    assert held.cost == pytest.approx(solver.landscape.around(held.qpos, wished).cost)
+    way, whole = (difference(robot, robot.standing(), q) for q in (held.qpos, crossed))
+    assert np.linalg.norm(way - (share := way @ whole / (whole @ whole)) * whole) < 1e-9 and 0 <= share < 1
+    apart = Pose(robot.standing(), Status.CONVERGED, 0.0, 1)
+    assert solver.held_back(crossed, apart) is apart
 
 
 def deepest(options: Options) -> float:
@@ -109,15 +108,13 @@ def test_separation_keeps_links_from_entering_each_other() -> None:
 
 def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> None:
     """Each pose of hands on hips is sent to where it may only be as it is a third of a second later."""
-    motion, robot = read_motion(SAMPLES / "hips_and_bow.bvh").resample(30), load_robot("op3")
-    result = retarget(motion, robot)
-    qpos, hinges = result.trajectory.qpos, robot.qpos_index
-    edges = build_edges(motion, result.match)
-    solver = FrameSolver(build_problem(robot, result.match, edges), Options())
-    aground, ahead = solver.grip.lay_down(np.zeros((2, 4), dtype=bool)), 10
+    result = retarget(read_motion(SAMPLES / "hips_and_bow.bvh"), load_robot("op3"), fps=30)
+    graph, robot, qpos = result.graph, result.robot, result.trajectory.qpos
+    solver, wishes = FrameSolver(build_problem(robot, graph.match, graph.tracks)), wishes_of(graph.tracks)
+    hinges, ahead = robot.qpos_index, 10
     for t in range(0, len(qpos) - ahead, 3):
         box = solver.ranges.around([qpos[t + ahead][hinges]], np.full(len(hinges), 0.02))
-        after = solver.descend(qpos[t], (*frame_parameters(edges, t), *aground), box=box, iterations=1).qpos
+        after = solver.descend(qpos[t], wishes.at(t), box=box, iterations=1).qpos
         assert box.outside(after[hinges]) <= box.outside(qpos[t][hinges]) + 1e-9
         assert not solver.overlapping(after)
 

@@ -70,6 +70,6 @@ def test_a_robot_taken_back_to_front_is_refused_unless_the_map_insists(
     turned.write_text("[robot]\nforward = [-1, 0, 0]\n")
     result = retarget(clip, robot, overrides=turned)
     assert "knee does not bend that way" in result.notes[0] and "forward = [x, y, z]" in result.notes[0]
-    monkeypatch.setattr("robot_retarget.transfer.match", lambda motion, *_: result.match)
+    monkeypatch.setattr("robot_retarget.describe.graph.match", lambda motion, *_: result.match)
     with pytest.raises(MatchError, match=r"does not do what .* shows"):
         retarget(clip, robot)

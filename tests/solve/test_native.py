@@ -7,19 +7,18 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from threading import enumerate as enumerate_threads
 
 import numpy as np
 import pytest
 
-from robot_retarget import transfer
-from robot_retarget.describe.edges import Edges, build_edges
-from robot_retarget.describe.match import Match, match
+from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.robot.kinematics import point_function
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.native import machine_code
-from robot_retarget.solve.problem import build_problem, frame_parameters
+from robot_retarget.solve.problem import Problem, build_problem, wishes_of
 from robot_retarget.transfer import retarget
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -41,10 +40,17 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def case() -> tuple[Robot, Match, Edges]:
-    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3")
-    matched = match(motion, robot)
-    return robot, matched, build_edges(motion, matched)
+def case() -> Graph:
+    return describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
+
+
+def built(graph: Graph, native: bool) -> Problem:
+    """The graph's problem, with what is compiled beside it there, or given up."""
+    before = set(enumerate_threads())
+    problem = build_problem(graph.robot, graph.match, graph.tracks, native=native)
+    for thread in set(enumerate_threads()) - before:
+        thread.join()
+    return problem
 
 
 def small() -> tuple[Robot, Points]:
@@ -65,25 +71,28 @@ def fake_compiler(folder: Path, script: str) -> Path:
 
 
 @needs_compiler
-def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: tuple[Robot, Match, Edges]) -> None:
-    problems = [build_problem(*case, native=native) for native in (False, True)]
+def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: Graph) -> None:
+    problems = [built(case, native) for native in (False, True)]
     assert [problem.native for problem in problems] == [False, True]
-    corners = 12 * len(problems[0].feet)
-    given = (*frame_parameters(case[2], 1), np.ones(corners), np.zeros(corners))
-    draw, robot = np.random.default_rng(0), case[0]
+    wish, draw, robot = wishes_of(case.tracks).at(1), np.random.default_rng(0), case.robot
     for _ in range(20):
         q = np.append(draw.normal(size=7), draw.uniform(robot.lower, robot.upper))
-        for ours, theirs in zip(*(problem.model(q, *given) for problem in problems), strict=True):
-            assert (ours == theirs).all()
+        for ours, theirs in zip(*(problem.model(q, wish) for problem in problems), strict=True):
+            assert np.all(ours == theirs)
+        assert problems[0].cost(q, wish) == problems[1].cost(q, wish)
 
 
 @needs_compiler
-def test_clips_of_two_seconds_are_solved_by_machine_code(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clips_of_two_seconds_are_solved_by_machine_code_with_the_same_result(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")
+    graph = describe(motion, robot)
+    built(graph, native=True)  # kept from now on
     compiled = retarget(motion, robot).solution
-    monkeypatch.setattr(transfer, "WORTH_COMPILING", 61)
+    monkeypatch.setattr("robot_retarget.solve.solve.WORTH_COMPILING", len(graph) + 1)
     interpreted = retarget(motion, robot).solution
-    assert (compiled.native, interpreted.native) == (True, False)
+    assert (compiled.native, interpreted.native) == (len(graph) >= 60, False)
     assert (compiled.trajectory.qpos == interpreted.trajectory.qpos).all()
 
 
@@ -99,12 +108,12 @@ def test_what_was_compiled_once_is_not_compiled_again(cache: Path) -> None:
 
 @pytest.mark.parametrize("script", ["exit 1", "echo rubbish > $(echo $* | sed 's/.*-o //; s/ .*//')"])
 def test_a_compiler_that_fails_leaves_the_virtual_machine(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, case: tuple[Robot, Match, Edges]
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, case: Graph
 ) -> None:
     monkeypatch.setenv("PATH", f"{fake_compiler(tmp_path / 'bin', script)}{os.pathsep}{os.environ['PATH']}")
-    problem = build_problem(*case, native=True)
+    problem = built(case, native=True)
     assert not problem.native
-    assert np.isfinite(problem.heights(case[0].standing())[0]).all()
+    assert np.isfinite(problem.cost(case.robot.standing(), wishes_of(case.tracks).at(0)))
 
 
 def test_no_compiler_and_no_cache_leave_the_virtual_machine(

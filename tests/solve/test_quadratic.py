@@ -2,34 +2,35 @@
 
 import numpy as np
 
-from robot_retarget.describe.edges import build_edges
-from robot_retarget.describe.match import match
+from robot_retarget.describe.graph import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.footing import held_corners
-from robot_retarget.solve.frame import FrameSolver, Options
-from robot_retarget.solve.problem import build_problem, frame_parameters
-from robot_retarget.solve.quadratic import GRACE
+from robot_retarget.solve.options import Options
+from robot_retarget.solve.problem import Wish, build_problem, wishes_of
+from robot_retarget.solve.sqp import FrameSolver
+
+TOLERATED = Options().tolerated
+
+
+def asked() -> tuple[FrameSolver, Wish]:
+    """The first frame of a clap."""
+    graph = describe(read_motion(SAMPLES / "clap.bvh"), load_robot("op3"), fps=10)
+    return FrameSolver(build_problem(graph.robot, graph.match, graph.tracks)), wishes_of(graph.tracks).at(0)
 
 
 def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_to_stay_as_they_are() -> None:
-    motion, robot = read_motion(SAMPLES / "clap.bvh").resample(10), load_robot("op3")
-    matched = match(motion, robot)
-    edges = build_edges(motion, matched)
-    problem = build_problem(robot, matched, edges)
-    solver, soles = FrameSolver(problem, Options()), problem.soles
-    held = held_corners(edges.stances, problem.feet, len(edges))[0]
-    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(held))
+    solver, wish = asked()
+    robot, soles = solver.robot, solver.problem.soles
     draw, met = np.random.default_rng(0), 0
     for _ in range(40):
         q = robot.standing()
         q[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
         step = draw.normal(scale=0.02, size=robot.model.nv)
-        here, there = (solver.landscape.around(pose, wished) for pose in (q, integrate(robot, q, step)))
+        here, there = (solver.costs.linearize(pose, wish) for pose in (q, integrate(robot, q, step)))
         lacking = there.least[soles:][there.least[soles:] > 0]
-        told = here.warned(soles, there, step)
+        told = here.with_rows_met(soles, there, step)
         changed = np.flatnonzero((told.rows != here.rows).any(axis=1) | (told.least != here.least))
         assert (changed >= soles).all() and len(changed) == len(lacking)
         stays = np.equal(told.least[changed], max(here.least[soles:].max(), 0.0))
@@ -43,27 +44,23 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
 
 
 def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_wholly() -> None:
-    motion, robot = read_motion(SAMPLES / "clap.bvh").resample(10), load_robot("op3")
-    matched = match(motion, robot)
-    edges = build_edges(motion, matched)
-    solver, draw = FrameSolver(build_problem(robot, matched, edges), Options()), np.random.default_rng(0)
-    landscape, separation, soles = solver.landscape, solver.landscape.separation, solver.problem.soles
+    (solver, wish), draw = asked(), np.random.default_rng(0)
+    robot, costs, separation, soles = solver.robot, solver.costs, solver.costs.separation, solver.problem.soles
     assert separation is not None
-    wished = (*frame_parameters(edges, 0), *solver.grip.lay_down(np.zeros((2, 4), dtype=bool)))
     stayed = parted = 0
     for _ in range(40):
         apart, near = robot.standing(), robot.standing()
         near[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
-        for _ in range(14):  # halve the way to where links lack half the grace
+        for _ in range(14):  # halve the way to where links lack half of what is tolerated
             q = (apart + near) / 2
             distance, _, rest = separation.near(q)
             lacking = (np.minimum(separation.margin, rest) - distance).max(initial=0.0) / solver.leg
-            here = landscape.around(q, wished)
+            here = costs.linearize(q, wish)
             may_stay = bool((here.least[soles:] <= 0).all())
-            assert may_stay == (lacking <= GRACE) == (here.missing == 0)
+            assert may_stay == (lacking <= TOLERATED) == (here.missing == 0)
             if not may_stay:
                 assert np.isclose(here.least[soles:].max(), lacking * solver.leg)
-                assert np.isclose(here.missing, lacking - GRACE)
-            stayed, parted = stayed + (0 < lacking <= GRACE), parted + (not may_stay)
-            apart, near = (q, near) if lacking < GRACE / 2 else (apart, q)
+                assert np.isclose(here.missing, lacking - TOLERATED)
+            stayed, parted = stayed + (0 < lacking <= TOLERATED), parted + (not may_stay)
+            apart, near = (q, near) if lacking < TOLERATED / 2 else (apart, q)
     assert stayed > 20 and parted > 20

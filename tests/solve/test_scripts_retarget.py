@@ -11,8 +11,8 @@ import pytest
 import robot_retarget as rr
 from robot_retarget.robot import world_points
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.clip import Smoothing
-from robot_retarget.solve.starts import place_root
+from robot_retarget.solve.candidates import place_root
+from robot_retarget.solve.options import Smoothing
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
@@ -34,7 +34,7 @@ def test_the_bench_measures_both_modes_and_where_their_time_goes(script: Any) ->
     rows = bench["speeds"](case, 1, False)
     assert [row.split(" | ")[1] for row in rows] == list(bench["MODES"])
     assert all(float(row.split(" | ")[2]) > 0 for row in rows)
-    shares = [float(row.strip("| ").split("|")[-1]) for row in bench["shares"](case) if "the sketch" not in row]
+    shares = [float(row.strip("| ").split("|")[-1]) for row in bench["shares"](case) if "of all that" not in row]
     assert sum(shares) == pytest.approx(200, abs=len(shares))  # each mode adds up to 100 %, rounded
 
 
@@ -51,7 +51,7 @@ def test_the_peer_brings_the_keypoints_to_the_rebuilt_posture(script: Any) -> No
     bench, robot = script("bench_solve"), rr.load_robot("op3")
     case = bench["prepare"](clip(4), robot)
     run, start = bench["inverse_kinematics"](case), robot.standing()
-    placed = place_root(case.problem, start, case.edges.root[0], case.edges.facing[0])
+    placed = place_root(case, start, 0)
     reached, standing = (world_points(robot, case.match.points, q) for q in (run.qpos, placed[None]))
     away, before = (np.linalg.norm(x - bench["rebuilt"](case), axis=2).mean() for x in (reached, standing))
     assert away < before / 2

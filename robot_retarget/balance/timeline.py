@@ -37,6 +37,8 @@ class Pacing:
     """... and on the other frames near it."""
     near: float = 0.5
     """How near, in time of the playback [s]."""
+    slack: float = 1.2
+    """What needs no more time than this is let pass: a servo may be asked for a little more for a moment."""
     most: float = 1.5
     """Factor on any frame, a round."""
     blend: float = 0.07
@@ -48,7 +50,7 @@ class Pacing:
 
 
 @dataclass(frozen=True)
-class Score:
+class Timeline:
     """K frames of a playback, on the clip's time and on the stands' before and after."""
 
     at: Floats
@@ -70,13 +72,13 @@ def unhurried(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
     return _capped(factor, pacing)
 
 
-def stretched(stretch: Floats, score: Score, needs: Floats, pacing: Pacing) -> Floats:
+def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing) -> Floats:
     """Frame durations (T − 1,) multiplied by what the frames of the playback (K,) need, blended over time and capped."""
-    left = np.minimum(score.at.astype(int), len(stretch) - 1)
-    inside = score.share >= 1
+    left = np.minimum(timeline.at.astype(int), len(stretch) - 1)
+    inside = timeline.share >= 1
     factor = np.ones(len(stretch))
     np.maximum.at(factor, left[inside], needs[inside])
-    width = pacing.blend * score.fps
+    width = pacing.blend * timeline.fps
     wide = maximum_filter1d(factor, 2 * round(2 * width) + 1, mode="nearest")
     slower = stretch * np.exp(gaussian_filter1d(np.log(wide), width, mode="nearest"))
     return _capped(slower, pacing)
@@ -87,10 +89,10 @@ def _capped(stretch: Floats, pacing: Pacing) -> Floats:
     return 1 + (stretch - 1) * min(1.0, (pacing.slowest - 1) / max(stretch.mean() - 1, 1e-9))
 
 
-def shift_needs(late: np.ndarray, score: Score, pacing: Pacing) -> Floats:
+def shift_needs(late: np.ndarray, timeline: Timeline, pacing: Pacing) -> Floats:
     """(K,) factors near the frames at which the centre of mass comes too `late`."""
-    around = maximum_filter1d(late.astype(np.int8), 2 * round(pacing.near * score.fps) + 1) > 0
-    everywhere = score.planted.all(axis=1)
+    around = maximum_filter1d(late.astype(np.int8), 2 * round(pacing.near * timeline.fps) + 1) > 0
+    everywhere = timeline.planted.all(axis=1)
     return np.where(around, np.where(everywhere, pacing.shift, pacing.step), 1.0)
 
 

@@ -1,0 +1,40 @@
+"""`graph`: the edges of a motion on a robot."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Edges, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.stages import described, load, read_clip
+
+if TYPE_CHECKING:
+    pass
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: robot-retarget graph dance.bvh --robot op3 --solve")
+def graph(
+    motion: MotionFile,
+    robot: RobotName,
+    frames: Frames = None,
+    fps: Fps = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+    edges: Edges = None,
+    solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
+    json: Json = False,
+) -> None:
+    """Show the edges of a motion on a robot: kinds, counts, intervals, priorities, stress."""
+    from robot_retarget.summary import describe_graph, describe_stress
+    from robot_retarget.transfer import solve as solved
+
+    found = described(read_clip(motion, frames), load(robot, limits), fps, map_file, edges)
+    facts: dict[str, Any] = describe_graph(found)
+    if solve:
+        facts |= describe_stress(solved(found).solution)
+    if json:
+        console.dump(facts)
+    else:
+        console.show_graph(facts)

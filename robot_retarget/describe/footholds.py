@@ -1,0 +1,133 @@
+"""Footholds: where on the floor each sole stands, and the swing reference in between.
+
+Read off the human, the robot's ankle stands where the human's does, scaled by the leg and further out by as much as the
+robot's hips are wider; its sole points where the human's foot points. Of a stance the middle of its frames counts. Between
+two stances a swing foot follows its own way, shifted from the one foothold's offset to the next one's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.describe.contacts import intervals
+from robot_retarget.describe.human import Human
+from robot_retarget.describe.match import Match
+from robot_retarget.describe.path import pelvis_path
+from robot_retarget.describe.segments import heading
+from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.robot import Points, Robot, world_points
+
+LANDING = 0.1
+"""A swing foot nears its reference more strongly for so long after its last stance and before its next one [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footholds:
+    """Of F feet over T frames."""
+
+    feet: tuple[str, ...]
+    held: np.ndarray
+    """(T, F, 4) which corners stand: the front ones while the toe does, the rear ones while the heel does."""
+    places: Floats
+    """(T, F, 4, 3) where corners stand, and where those of a swing foot should be [m]."""
+    near: Floats
+    """(T, F) how near in time a foot is to a stance: 1 in it, falling to 0 over `LANDING`."""
+
+
+def footholds_of(human: Human, match: Match, robot: Robot) -> Footholds:
+    """The footholds of the matched feet; none of a robot that is bolted to the world."""
+    feet = tuple(foot for foot in match.anatomy.soles if _placed(foot, match)) if robot.root_joints.size else ()
+    held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
+    places = np.zeros((*held.shape, 3))
+    for k, foot in enumerate(feet):
+        if foot in human.contacts:
+            held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
+        places[:, k] = settled(held[:, k], _carried_over(human, match, robot, foot))
+    stands = np.asarray(held.any(axis=2))
+    return Footholds(feet, held, places, nearing(stands, round(LANDING * human.fps)))
+
+
+def _placed(foot: str, match: Match) -> bool:
+    """Whether both bodies have what tells where a foot is."""
+    return {"l_hip", "r_hip", f"{foot}_ankle"} <= set(match.keypoints)
+
+
+def _carried_over(human: Human, match: Match, robot: Robot, foot: str) -> Floats:
+    """(T, 4, 3) corners of a sole, turned as the human's foot [m]."""
+    left, right, ankle = (human.positions[:, match.index(k)] for k in ("l_hip", "r_hip", f"{foot}_ankle"))
+    pelvis = (left + right) / 2
+    hip, sole = _hip_and_sole(robot, match, foot)
+    outward = leftward(heading(human.facing)) * (1 if foot == "l" else -1)
+    wider = hip - match.leg_ratio * float(np.median(np.linalg.norm((left - right), axis=1))) / 2
+    places = pelvis_path(human, match) + match.leg_ratio * (ankle - pelvis)
+    places[:, :2] += wider * outward
+    turn = human.segments.get(f"{foot}_foot", human.facing)
+    return places[:, None] + sole @ turn.swapaxes(1, 2)
+
+
+def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:
+    """Half the width of the hips [m], and (4, 3) the corners of a sole ahead of its ankle, to the left and up [m]; standing."""
+    spots, corners = match.anatomy.spots, sole_corners(match.anatomy, foot)
+    named = [spots[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
+    points = Points(
+        np.append([spot.body for spot in named], corners.bodies),
+        np.vstack([*(spot.offset for spot in named), corners.offsets]),
+    )
+    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0]
+    along = np.array(sole) - ankle
+    ahead = unit(lengths(along))
+    own = np.column_stack([along[:, :2] @ ahead, along[:, :2] @ leftward(ahead), along[:, 2]])
+    return float(np.linalg.norm((left - right)[:2])) / 2, own
+
+
+def settled(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
+    """(T, 4, 3) one foot at its footholds while it stands, on its swing reference while it does not [m].
+
+    Args:
+        held: (T, 4) which corners stand.
+        corners: (T, 4, 3) where a foot goes by itself [m]: of a stance the middle counts, of a swing its shape.
+        fixed: so many frames at the beginning stay as they are, and a stance that began in them where it was.
+    """
+    stands, places = np.asarray(held.any(axis=1)), corners.copy()
+    for start, stop in intervals(stands):
+        known = slice(start, min(fixed, stop) if start < fixed else stop)
+        whole = np.asarray(held[known].all(axis=1))
+        seen = corners[known][whole if whole.any() else slice(None)]
+        middle = np.median(seen, axis=0)
+        places[start:stop] = flattened(middle) if held[start:stop].all(axis=1).any() else _edges_down(middle)
+    stands[:fixed] = True
+    places[~stands] += _blended(stands, places - corners)[~stands]
+    return places
+
+
+def _edges_down(corners: Floats) -> Floats:
+    """Corners (4, 3) of a sole on its toes or heels: either edge on the floor, where it is and as wide as it is."""
+    down = corners.copy()
+    for edge in (TOE, HEEL):
+        width = np.linalg.norm(corners[edge[0]] - corners[edge[1]]) / 2
+        across = unit((corners[edge[0]] - corners[edge[1]]) * [1.0, 1.0, 0.0])
+        middle = corners[edge].mean(axis=0) * [1.0, 1.0, 0.0]
+        down[edge] = middle + width * across, middle - width * across
+    return down
+
+
+def _blended(stands: np.ndarray, offset: Floats) -> Floats:
+    """(T, 4, 3) in swing, from the offset of the stance before to that of the next, at rest at both ends."""
+    known, frames = np.flatnonzero(stands), np.arange(len(stands))
+    if not known.size:
+        return np.zeros_like(offset)
+    after = np.searchsorted(known, frames)
+    first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    share = smoothstep(np.clip((frames - first) / np.maximum(last - first, 1), 0.0, 1.0))[:, None, None]
+    return (1 - share) * offset[first] + share * offset[last]
+
+
+def nearing(stands: np.ndarray, frames: int) -> Floats:
+    """(T, F) 1 while feet stand, falling by squares to 0 over so many frames before and after."""
+    count = np.arange(len(stands))[:, None]
+    before = np.where(stands, count, -np.inf)
+    after = np.where(stands, count, np.inf)
+    since = count - np.maximum.accumulate(before, axis=0)
+    until = np.minimum.accumulate(after[::-1], axis=0)[::-1] - count
+    return np.square(np.clip(1 - np.minimum(since, until) / (frames + 1), 0.0, 1.0))

@@ -1,0 +1,376 @@
+"""The graph of a retargeting: G = (V × T, E, {δ, π}), from human to robot, to be seen, weighed and added to.
+
+V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. Edges stand in
+tracks, one a kind: who is joined is said once, what is wished frame by frame.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.human import Human, human_of
+from robot_retarget.describe.kinds import KINDS, Kind
+from robot_retarget.describe.kinds.kind import Renewable, Scene
+from robot_retarget.describe.kinds.own import End, Own
+from robot_retarget.describe.limits import limit_tracks
+from robot_retarget.describe.match import Match, match
+from robot_retarget.describe.path import pelvis_path
+from robot_retarget.describe.track import HARD, Track
+from robot_retarget.describe.weights import Weights
+from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.motion import Motion
+from robot_retarget.robot import Robot
+
+MOST_FPS = 30.0
+"""Motions of a higher rate are described at this one unless told otherwise, as reference motions are by custom [1/s]."""
+PLAUSIBLE_FPS = (5.0, 120.0)
+"""Rates that may be asked for besides the motion's own [1/s]: below, limbs swing unseen between frames; above, frames are
+interpolated ones, which playback makes by itself."""
+GENTLY = 0.2
+"""An added edge comes on and goes over this time [s]."""
+ROW = np.dtype(
+    [
+        ("kind", "U16"),
+        ("a", "U48"),
+        ("b", "U48"),
+        ("axis", "U8"),
+        ("frame", np.int64),
+        ("lower", np.float64),
+        ("upper", np.float64),
+        ("priority", np.float64),
+        ("hard", np.bool_),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """The edges of one motion on one robot."""
+
+    motion: Motion
+    """As it is described: cut and resampled."""
+    robot: Robot
+    match: Match
+    human: Human
+    tracks: tuple[Track, ...]
+    """Edges that are minimised; hard ones have the priority `track.HARD`."""
+    pelvis: Floats
+    """(T, 3) where the pelvis should be [m]; starts are made from it."""
+    weights: Weights
+    mapped: bool = False
+    """Whether a map file said which joint is which."""
+
+    def __len__(self) -> int:
+        return len(self.human)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self.human.fps
+
+    @cached_property
+    def limits(self) -> tuple[Track, ...]:
+        """Edges that hold exactly: the floor under soles, links apart, joint ranges and speeds."""
+        return limit_tracks(self.robot, self.match, len(self), self.fps)
+
+    @property
+    def kinds(self) -> dict[str, Track]:
+        """All tracks by the name of their kind."""
+        return {track.name: track for track in (*self.tracks, *self.limits)}
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{len(track)} {name}" for name, track in self.kinds.items())
+        return f"<Graph {self.robot.name} × {len(self)} frames at {self.fps:g}/s; edges a frame: {counts}>"
+
+    def between(self, a: str, b: str) -> dict[str, Track]:
+        """The edges that join two ends, by kind.
+
+        Raises:
+            GraphError: nothing is called so.
+        """
+        for end in (a, b):
+            self._require_end(end)
+        found = {}
+        for name, track in self.kinds.items():
+            if (joined := track.joins(a, b)).any():
+                found[name] = track.subset(joined)
+        return found
+
+    def table(self, frames: ArrayLike | None = None) -> np.ndarray:
+        """The expansion over V × T as a structured array: kind, a, b, axis, frame, lower, upper, priority, hard.
+
+        Args:
+            frames: some of them only; an edge without priority at a frame is absent there.
+        """
+        chosen = np.arange(len(self)) if frames is None else np.atleast_1d(np.asarray(frames, dtype=int))
+        return np.concatenate([_rows(track, chosen) for track in self.kinds.values()])
+
+    def with_edge(
+        self,
+        a: End,
+        b: End,
+        at: float | tuple[float, float],
+        *,
+        frames: tuple[int, int] | None = None,
+        priority: float | None = None,
+        hard: bool = False,
+    ) -> "Graph":
+        """The graph with an edge of one's own, E⁺.
+
+        Args:
+            a: a keypoint, a point `(body, (x, y, z))` [m] of the robot, or a place `(x, y, z)` in the world [m].
+            b: the other end.
+            at: the wished distance, or the least and the most [m]; the most may be ∞.
+            frames: the first and the last; all by default. The edge comes on before and goes over after, over `GENTLY`.
+            priority: π over the squared leg; 100 by default.
+            hard: held within a millimetre wherever it can be reached.
+
+        Raises:
+            GraphError: an unknown end, an interval upside down, frames outside the clip, or two hard edges of the same
+                ends and frames that contradict each other.
+        """
+        least, most = (float(at), float(at)) if np.isscalar(at) else map(float, at)  # type: ignore[arg-type]
+        ends = (self._end(a), self._end(b))
+        name = f"{end_name(ends[0])} – {end_name(ends[1])}"
+        if end_name(ends[0]) == end_name(ends[1]):
+            raise GraphError(f"edge {name} joins an end to itself")
+        if priority is not None and not 0 < priority < np.inf:
+            raise GraphError(f"edge {name}: a priority is a number above 0, got {priority}")
+        if not 0 <= least <= most or np.isinf(least):
+            raise GraphError(
+                f"edge {name} asks for {least:g} … {most:g} m: the least must be 0 or more, the most no less"
+            )
+        if hard and priority is not None:
+            raise GraphError(f"edge {name}: a hard edge has no priority; give one or the other")
+        span = self._span(name, frames)
+        if hard:
+            self._refuse_contradiction(ends, least, most, span)
+        profile = self._gently(span) * (HARD if hard else 100.0 if priority is None else priority)
+        return self._with_own(ends, (least, most), profile)
+
+    def with_priority(self, what: str | tuple[str, str], factor: float) -> "Graph":
+        """The graph with a kind, or the edges between two ends, weighed by a factor.
+
+        Raises:
+            GraphError: nothing is called so, or a factor below 0.
+        """
+        if not 0 <= factor < np.inf:
+            raise GraphError(f"a priority is weighed by a factor of 0 or more, got {factor}")
+        return replace(self, tracks=tuple(t.weighed(factor, self._chosen(t, what)) for t in self._checked(what)))
+
+    def without(self, what: str | tuple[str, str]) -> "Graph":
+        """The graph less a kind, or less the edges between two ends; limits stay.
+
+        Raises:
+            GraphError: nothing is called so.
+        """
+        kept = [_less(track, self._chosen(track, what)) for track in self._checked(what)]
+        return replace(self, tracks=tuple(track for track in kept if len(track)))
+
+    def frames(self, first: int, last: int) -> "Graph":
+        """The graph of frames `first` … `last` − 1."""
+        return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
+
+    def at(self, frames: slice | np.ndarray) -> "Graph":
+        """The edges at some frames, of the same motion."""
+        return replace(
+            self,
+            human=self.human.at(frames),
+            pelvis=self.pelvis[frames],
+            tracks=tuple(track.at(frames) for track in self.tracks),
+        )
+
+    @cached_property
+    def ends(self) -> tuple[str, ...]:
+        """The names of all ends."""
+        return tuple(dict.fromkeys(end for t in self.kinds.values() for pair in t.ends for end in pair))
+
+    def _require_end(self, end: str) -> None:
+        if end not in self.ends:
+            raise GraphError(f"nothing in the graph is called {end!r}; {known(self.ends)}")
+
+    def _checked(self, what: str | tuple[str, str]) -> tuple[Track, ...]:
+        if isinstance(what, str):
+            if what not in {track.name for track in self.tracks}:
+                raise GraphError(f"no kind {what!r} that can be weighed; {known([t.name for t in self.tracks])}")
+        else:
+            for end in what:
+                self._require_end(end)
+        return self.tracks
+
+    @staticmethod
+    def _chosen(track: Track, what: str | tuple[str, str]) -> np.ndarray:
+        if isinstance(what, str):
+            return np.full(len(track), track.name == what)
+        return track.joins(*what)
+
+    def _end(self, end: End) -> End:
+        """An end that the robot has, arrays checked.
+
+        Raises:
+            GraphError: it has none such.
+        """
+        if isinstance(end, str):
+            if end not in self.match.keypoints:
+                raise GraphError(f"no keypoint {end!r}; {known(self.match.keypoints)}")
+            return end
+        if isinstance(end, tuple) and len(end) == 2 and isinstance(end[0], str):
+            names = [self.robot.model.body(b).name for b in range(self.robot.model.nbody)]
+            if end[0] not in names:
+                raise GraphError(f"{self.robot.name} has no body {end[0]!r}; {known(names)}")
+            return end[0], _place(end[1])
+        return _place(np.asarray(end))
+
+    def _span(self, name: str, frames: tuple[int, int] | None) -> tuple[int, int]:
+        first, last = (0, len(self) - 1) if frames is None else frames
+        if not 0 <= first <= last < len(self):
+            raise GraphError(f"edge {name}: frames {first} … {last} are not within 0 … {len(self) - 1}")
+        return first, last
+
+    def _gently(self, span: tuple[int, int]) -> Floats:
+        """(T,) 1 within the frames, from and to 0 over `GENTLY` around them by squares."""
+        away = np.maximum(span[0] - np.arange(len(self)), np.arange(len(self)) - span[1])
+        return np.square(np.clip(1 - np.maximum(away, 0) / (GENTLY * self.fps + 1), 0.0, 1.0))
+
+    def _own(self) -> Track | None:
+        return next((track for track in self.tracks if track.name == Own.name), None)
+
+    def _with_own(self, ends: tuple[End, End], interval: tuple[float, float], profile: Floats) -> "Graph":
+        own, names = self._own(), (end_name(ends[0]), end_name(ends[1]))
+        lower, upper = (np.full((len(self), 1), bound) for bound in interval)
+        if own is None:
+            track = Track(Own((ends,)), (names,), lower, upper, profile[:, None], np.full(1, self.match.robot_leg))
+            return replace(self, tracks=(*self.tracks, track))
+        assert isinstance(own.kind, Own)
+        grown = Track(
+            Own((*own.kind.ends, ends)),
+            (*own.ends, names),
+            np.hstack([own.lower, lower]),
+            np.hstack([own.upper, upper]),
+            np.hstack([own.priority, profile[:, None]]),
+            np.append(own.scale, self.match.robot_leg),
+        )
+        return replace(self, tracks=tuple(grown if track is own else track for track in self.tracks))
+
+    def _refuse_contradiction(self, ends: tuple[End, End], least: float, most: float, span: tuple[int, int]) -> None:
+        own, names = self._own(), {end_name(end) for end in ends}
+        if own is None:
+            return
+        for edge, joined in enumerate(own.ends):
+            hard = own.priority[span[0] : span[1] + 1, edge] >= HARD
+            low, high = own.lower[span[0], edge], own.upper[span[0], edge]
+            if set(joined) == names and hard.any() and (least > high or most < low):
+                raise GraphError(
+                    f"hard edges of {joined[0]} – {joined[1]} contradict each other: {low:g} … {high:g} m and "
+                    f"{least:g} … {most:g} m in the same frames"
+                )
+
+
+def describe(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    kinds: Iterable[Kind] = KINDS,
+) -> Graph:
+    """The graph of a human motion on a robot.
+
+    Args:
+        fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
+        overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
+        weights: how much each kind of edge counts.
+        kinds: what the motion is described by.
+
+    Raises:
+        MatchError: the motion is not human, or the robot no humanoid.
+        UsageError: fps out of range.
+    """
+    motion = at_rate(motion, fps)
+    matched = match(motion, robot, overrides)
+    graph = graph_of(motion, robot, matched, weights or Weights(), kinds)
+    return replace(graph, mapped=overrides is not None)
+
+
+def at_rate(motion: Motion, fps: float | None) -> Motion:
+    """The motion at the rate asked for, else at its own or `MOST_FPS`, whichever is less.
+
+    Raises:
+        UsageError: fps out of range.
+    """
+    if fps is None:
+        return motion.resample(min(motion.fps, MOST_FPS))
+    least, most = min(PLAUSIBLE_FPS[0], motion.fps), max(PLAUSIBLE_FPS[1], motion.fps)
+    if not least <= fps <= most:
+        raise UsageError(
+            f"fps '{fps:g}' is outside {least:g} to {most:g} frames a second for a motion of {motion.fps:g}: with fewer, "
+            "limbs swing unseen between frames; with more, all that is added is interpolated, as in playback"
+        )
+    resampled = motion.resample(fps)
+    if fps <= motion.fps:
+        return resampled
+    told = f"At {fps:g} frames a second, those between the motion's own {motion.fps:g} are interpolated."
+    return replace(resampled, notes=(*resampled.notes, told))
+
+
+def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[Kind] = KINDS) -> Graph:
+    """The graph of matched bodies."""
+    scene = Scene(human_of(motion, matched), matched, robot, weights)
+    return _built(motion, scene, kinds)
+
+
+def graph_from(graph: Graph, human: Human, kinds: Iterable[Kind] = KINDS) -> Graph:
+    """The same bodies with another human; edges that were added stay."""
+    built = _built(graph.motion, Scene(human, graph.match, graph.robot, graph.weights), kinds)
+    added = tuple(track for track in graph.tracks if track.name not in {kind.name for kind in kinds})
+    return replace(built, tracks=(*built.tracks, *added))
+
+
+def _built(motion: Motion, scene: Scene, kinds: Iterable[Kind]) -> Graph:
+    tracks = tuple(track for kind in kinds if (track := kind.wish(scene)) is not None)
+    path = pelvis_path(scene.human, scene.match)
+    return Graph(motion, scene.robot, scene.match, scene.human, tracks, path, scene.weights)
+
+
+def _less(track: Track, edges: np.ndarray) -> Track:
+    """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
+    whole = isinstance(track.kind, Renewable) and not edges.all()
+    return track.weighed(0.0, edges) if whole else track.subset(~edges)
+
+
+def end_name(end: End) -> str:
+    """An end in words: a keypoint, `body@(x, y, z)` or `(x, y, z)`."""
+    if isinstance(end, str):
+        return end
+    body = end[0] if isinstance(end, tuple) and isinstance(end[0], str) else None
+    place = np.asarray(end if body is None else end[1], dtype=float)  # type: ignore[index]
+    words = "(" + ", ".join(f"{c:g}" for c in place) + ")"
+    return words if body is None else f"{body}@{words}"
+
+
+def _place(values: ArrayLike) -> Floats:
+    place = np.asarray(values, dtype=float)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise GraphError(f"a point takes three finite coordinates [m], got {values!r}")
+    return place
+
+
+def _rows(track: Track, frames: np.ndarray) -> np.ndarray:
+    """The expansion of one track."""
+    present = np.argwhere(track.priority[frames] > 0)
+    t, edges = frames[present[:, 0]], present[:, 1]
+    rows = np.empty(len(present), dtype=ROW)
+    rows["kind"], rows["frame"] = track.name, t
+    ends = np.array(track.ends).reshape(-1, 2)
+    rows["a"], rows["b"] = ends[edges].T
+    rows["axis"] = np.array(track.axes)[edges] if track.axes else ""
+    for column in ("lower", "upper", "priority"):
+        rows[column] = getattr(track, column)[t, edges]
+    rows["hard"] = rows["priority"] >= HARD
+    return rows

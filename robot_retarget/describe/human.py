@@ -1,0 +1,58 @@
+"""What the human does, in the words of the match: the one input of every kind of edge."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.contacts import contact_schedule
+from robot_retarget.describe.ground import grounded
+from robot_retarget.describe.match import Match
+from robot_retarget.describe.segments import facing, human_frames
+from robot_retarget.dgp.adapt import normalised_distances
+from robot_retarget.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Human:
+    """A motion of T frames over level ground, described by the K keypoints that human and robot share."""
+
+    positions: Floats
+    """(T, K, 3) keypoints, the floor under them at z = 0 [m]."""
+    segments: dict[str, Floats]
+    """Per segment (T, 3, 3): its forward, left and up as columns."""
+    facing: Floats
+    """(T, 3, 3) how the whole body is turned."""
+    contacts: dict[str, np.ndarray]
+    """The contact schedule: per foot (`l`, `r`) (T, 2), whether toe and heel stand."""
+    closeness: Floats
+    """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
+    fps: float
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def at(self, frames: slice | np.ndarray) -> "Human":
+        """Some of the frames."""
+        return replace(
+            self,
+            positions=self.positions[frames],
+            segments={name: turns[frames] for name, turns in self.segments.items()},
+            facing=self.facing[frames],
+            contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
+            closeness=self.closeness[frames],
+        )
+
+
+def human_of(motion: Motion, match: Match) -> Human:
+    """Read off a motion what edges are made of."""
+    x = grounded(match.human_positions(motion), match, motion.fps)
+    segments = human_frames(motion, match)
+    return Human(
+        x,
+        segments,
+        np.broadcast_to(facing(segments), (len(x), 3, 3)),
+        contact_schedule(x, match, motion.fps, motion.contacts),
+        normalised_distances(x, match.parents, match.human_bones),
+        motion.fps,
+    )

@@ -1,0 +1,53 @@
+"""Compass: directions of bones and of the hip and shoulder lines.
+
+An edge joins a keypoint to a beacon at distance R along an axis; as R grows, the difference of two such distances becomes
+the coordinate of the difference vector. With its length d it is the bone's direction  u = (x_a − x_b)/d,  three edges a bone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import unit
+from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.track import Track, exact
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Compass:
+    """Bones as the human's point."""
+
+    name: str = "compass"
+
+    def wish(self, scene: Scene) -> Track | None:
+        """The human's directions."""
+        match, lines = scene.match, list(self._lines(scene))
+        if not lines:
+            return None
+        x = scene.human.positions
+        one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
+        directions = unit(x[:, one] - x[:, other]).reshape(len(x), -1)
+        weights = np.repeat([line[2] for line in lines], len(AXES))
+        ends = [(a, b) for a, b, _ in lines for _ in AXES]
+        return exact(self, ends, directions, weights, axes=AXES * len(lines))
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        """The coordinates of unit vectors, x y z of one line after the other."""
+        apart = [body.keypoint(a) - body.keypoint(b) for a, b in track.ends[:: len(AXES)]]
+        return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
+
+    def _lines(self, scene: Scene) -> Iterator[tuple[str, str, float]]:
+        """From the second keypoint to the first, and what the direction counts."""
+        match, w = scene.match, scene.weights
+        for k, keypoint in enumerate(match.keypoints):
+            weight = w.bones.get(keypoint.split("_")[-1], 0.0)
+            if match.parents[k] >= 0 and weight and match.robot_bones[k] > 1e-6:
+                yield keypoint, match.keypoints[int(match.parents[k])], weight
+        for part, weight in (("hip", w.hips), ("shoulder", w.shoulders)):
+            if {f"l_{part}", f"r_{part}"} <= set(match.keypoints) and weight:
+                yield f"l_{part}", f"r_{part}", weight

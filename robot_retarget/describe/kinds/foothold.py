@@ -1,0 +1,83 @@
+"""Foothold: a sole point stays where it was a frame before while its foot stands, δ = 0; a swing foot has a reference.
+
+Edges of length 0 from frame to frame chain a stance to one place, the foothold, to which each coordinate of a held corner
+is joined with the priority of a hard edge. Where that is, the human tells (`describe.footholds`) until a coarse path of the
+robot shows where its legs put the foot.
+"""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.footholds import Footholds, footholds_of, settled
+from robot_retarget.describe.kinds.compass import AXES
+from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.soles import CORNER_NAMES
+from robot_retarget.describe.track import HARD, Track, exact
+from robot_retarget.describe.weights import Weights
+from robot_retarget.robot.kinematics import carrying
+
+
+@dataclass(frozen=True)
+class Foothold:
+    """The corners of every sole."""
+
+    name: str = "foothold"
+    tilting: float = 20.0
+    """π across the floor of soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
+
+    def wish(self, scene: Scene) -> Track | None:
+        """Footholds read off the human."""
+        footholds = footholds_of(scene.human, scene.match, scene.robot)
+        return self.track(footholds, scene.leg, scene.weights, self._across(scene)) if footholds.feet else None
+
+    def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
+        """Edges to given footholds."""
+        ends = [
+            (f"{foot} sole {corner}", "foothold") for foot in footholds.feet for corner in CORNER_NAMES for _ in AXES
+        ]
+        free = np.maximum(weights.landing * footholds.near, weights.swing)[:, :, None, None]
+        held = np.where(footholds.held[..., None], [HARD, HARD, across], 0.0)
+        stands = np.asarray(footholds.held.any(axis=2))[:, :, None, None]
+        priority = np.where(stands, held, free).reshape(len(footholds.places), -1)
+        places = footholds.places.reshape(len(footholds.places), -1)
+        return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        """Where the corners are, x y z of one after the other [m]."""
+        found = []
+        for sole, _ in track.ends[:: len(AXES)]:
+            foot, corner = sole.split(" sole ")
+            found.append(body.corners(foot)[CORNER_NAMES.index(corner)])
+        return ca.vertcat(*found)
+
+    def coarse(self, track: Track) -> Track:
+        """Soles that stand lie on the floor, wherever that is."""
+        priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
+        priority[~self._held(track).reshape(len(priority), -1)] = 0.0
+        priority[..., :2] = 0.0
+        return replace(track, priority=priority.reshape(track.priority.shape))
+
+    def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
+        """Footholds where the robot puts its feet by itself: measured (T, E) corners [m], the first frames `fixed`."""
+        held = self._held(track)
+        corners = measured.reshape(*held.shape, len(AXES))
+        places = [settled(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
+        places = np.stack(places, axis=1).reshape(measured.shape)
+        return replace(track, lower=places, upper=places)
+
+    @staticmethod
+    def _held(track: Track) -> np.ndarray:
+        """(T, F, 4) which corners stand."""
+        along = track.priority[:, :: len(AXES)] >= HARD
+        return along.reshape(len(along), -1, len(CORNER_NAMES))
+
+    def _across(self, scene: Scene) -> float:
+        moves = carrying(scene.robot.model)
+        spots, soles = scene.match.anatomy.spots, scene.match.anatomy.soles
+        pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[scene.robot.root_body]
+        hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
+        return HARD if min(hinges, default=6) >= 6 else self.tilting

@@ -1,0 +1,62 @@
+"""What a kind of edge is: a wish on the human, a measure on the robot.
+
+A new kind is one file with a small class like those beside this one, and one line in `kinds/__init__.py`.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import casadi as ca
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.human import Human
+from robot_retarget.describe.match import Match
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.track import Track
+from robot_retarget.describe.weights import Weights
+from robot_retarget.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that a wish may depend on."""
+
+    human: Human
+    match: Match
+    robot: Robot
+    weights: Weights
+
+    @property
+    def leg(self) -> float:
+        """The robot's leg [m], the length that errors of places are over."""
+        return self.match.robot_leg
+
+
+class Kind(Protocol):
+    """One kind of edge."""
+
+    @property
+    def name(self) -> str:
+        """As tables show it."""
+        ...
+
+    def wish(self, scene: Scene) -> Track | None:
+        """What the human asks for over time: ends, intervals, π; None where the bodies have no such edges."""
+        ...
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        """(E,) what the edges measure on the robot, an expression of its points, axes and joints."""
+        ...
+
+
+@runtime_checkable
+class Renewable(Protocol):
+    """A kind whose δ depends on where the robot goes by itself: it is renewed once, after the coarse path."""
+
+    def coarse(self, track: Track) -> Track:
+        """What is asked for while that is not known."""
+        ...
+
+    def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
+        """What is asked for when the edges measure (T, E) on the coarse path; its first frames are `fixed`."""
+        ...

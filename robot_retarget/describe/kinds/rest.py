@@ -1,0 +1,40 @@
+"""Rest: joints as the robot stands, by a little, so that what nothing asks for stays where it is."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.track import Track, exact
+from robot_retarget.robot.kinematics import carrying
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Every hinge."""
+
+    name: str = "rest"
+
+    def wish(self, scene: Scene) -> Track | None:
+        """The standing pose."""
+        robot, w = scene.robot, scene.weights
+        standing = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
+        weight = np.where(_wrists(scene), w.wrist, w.rest)
+        wished = np.broadcast_to(standing, (len(scene.human), len(standing)))
+        return exact(self, [(name, "standing pose") for name in robot.joint_names], wished, weight)
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        """Angles [rad]."""
+        return body.angles()[[body.robot.joint_names.index(name) for name, _ in track.ends]]
+
+
+def _wrists(scene: Scene) -> np.ndarray:
+    """(n,) the wrists that no marker leads: hinges that move a hand and no other keypoint."""
+    robot, match = scene.robot, scene.match
+    bodies = match.points.bodies
+    moves = carrying(robot.model)[bodies][:, robot.dof_index]
+    marked = {match.anatomy.frames[segment][0] for segment in scene.human.segments}
+    hands = [k for k, name in enumerate(match.keypoints) if name[2:] == "hand" and int(bodies[k]) not in marked]
+    return np.asarray((moves.sum(axis=0) == 1) & moves[hands].any(axis=0))

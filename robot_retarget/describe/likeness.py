@@ -1,0 +1,101 @@
+"""How like the human a robot moves: directions of limbs, contacts, pace and steps, at the human's own moments."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.describe.graph import Graph
+from robot_retarget.robot import world_points
+
+PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
+"""The keypoints at the ends of the bones of each part."""
+KEPT = 0.04
+"""A contact is kept where the robot's hand is no farther than this more than the human's, over the path between [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """Of a robot's motion to the human's it comes from."""
+
+    angles: dict[str, Floats]
+    """Per bone, named by the keypoint it ends in, (T,) the angle between the human's and the robot's, each seen from its own
+    pelvis' heading [rad]."""
+    contacts: float | None
+    """Share of the human's contacts of hands that the robot makes too; None where there are none."""
+    slowdown: float = 1.0
+    """Time it takes, over the human's."""
+    stride: float = 1.0
+    """Length of its steps, over the scaled human's."""
+    legs: str = "follow"
+    """`follow` the human's, or `stand`: both feet in place, where legs are not compared."""
+
+    def part(self, name: str) -> float | None:
+        """The mean angle of a part's bones [rad]; None where the robot lacks them."""
+        bones = [angle for bone, angle in self.angles.items() if bone.split("_")[-1] in PARTS[name]]
+        return float(np.mean(bones)) if bones else None
+
+    def worst(self) -> tuple[str, float]:
+        """The bone that is furthest off on the mean, and by how much [rad]."""
+        means = {bone: float(angle.mean()) for bone, angle in self.angles.items()}
+        return max(means.items(), key=lambda item: item[1]) if means else ("", 0.0)
+
+    def figures(self) -> dict[str, Any]:
+        """As reports have them; angles in degrees, for people."""
+        bone, off = self.worst()
+        return {
+            **{f"limb_deg_{name}": _degrees(self.part(name)) for name in PARTS},
+            "limb_deg_worst": _degrees(off),
+            "limb_worst": bone,
+            "contacts_kept": None if self.contacts is None else round(self.contacts, 3),
+            "slowdown": round(self.slowdown, 3),
+            "stride": round(self.stride, 3),
+            "legs": self.legs,
+        }
+
+
+def likeness_of(
+    graph: Graph, qpos: Floats, *, slowdown: float = 1.0, stride: float = 1.0, legs: str = "follow"
+) -> Likeness:
+    """Compare configurations (T, nq) with the human of a graph, frame by frame."""
+    match, human = graph.match, graph.human.positions
+    robot = world_points(graph.robot, match.points, qpos)
+    seen = [_from_pelvis(x, match.keypoints) for x in (human, robot)]
+    compared = {end for name, ends in PARTS.items() for end in ends if not (legs == "stand" and name == "legs")}
+    angles = {}
+    for k, keypoint in enumerate(match.keypoints):
+        parent = int(match.parents[k])
+        if parent >= 0 and keypoint.split("_")[-1] in compared:
+            one, other = (unit(x[:, k] - x[:, parent]) for x in seen)
+            angles[keypoint] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
+    return Likeness(angles, _contacts_kept(graph, robot), slowdown, stride, legs)
+
+
+def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:
+    """Keypoints (T, K, 3) turned so that the hip line lies across."""
+    if not {"l_hip", "r_hip"} <= set(keypoints):
+        return x
+    across = x[:, keypoints.index("l_hip"), :2] - x[:, keypoints.index("r_hip"), :2]
+    c, s = unit(across).T
+    turn = np.zeros((len(x), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, s, -s, c, 1.0
+    return np.einsum("tij,tkj->tki", turn, x)
+
+
+def _contacts_kept(graph: Graph, robot: Floats) -> float | None:
+    """Of what touches in the human's motion, the share that is as near on the robot."""
+    track = graph.kinds.get("touch")
+    if track is None:
+        return None
+    names = graph.match.keypoints
+    i, j = ([names.index(ends[k]) for ends in track.ends] for k in (0, 1))
+    touching = track.priority > track.priority.max(initial=0.0) / 2
+    if not touching.any():
+        return None
+    near = np.linalg.norm(robot[:, i] - robot[:, j], axis=2) / track.scale
+    return float((near <= track.lower / track.scale + KEPT)[touching].mean())
+
+
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else round(float(np.degrees(angle)), 1)

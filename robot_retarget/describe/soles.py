@@ -1,0 +1,50 @@
+"""The soles of a robot: their corners, where they point, and how they lie on the floor."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.robot import Anatomy, Points
+
+CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
+CORNERS = len(CORNER_NAMES)
+LEAST = 0.01
+"""A sole is held as if it were at least so long and wide [m]; shorter ones do not tell where they point."""
+TOE, HEEL = [0, 1], [2, 3]
+_LEFT, _RIGHT = [0, 2], [1, 3]
+
+
+def sole_corners(anatomy: Anatomy, foot: str) -> Points:
+    """The corners of what a foot stands on, in the order of `CORNER_NAMES`.
+
+    A foot that stands on a point or a line has the heading of its frame: it is held by a small rectangle along it.
+    """
+    body, axes = anatomy.frames[f"{foot}_foot"]
+    along = anatomy.treads[foot].offsets @ axes
+    low, middle, half = along[:, 2].min(), (along.min(0) + along.max(0)) / 2, np.ptp(along, axis=0) / 2
+    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST / 2) for way in (-1, 1))
+    corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
+    return Points(np.full(CORNERS, body), corners @ axes.T)
+
+
+def lengths(corners: Floats) -> Floats:
+    """(…, 2) from the middle of the heel to the middle of the toes of soles (…, 4, 3), along the floor [m]."""
+    return corners[..., TOE, :2].mean(axis=-2) - corners[..., HEEL, :2].mean(axis=-2)
+
+
+def flattened(corners: Floats) -> Floats:
+    """Corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
+    middle = corners.mean(axis=-2, keepdims=True)
+    ahead = unit(lengths(corners))[..., None, :]
+    left = leftward(ahead)
+    length, width = (
+        np.linalg.norm(corners[..., one, :] - corners[..., other, :], axis=-1).mean(axis=-1)[..., None, None] / 2
+        for one, other in ((TOE, HEEL), (_LEFT, _RIGHT))
+    )
+    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    flat = middle[..., :2] + signs[:, :1] * length * ahead + signs[:, 1:] * width * left
+    return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
+
+
+def smoothstep(share: Floats) -> Floats:
+    """3 s² − 2 s³: from 0 to 1, at rest at both ends."""
+    return share**2 * (3 - 2 * share)

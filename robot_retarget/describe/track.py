@@ -1,0 +1,158 @@
+"""Edges of one kind over time: who is joined never changes, what is wished does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import GraphError
+
+if TYPE_CHECKING:
+    from robot_retarget.describe.kinds.kind import Kind
+
+HARD = 1e4
+"""π of a hard edge, over the squared length of a leg: it gives way by a tenth of a millimetre [-]."""
+
+
+@runtime_checkable
+class Selectable(Protocol):
+    """A kind that keeps facts of its own about every edge."""
+
+    def of(self, edges: np.ndarray) -> "Kind":
+        """The same for some of the edges."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """E edges of one kind over T frames.
+
+    An edge measures d(q), a distance between its two ends or the coordinate of their difference along an axis (the limit of
+    a distance to a far beacon). Its error is e = (d − y)/scale with y the point of [lower, upper] nearest to d, and it costs
+
+        π ϱ(e),   ϱ(e) = 2 g² (√(1 + (e/g)²) − 1)  (pseudo-Huber of scale g),   e² for g = ∞.
+    """
+
+    kind: "Kind"
+    ends: tuple[tuple[str, str], ...]
+    """(E,) names of both ends."""
+    lower: Floats
+    upper: Floats
+    """(T, E) the wished interval [m], [rad] for joints, without unit for directions; equal bounds are exact."""
+    priority: Floats
+    """(T, E) π, 0 where an edge is absent."""
+    scale: Floats
+    """(E,) what makes an error dimensionless, in the unit of the interval."""
+    axes: tuple[str, ...] = ()
+    """(E,) the axis a coordinate is taken along; empty for distances."""
+    give: float = np.inf
+    """g, the Huber scale: errors well over it count linearly [-]."""
+
+    def __post_init__(self) -> None:
+        frames, edges = np.shape(self.lower)
+        for name, shape in (("lower", (frames, edges)), ("upper", (frames, edges)), ("priority", (frames, edges))):
+            object.__setattr__(self, name, frozen(np.broadcast_to(getattr(self, name), shape)))
+        object.__setattr__(self, "scale", frozen(np.broadcast_to(self.scale, (edges,))))
+        if len(self.ends) != edges:
+            raise GraphError(f"{self.name}: {len(self.ends)} pairs of ends for {edges} edges")
+        crossed = np.argwhere(self.lower > self.upper)
+        if crossed.size:
+            frame, edge = crossed[0]
+            raise GraphError(
+                f"{self.edge_name(edge)} asks for {self.lower[frame, edge]:g} … {self.upper[frame, edge]:g} at frame {frame}: "
+                "the least is above the most"
+            )
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    @property
+    def name(self) -> str:
+        """Of the kind."""
+        return self.kind.name
+
+    @property
+    def exact(self) -> bool:
+        """Whether every interval is a single value."""
+        return bool((self.lower == self.upper).all())
+
+    def loss(self, error: Floats) -> Floats:
+        """ϱ of errors."""
+        if np.isinf(self.give):
+            return error**2
+        return 2 * self.give**2 * (np.sqrt(1 + (error / self.give) ** 2) - 1)
+
+    def edge_name(self, edge: int) -> str:
+        """`touch l_hand – head`, with the axis of a coordinate."""
+        a, b = self.ends[edge]
+        axis = f" ({self.axes[edge]})" if self.axes else ""
+        return f"{self.name} {a} – {b}{axis}"
+
+    def joins(self, a: str, b: str) -> np.ndarray:
+        """(E,) which edges join two ends, in either order."""
+        return np.array([set(ends) == {a, b} for ends in self.ends], dtype=bool)
+
+    def at(self, frames: slice | Sequence[int] | np.ndarray) -> "Track":
+        """The same edges at some frames."""
+        return replace(self, lower=self.lower[frames], upper=self.upper[frames], priority=self.priority[frames])
+
+    def resampled(self, at: Floats) -> "Track":
+        """The same edges at broken frames (K,), straight between them."""
+        before = np.minimum(np.asarray(at, dtype=int), len(self.lower) - 1)
+        after, share = np.minimum(before + 1, len(self.lower) - 1), (at - before)[:, None]
+        columns = {}
+        for name in ("lower", "upper", "priority"):
+            values = getattr(self, name)
+            ahead = np.where(np.isfinite(values[after]), values[after], values[before])
+            columns[name] = np.where(share > 0, (1 - share) * values[before] + share * ahead, values[before])
+        return replace(self, **columns)
+
+    def subset(self, edges: np.ndarray) -> "Track":
+        """Some of the edges: a mask or indices."""
+        kept = np.arange(len(self))[edges]
+        columns = {name: getattr(self, name)[:, kept] for name in ("lower", "upper", "priority")}
+        return replace(
+            self,
+            kind=self.kind.of(kept) if isinstance(self.kind, Selectable) else self.kind,
+            ends=tuple(self.ends[k] for k in kept),
+            axes=tuple(self.axes[k] for k in kept) if self.axes else (),
+            scale=self.scale[kept],
+            **columns,
+        )
+
+    def weighed(self, factor: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
+        """π multiplied, for some edges."""
+        priority = np.array(self.priority)
+        priority[:, edges] *= factor
+        return replace(self, priority=priority)
+
+
+def exact(
+    kind: "Kind",
+    ends: Sequence[tuple[str, str]],
+    wished: Floats,
+    priority: Floats | float,
+    scale: Floats | float = 1.0,
+    *,
+    axes: Sequence[str] = (),
+    give: float = np.inf,
+) -> Track:
+    """Edges that wish for one value each (T, E)."""
+    return Track(
+        kind,
+        tuple(ends),
+        wished,
+        wished,
+        np.asarray(priority, dtype=float),
+        np.asarray(scale, dtype=float),
+        tuple(axes),
+        give,
+    )
+
+
+def joined(parts: Sequence[Track]) -> Track:
+    """The same edges over frames that follow each other."""
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
+    return replace(parts[0], **columns)

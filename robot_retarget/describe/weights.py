@@ -1,0 +1,54 @@
+"""How much each kind of edge counts."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Weights:
+    """π of every kind; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
+
+    near: float = 60.0
+    """Distances between keypoints that are near each other, over the path between them ..."""
+    far: float = 18.0
+    """... and of those that are far; all of a frame together, over the number of keypoints."""
+    reach: float = 0.35
+    """Two keypoints at this share of the path between them are half near [-]."""
+    give: float = 0.028
+    """Errors of distances well over this count linearly, those under it by their square [-]."""
+    touch: float = 2000.0
+    """A hand and what it touches, a foot and the other, on top of their distance."""
+    bones: dict[str, float] = field(
+        default_factory=lambda: {
+            "knee": 8.0,
+            "ankle": 8.0,
+            "chest": 3.2,
+            "elbow": 2.0,
+            "hand": 2.0,
+            "toe": 0.64,
+            "neck": 0.24,
+            "head": 0.24,
+        }
+    )
+    """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
+    hips: float = 20.0
+    """Direction of the hip line: which way the body faces."""
+    shoulders: float = 1.4
+    """Direction of the shoulder line."""
+    orientation: float = 0.3
+    """Forward and up of pelvis, chest, head and hands ..."""
+    foot: float = 0.1
+    """... and of feet."""
+    path: float = 4.0
+    """The pelvis on its path, over the leg."""
+    rest: float = 0.0004
+    """Joints as the robot stands [1/rad²] ..."""
+    wrist: float = 0.1
+    """... and wrists, where nothing shows how a hand is turned [1/rad²]."""
+    swing: float = 4.0
+    """A swing foot on its reference, over the leg ..."""
+    landing: float = 40.0
+    """... and next to its stances."""
+    smooth: float = 20.0
+    """Squared second differences of the joints at 30 frames a second [1/rad²]."""
+    smooth_root: float = 10.0
+    """How much more the root's count, per rad² and per m² [-]."""

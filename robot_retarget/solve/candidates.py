@@ -1,0 +1,257 @@
+"""The candidate set: poses of a clip in several basins of attraction, and the cheapest path through them.
+
+An arm of three joints can follow a human arm in more ways than one, and a solver that goes frame by frame stays in the
+basin it began in. Here candidates are sought from several starts at moments spread over the clip, each is followed
+forward and backward at a low frame rate until it meets another, and the path of least cost is chosen by dynamic
+programming. Where the path costs more than a candidate beside it, single limbs of the two are recombined.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.graph import Graph
+from robot_retarget.robot import Robot
+from robot_retarget.robot.anatomy import limb_hinges
+from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.mirror import mirror_of
+from robot_retarget.robot.model import HINGE
+from robot_retarget.robot.root import put
+from robot_retarget.solve.options import Search
+from robot_retarget.solve.problem import Wish, Wishes
+from robot_retarget.solve.solution import Status
+from robot_retarget.solve.speeds import within_speeds
+from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+
+
+def coarse_path(
+    solver: FrameSolver, graph: Graph, wishes: Wishes, search: Search, known: list[Floats] | None = None
+) -> list[Floats]:
+    """A configuration (nq,) for every frame: the cheapest path through the candidates, on splines between moments.
+
+    Args:
+        known: configurations of the first frames, from the last of which the path sets out.
+    """
+    first, fps = known or [], graph.fps
+    step, start = max(1, round(fps / search.rate)), max(len(first) - 1, 0)
+    beats = np.arange(0, len(graph), step)  # whatever is known: another window seeks at the same frames
+    frames = np.unique([start, *beats[beats > start], len(graph) - 1])
+    found = Candidates(solver, graph, wishes, frames, search)
+    stride = max(1, round(search.every * fps / step))
+    if first:
+        found.set_out(first[-1])
+    for moment in range(stride if first else 0, len(frames), stride):
+        found.seek(moment)
+    found.bridge()
+    path = found.cheapest()
+    for _ in range(search.recombinations):
+        if not found.recombine(path, stride):
+            break
+        found.bridge()
+        path = found.cheapest()
+    before = first[max(start - 2, 0) : start]
+    return [*first[:start], *interpolated(solver.robot, frames - start, [pose.qpos for pose in path], before)]
+
+
+class Candidates:
+    """The poses found so far, per moment."""
+
+    def __init__(self, solver: FrameSolver, graph: Graph, wishes: Wishes, frames: np.ndarray, search: Search):
+        self.solver, self.graph, self.wishes, self.search = solver, graph, wishes, search
+        self.frames, self.times = frames, frames / graph.fps
+        self.poses: list[list[Pose]] = [[] for _ in frames]
+        self.hinges, self.first = solver.robot.qpos_index, 0
+
+    def set_out(self, qpos: Floats) -> None:
+        """Begin with a pose that is not in question, and follow it."""
+        pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
+        self.poses[0].append(pose)
+        self.first = 1
+        self._follow(pose, 0, range(1, len(self.frames)))
+
+    def seek(self, moment: int) -> None:
+        """Find candidates at a moment and follow each to both sides, to the ends if it meets no other."""
+        found = seek(self.solver, self.graph, self.wishes, int(self.frames[moment]), self.search)
+        for pose in found[: self.search.candidates]:
+            if pose.cost < self.search.worth * found[0].cost:
+                self._go_on(pose, moment)
+
+    def bridge(self) -> None:
+        """Where the path would leap to a cheaper basin, find poses on the way that the joints can follow."""
+        path = self.cheapest(beyond_speed=0.0)
+        angles = np.array([pose.qpos[self.hinges] for pose in path])
+        reach = self.solver.robot.max_speed * np.diff(self.times).max(initial=0.0)
+        paced = within_speeds(angles, reach, self.first)
+        for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search.same):
+            start = path[k].qpos.copy()
+            start[self.hinges] = paced[k]
+            near = [paced[j] for j in (k - 1, k + 1) if 0 <= j < len(path)]
+            pose = self._descend(start, int(k), self.solver.ranges.around(near, reach))
+            paced[k] = pose.qpos[self.hinges]
+            self.poses[k].append(pose)
+
+    def recombine(self, path: list[Pose], stride: int) -> bool:
+        """Exchange limbs between a path and what is cheaper beside it, and follow what comes of it; whether anything did.
+
+        Arms and head change basins apart from each other, and poses that are followed whole hold few of the combinations.
+        Of every `stride` moments the one is looked at where the path exceeds the cheapest candidate most.
+        """
+        least = np.array([min(pose.cost for pose in poses) for poses in self.poses])
+        excess, found = np.array([pose.cost for pose in path]) - least, False
+        for first in range(self.first, len(path), stride):
+            moment = first + int(excess[first : first + stride].argmax())
+            if excess[moment] > self.search.excess * path[moment].cost:
+                cheaper = [pose for pose in self._recombined(path[moment], moment) if pose.cost < path[moment].cost]
+                found |= any([self._go_on(pose, moment) for pose in sorted(cheaper, key=lambda pose: pose.cost)])
+        return found
+
+    def cheapest(self, beyond_speed: float | None = None) -> list[Pose]:
+        """Viterbi's path: least sum of the moments' costs and of the changes between them."""
+        beyond = self.search.beyond_speed if beyond_speed is None else beyond_speed
+        total = np.array([p.cost for p in self.poses[0]])
+        back: list[np.ndarray] = []
+        for k in range(1, len(self.poses)):
+            steps = total[:, None] + self._changes(k, beyond)
+            back.append(steps.argmin(axis=0))
+            total = steps.min(axis=0) + [p.cost for p in self.poses[k]]
+        path = [int(total.argmin())]
+        for choice in reversed(back):
+            path.append(int(choice[path[-1]]))
+        return [poses[k] for poses, k in zip(self.poses, reversed(path), strict=True)]
+
+    def _changes(self, k: int, beyond_speed: float) -> Floats:
+        """(A, B) what it costs to go from every pose of the moment before to every one of a moment."""
+        robot, before, here = self.solver.robot, self.poses[k - 1], self.poses[k]
+        turned = np.array([[difference(robot, a.qpos, b.qpos) for b in here] for a in before])
+        reach = robot.max_speed * (self.times[k] - self.times[k - 1])
+        beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
+        return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
+
+    @cached_property
+    def _limbs(self) -> list[Ints]:
+        """Where the angles of arms and head stand in a configuration."""
+        return [self.hinges[list(limb)] for limb in drawn_limbs(self.solver, self.search)]
+
+    def _recombined(self, here: Pose, moment: int) -> Iterator[Pose]:
+        """Where descents end from a pose with one limb of the cheapest candidates, and from those with one limb of it."""
+        cheaper = sorted((pose for pose in self.poses[moment] if pose.cost < here.cost), key=lambda pose: pose.cost)
+        for other, limb in product(cheaper[:2], self._limbs):
+            if np.abs(here.qpos[limb] - other.qpos[limb]).max(initial=0.0) < self.search.same:
+                continue
+            for whole, part in ((here, other), (other, here)):
+                start = whole.qpos.copy()
+                start[limb] = part.qpos[limb]
+                yield self._descend(start, moment)
+
+    def _go_on(self, pose: Pose, moment: int) -> bool:
+        """Keep a pose and follow it to both sides, unless it is there already."""
+        if not self._add(moment, pose):
+            return False
+        self._follow(pose, moment, range(moment + 1, len(self.frames)))
+        self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
+        return True
+
+    def _follow(self, pose: Pose, here: int, moments: range) -> None:
+        """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
+        for moment in moments:
+            reach = self.solver.robot.max_speed * abs(self.times[moment] - self.times[here])
+            pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
+            if not self._add(moment, pose):
+                return
+            here = moment
+
+    def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
+        """Where a rough descent ends whose hinges stay in a box."""
+        wish = self.wishes.at(int(self.frames[moment]))
+        return self.solver.descend(
+            qpos, wish, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
+        )
+
+    def _add(self, moment: int, pose: Pose) -> bool:
+        """Keep a pose unless it is there already."""
+        angles = pose.qpos[self.hinges]
+        if any(np.abs(angles - p.qpos[self.hinges]).max() < self.search.same for p in self.poses[moment]):
+            return False
+        self.poses[moment].append(pose)
+        return True
+
+
+def seek(solver: FrameSolver, graph: Graph, wishes: Wishes, frame: int, search: Search) -> list[Pose]:
+    """Where descents from several starts end, the cheapest first.
+
+    The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost little
+    among many drawn within their ranges: the best of each limb together, the second best, and so on.
+    """
+    wish, robot = wishes.at(frame), solver.robot
+    placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
+    placed += _limbs_drawn(solver, placed[1], wish, search)
+    most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
+    ends = [solver.descend(q, wish, iterations=most, tolerance=tolerance) for q in placed]
+    return sorted(ends, key=lambda end: end.cost)
+
+
+def _limbs_drawn(solver: FrameSolver, base: Floats, wish: Wish, search: Search) -> list[Floats]:
+    best = [base.copy() for _ in range(search.starts)]
+    for limb, angles in drawn_limbs(solver, search).items():
+        columns = solver.robot.qpos_index[list(limb)]
+        poses = np.repeat(base[None], len(angles), axis=0)
+        poses[:, columns] = angles
+        cost = [solver.problem.cost(pose, wish) for pose in poses]
+        for start, k in zip(best, np.argsort(cost, kind="stable"), strict=False):
+            start[columns] = angles[k]
+    return best
+
+
+def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
+    """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
+    robot, anatomy = solver.robot, solver.problem.match.anatomy
+    every = np.random.default_rng(0).uniform(robot.lower, robot.upper, (search.drawn, len(robot.lower)))
+    mirror = mirror_of(robot, _left(robot, anatomy.forward))
+    other = np.clip(mirror.angles(every), robot.lower, robot.upper)
+    chosen = {"l_hand": every, "r_hand": other, "head": (every + other) / 2}
+    limbs = {end: limb_hinges(robot, anatomy, end) for end in chosen if end in anatomy.spots}
+    return {
+        tuple(limb.tolist()): (chosen[end] if (mirror.partner[limb] >= 0).all() else every)[:, limb]
+        for end, limb in limbs.items()
+        if limb.size
+    }
+
+
+def _left(robot: Robot, forward: Floats) -> Floats:
+    """The robot's left in its reference pose."""
+    return np.cross([0.0, 0.0, 1.0], forward)
+
+
+def place_root(graph: Graph, qpos: Floats, frame: int) -> Floats:
+    """A pose with its root turned and moved so that the pelvis is where and as it is wished."""
+    robot, anatomy = graph.robot, graph.match.anatomy
+    body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
+    spot = anatomy.spots.get("pelvis")
+    offset = spot.offset if spot is not None and spot.body == body else np.zeros(3)
+    return put(robot, qpos, body, offset, graph.pelvis[frame], graph.human.facing[frame] @ axes.T)
+
+
+def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:
+    """Configurations at every frame, on cubic splines through some.
+
+    Args:
+        frames: from 0 on, of the `poses`; those `before` are at frames −1, −2, … and the splines go on from there.
+    """
+    known, wanted = np.array([*before, *poses]), np.arange(frames[-1] + 1)
+    if len(known) == 1:
+        return [known[0]]
+    knots = np.concatenate([np.arange(-len(before), 0), frames])
+    turning = [int(robot.model.jnt_qposadr[j]) for j in robot.root_joints if robot.model.jnt_type[j] == HINGE]
+    known[:, turning] = np.unwrap(known[:, turning], axis=0)
+    full, hinges = CubicSpline(knots, known)(wanted), robot.qpos_index
+    full[:, hinges] = full[:, hinges].clip(robot.lower, robot.upper)
+    if robot.floating:
+        a = robot.root_address + 3
+        turns = RotationSpline(knots, Rotation.from_quat(known[:, a : a + 4], scalar_first=True))
+        full[:, a : a + 4] = turns(wanted).as_quat(scalar_first=True)
+    return list(full)

@@ -1,0 +1,97 @@
+"""How long and how carefully to search."""
+
+from dataclasses import dataclass, field
+
+from robot_retarget.solve.windows import Windows
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of the sequential quadratic program of one frame. Lengths are shares of a leg."""
+
+    iterations: int = 16
+    """Steps at most, per frame; twice as many from a start that is no neighbour."""
+    tolerance: float = 2e-5
+    """Stop when no step would lower the cost by more than this share of it [-]."""
+    trust_region: float = 0.5
+    """Largest step of one hinge in one iteration [rad]; the root's may be twice as large [rad, m]."""
+    growth: float = 3.0
+    """How much the trust region may grow after a step that was accepted [-]."""
+    damping: float = 1e-3
+    """Levenberg's λ at the outset."""
+    refusals: int = 6
+    """Steps that raised the cost, after which a descent gives up; each one taken makes up for one of them."""
+    separation: bool = True
+    """Keep links apart ..."""
+    margin: float = 0.006
+    """... by this much ..."""
+    reach: float = 0.05
+    """... by rows of the quadratic program for those nearer than this ..."""
+    glance: float = 0.02
+    """Joints that turned by less since distances of links were measured let these go on along their slopes [rad] ..."""
+    tolerated: float = 2e-4
+    """... though they may stay where they lack so little of their margin: distances bend along a step ..."""
+    overlap_cost: float = 1e6
+    """... and what cannot be kept apart at once costs so much, over the squared leg."""
+    overlap: float = 5e-4
+    """Links inside each other by more are not accepted [m]."""
+    speed: float = 1.0
+    """Share of the joints' speeds that is used between frames [-]."""
+    coupled: float = 30.0
+    """π of joints that are geared together and of chains that close, over the squared leg."""
+    sunk: float = 1e-4
+    """A start this deep under the floor takes its first steps whatever they cost [m]."""
+    interaction: float = 0.0
+    """π of interaction edges, which slow links down that near each other; 0 for none."""
+    horizon: float = 0.2
+    """How far ahead these look [s]."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Of candidate poses over a clip, among which a path is chosen by dynamic programming."""
+
+    rate: float = 10.0
+    """Moments per second [1/s]."""
+    every: float = 1.0
+    """Time between the moments at which candidates are sought [s]."""
+    starts: int = 3
+    """Starts with limbs drawn within their ranges, beside the reference and the standing pose."""
+    drawn: int = 80
+    """Poses drawn per limb for these."""
+    iterations: int = 10
+    """Steps at most to follow a candidate to the next moment."""
+    tolerance: float = 1e-3
+    """As `Options.tolerance`: a path is chosen long before poses are exact."""
+    candidates: int = 3
+    """Kept per moment at which they are sought ..."""
+    worth: float = 1.3
+    """... if they cost less than so many times the least [-]."""
+    same: float = 0.15
+    """Poses whose hinges all lie nearer than this are one [rad]."""
+    change: float = 0.5
+    """Cost of a change of pose between moments [1/rad²] ..."""
+    beyond_speed: float = 30.0
+    """... and of what hinges turn beyond their speeds on top [1/rad²]."""
+    recombinations: int = 2
+    """Rounds at most in which limbs are exchanged between the path and cheaper candidates."""
+    excess: float = 0.05
+    """A path is looked at where it costs by this share more than the cheapest candidate of the moment [-]."""
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
+
+    passes: int = 8
+    """How often every frame takes a step; 0 solves frame by frame."""
+    proximal: float = 40.0
+    """ρ, how strongly a frame is drawn to the smooth path [1/rad²]."""
+    tolerance: float = 1e-5
+    """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
+    looks: tuple[int, ...] = (2, 4, 6)
+    """Before these passes links are looked for that pass through each other between frames."""
+    converged: float = 0.01
+    """A frame that the last pass moved by less counts as converged [rad or m]."""
+    windows: Windows = field(default_factory=Windows)
+    """How a long clip is cut."""

@@ -1,0 +1,206 @@
+"""One frame: sequential quadratic programming in a trust region; steps keep ranges, floor and separation."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.root import raised
+from robot_retarget.solve.between import Between, on_the_way
+from robot_retarget.solve.compiled import QuadraticProgram
+from robot_retarget.solve.options import Options
+from robot_retarget.solve.problem import Problem, Wish
+from robot_retarget.solve.quadratic import CostModel, Interaction, Proximal, Quadratic
+from robot_retarget.solve.solution import Status
+
+SHORT = 0.1
+"""What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
+nothing here."""
+UNSEEN = 0.03
+"""The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """What the hinges may be at a frame: their ranges, cut to what their neighbours in time can reach. (n,) each."""
+
+    lower: Floats
+    upper: Floats
+
+    def around(self, neighbours: list[Floats], reach: Floats) -> "Box":
+        """Angles within `reach` of every neighbour (n,); where two are too far apart, halfway between them."""
+        lower, upper = self.lower, self.upper
+        for angles in neighbours:
+            lower, upper = np.maximum(lower, angles - reach), np.minimum(upper, angles + reach)
+        middle = (lower + upper) / 2
+        return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
+
+    def outside(self, angles: Floats) -> float:
+        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs, unless links meet there."""
+        return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a descent ended."""
+
+    qpos: Floats
+    status: Status
+    cost: float
+    """Before the last step, which was too small to be worth another look."""
+    iterations: int
+    model: Quadratic | None = None
+    """The quadratic model there, without any proximal term: a further descent with the same wish starts from it."""
+    missing: float = 0.0
+    """How much the nearest links lacked to be apart when last looked at, over the leg."""
+
+
+class _TrustRegion:
+    """How far the next step of a descent may lead, and how many were taken and refused (Levenberg–Marquardt)."""
+
+    def __init__(self, options: Options):
+        self.longest = self.radius = options.trust_region
+        self.damping, self.growth = options.damping, options.growth
+        self.taken = self.refused = 0
+
+    def take(self) -> None:
+        self.damping, self.radius = max(self.damping / 4, 1e-6), min(self.longest, self.growth * self.radius)
+        self.taken, self.refused = self.taken + 1, max(self.refused - 1, 0)
+
+    def refuse(self, step: Floats) -> None:
+        self.damping, self.radius = self.damping * 10 + 1e-2, 0.3 * min(self.radius, float(np.abs(step).max()))
+        self.refused += 1
+
+
+class FrameSolver:
+    """The solver of single frames of one problem; holds the compiled quadratic program."""
+
+    def __init__(self, problem: Problem, options: Options | None = None):
+        self.problem, self.options, self.robot = problem, options or Options(), problem.robot
+        self.hinges, self.leg = self.robot.dof_index, problem.leg
+        self.ranges = Box(self.robot.lower, self.robot.upper)
+        self.speed = self.options.speed * self.robot.max_speed
+        """(n,) of the joints between frames, at most [rad/s]."""
+        self.costs = CostModel(problem, self.options)
+        self.diagonal = np.diag_indices(self.robot.model.nv)
+        slack = 1  # of separation; it stands last
+        self.program = QuadraticProgram(self.robot.model.nv + slack, self.costs.rows)
+        self.program.hessian[-1, -1] = self.options.overlap_cost / self.leg**2
+        self.program.lower[-1], self.program.upper[-1] = 0.0, np.inf
+
+    def descend(
+        self,
+        start: Floats | Pose,
+        wish: Wish,
+        *,
+        proximal: Proximal | None = None,
+        interaction: Interaction | None = None,
+        iterations: int | None = None,
+        tolerance: float | None = None,
+        box: Box | None = None,
+        between: tuple[Between, ...] = (),
+    ) -> Pose:
+        """Steps within the box, above the floor and apart, until they gain little or so many were taken; chains closed.
+
+        Args:
+            start: a configuration, or a pose that an earlier descent with the same wish reached (warm start).
+            between: where links are kept apart besides.
+        """
+        most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
+        box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
+        known = start.model if isinstance(start, Pose) and not between else None
+        base = known or self.costs.linearize(q, wish, between)
+        here, region, strayed = self._with_terms(base, q, proximal, interaction), _TrustRegion(self.options), True
+        while region.taken < most and region.refused < self.options.refusals:
+            strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
+            step, gain = self._step(q, here, region, box)
+            if step is None:
+                return self._left(q, Status.BLOCKED, base, region, between)
+            small = float(np.abs(step[self.hinges]).max()) < UNSEEN
+            if gain <= least_gain * here.cost + 1e-12 and small and not (here.sunk or strayed):
+                last = integrate(self.robot, q, step)
+                return self._closed(Pose(last, Status.CONVERGED, base.cost, region.taken, missing=base.missing))
+            trial = integrate(self.robot, q, step)
+            there = self.costs.linearize(trial, wish, between, here.near)
+            lowered = self._with_terms(there, trial, proximal, interaction)
+            entering = strayed and there.missing <= here.missing
+            if lowered.cost < here.cost or entering or here.sunk:
+                q, base, here = trial, there, lowered
+                region.take()
+            else:
+                here = self._warned(here, there, step)
+                region.refuse(step)
+        return self._left(q, Status.OUT_OF_ITERATIONS, base, region, between)
+
+    def _left(
+        self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
+    ) -> Pose:
+        """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
+        return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.missing))
+
+    def _with_terms(
+        self, base: Quadratic, q: Floats, proximal: Proximal | None, interaction: Interaction | None
+    ) -> Quadratic:
+        return self.costs.with_interaction(self.costs.with_proximal(base, q, proximal), q, interaction)
+
+    def _step(self, q: Floats, here: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
+        """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
+        program, nv, angle, radius = self.program, len(here.gradient), q[self.robot.qpos_index], region.radius
+        program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
+        program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)
+        program.upper[self.hinges] = (box.upper - angle).clip(-radius, radius)
+        program.hessian[:nv, :nv] = here.normal
+        program.hessian[self.diagonal] += region.damping
+        program.gradient[:nv] = here.gradient
+        found = program.solve(here.rows, here.least)
+        if found is None:
+            return None, 0.0
+        return found[:nv], self.costs.decrease(here, found[:nv], float(found[nv]) / self.leg)
+
+    def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
+        """The model, with what a refused short step has met."""
+        met = there.missing > here.missing and np.abs(step).max() < SHORT
+        return here.with_rows_met(self.problem.soles, there, step) if met else here
+
+    def _closed(self, pose: Pose) -> Pose:
+        """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""
+        if not self.costs.coupling.present:
+            return pose
+        q, hinges = self.costs.coupling.closed(pose.qpos), self.robot.qpos_index
+        q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
+        return replace(pose, qpos=q, model=None)
+
+    def reachable(self, neighbours: list[Floats], time: float) -> Box:
+        """What the hinges can be a time [s] from each of some configurations, at their speeds."""
+        index = self.robot.qpos_index
+        return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
+
+    def depth(self, qpos: Floats) -> float:
+        """How deep links are inside each other [m], where they are kept apart."""
+        apart = self.costs.separation
+        return apart.depth(qpos) if apart else 0.0
+
+    def depth_between(self, before: Floats, after: Floats) -> float:
+        """How deep links come inside each other on the way from one configuration to another [m]."""
+        return max(self.depth(way.at(self.robot, after)) for way in on_the_way(self.robot, before, after))
+
+    def overlapping(self, qpos: Floats) -> bool:
+        """Whether links are inside each other by more than is accepted."""
+        return self.depth(qpos) > self.options.overlap
+
+    def held_back(self, before: Floats, pose: Pose) -> Pose:
+        """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
+        if not self.overlapping(pose.qpos):
+            return pose
+        way = difference(self.robot, before, pose.qpos)
+        tried = (integrate(self.robot, before, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
+        qpos = next((q for q in tried if not self.overlapping(q)), before)
+        return replace(pose, qpos=qpos, status=Status.BLOCKED, model=None)
+
+    def lifted(self, pose: Pose) -> Pose:
+        """The pose with its root raised by what curvature let it sink under the floor."""
+        depth = -float(self.problem.heights(pose.qpos)[0].min()) if self.problem.soles else 0.0
+        apart = self.costs.separation
+        depth = max(depth, apart.sunk(pose.qpos)) if apart else depth
+        return replace(pose, qpos=raised(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)

@@ -1,0 +1,215 @@
+"""Stances and footholds: where a sole stands it stays, flat; near in time to a stance a swing foot is led to it."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.contacts import contact_schedule, intervals
+from robot_retarget.describe.footholds import footholds_of, nearing, settled
+from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.ground import grounded
+from robot_retarget.describe.human import human_of
+from robot_retarget.describe.match import match
+from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.describe.track import HARD
+from robot_retarget.motion import Motion, read_motion
+from robot_retarget.robot import load_robot, world_points
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.solve import solve_graph
+
+SOLE = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
+"""Front left, front right, rear left, rear right [m]."""
+stances = st.integers(8, 40).flatmap(lambda frames: arrays(bool, frames))
+
+
+@cache
+def walk() -> Graph:
+    return describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
+
+
+def schedule(motion: Motion) -> dict[str, np.ndarray]:
+    matched = match(motion, load_robot("op3"))
+    return contact_schedule(grounded(matched.human_positions(motion), matched, motion.fps), matched, motion.fps)
+
+
+def tilted(draw: np.random.Generator, frames: int) -> Floats:
+    """(T, 4, 3) a sole that goes its own way, tilted by up to half a radian."""
+    turns = np.cumsum(draw.normal(scale=0.05, size=(frames, 3)), axis=0)
+    c, s = np.cos(turns), np.sin(turns)
+    one, zero = np.ones(frames), np.zeros(frames)
+    z = np.array([[c[:, 0], -s[:, 0], zero], [s[:, 0], c[:, 0], zero], [zero, zero, one]]).transpose(2, 0, 1)
+    y = np.array([[c[:, 1], zero, s[:, 1]], [zero, one, zero], [-s[:, 1], zero, c[:, 1]]]).transpose(2, 0, 1)
+    return SOLE @ (z @ y).swapaxes(1, 2) + np.cumsum(draw.normal(scale=0.01, size=(frames, 1, 3)), axis=0)
+
+
+def shape(corners: Floats) -> Floats:
+    """(…, 4, 4) distances between corners."""
+    return np.linalg.norm(corners[..., :, None, :] - corners[..., None, :, :], axis=-1)
+
+
+def test_a_squatting_human_stands_on_both_whole_soles_throughout() -> None:
+    assert all(stands.mean() > 0.98 for stands in schedule(read_motion(SAMPLES / "squat.bvh")).values())
+
+
+def test_a_walker_always_stands_on_one_foot_and_lifts_each_in_turn() -> None:
+    left, right = (np.asarray(walk().human.contacts[side].any(axis=1)) for side in "lr")
+    assert (left | right).mean() > 0.95
+    assert len(intervals(~left)) >= 3 and len(intervals(~right)) >= 3
+
+
+def test_stances_do_not_depend_on_the_frame_rate() -> None:
+    motion = read_motion(SAMPLES / "walk.bvh")
+    slow, fast = schedule(motion.resample(30)), schedule(motion.resample(120))
+    for side in "lr":
+        assert (slow[side] == fast[side][::4][: len(slow[side])]).mean() > 0.95
+
+
+@given(arrays(bool, st.integers(0, 40)))
+def test_intervals_are_the_runs_of_true(flags: np.ndarray) -> None:
+    runs = intervals(flags)
+    inside = [t for start, stop in runs for t in range(start, stop)]
+    assert inside == np.flatnonzero(flags).tolist()
+    assert all(first[1] < second[0] for first, second in pairwise(runs))
+
+
+def test_drifting_heights_are_levelled_and_level_ones_kept() -> None:
+    motion = read_motion(SAMPLES / "walk.bvh")
+    matched = match(motion, load_robot("op3"))
+    x = matched.human_positions(motion)
+    feet = [matched.index(k) for k in ("l_toe", "r_toe", "l_ankle", "r_ankle")]
+    level = grounded(x, matched, motion.fps)
+    rise = np.linspace(0, 1.0, len(x))[:, None, None] * [0, 0, 1]
+    drifted = grounded(x + rise, matched, motion.fps)
+    assert np.ptp(level - x, axis=0).max() < 1e-12
+    assert np.abs((drifted - level)[:, feet, 2]).max() < 0.15 and np.allclose(drifted[..., :2], x[..., :2])
+
+
+@given(stances, st.integers(0, 6))
+def test_feet_near_their_stances_before_and_after_alike_and_are_far_in_between(stands: np.ndarray, frames: int) -> None:
+    """(1 − n/(frames + 1))² with n the frames to the nearest stance."""
+    standing = np.flatnonzero(stands)
+    away = np.abs(np.arange(len(stands))[:, None] - standing).min(axis=1, initial=10**6)
+    wanted = np.maximum(1 - away / (frames + 1), 0.0) ** 2
+    assert np.allclose(nearing(stands[:, None], frames)[:, 0], wanted)
+    assert np.allclose(nearing(stands[::-1, None], frames)[::-1, 0], wanted)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_sole_laid_flat_keeps_its_middle_heading_and_shape(seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), 5)
+    flat = flattened(corners)
+    assert (flat[..., 2] == 0).all()
+    assert np.allclose(flat.mean(axis=1)[:, :2], corners.mean(axis=1)[:, :2])
+    assert np.allclose(shape(flat), shape(corners), atol=1e-9)
+    one, other = lengths(flat), lengths(corners)
+    assert np.allclose(one[:, 0] * other[:, 1], one[:, 1] * other[:, 0]) and ((one * other).sum(axis=1) > 0).all()
+    assert np.allclose(flattened(flat), flat)
+
+
+def test_a_step_between_0_and_1_is_at_rest_at_both_ends() -> None:
+    share = np.linspace(0, 1, 101)
+    slope = np.gradient(smoothstep(share), share)
+    assert smoothstep(share)[[0, 50, -1]].tolist() == [0.0, 0.5, 1.0]
+    assert slope[0] < 0.04 > slope[-1] and (slope > 0).all()
+
+
+@given(stances, st.integers(0, 2**32 - 1))
+def test_a_foot_that_stands_is_flat_and_still_wherever_it_goes_by_itself(stands: np.ndarray, seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), len(stands))
+    places = settled(np.repeat(stands[:, None], 4, axis=1), corners)
+    for start, stop in intervals(stands):
+        assert (places[start:stop] == places[start]).all() and (places[start][:, 2] == 0).all()
+        middle = np.median(corners[start:stop], axis=0)
+        assert np.allclose(places[start].mean(axis=0)[:2], middle.mean(axis=0)[:2])
+    if not stands.any():
+        assert (places == corners).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([TOE, HEEL]))
+def test_a_foot_on_its_toes_or_heels_alone_keeps_its_edges_as_wide_and_on_the_floor(seed: int, edge: list[int]) -> None:
+    corners = tilted(np.random.default_rng(seed), 6)
+    held = np.zeros((6, 4), dtype=bool)
+    held[1:5, edge] = True
+    down = settled(held, corners)[1]
+    middle = np.median(corners[1:5], axis=0)
+    for one, other in (TOE, HEEL):
+        assert np.allclose(down[[one, other], 2], 0)
+        assert np.linalg.norm(down[one] - down[other]) == pytest.approx(np.linalg.norm(middle[one] - middle[other]))
+        assert np.allclose(down[[one, other]].mean(axis=0)[:2], middle[[one, other]].mean(axis=0)[:2])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_swing_goes_its_own_way_shifted_from_one_foothold_to_the_next_without_a_leap(seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), 40)
+    stands = np.ones(40, dtype=bool)
+    stands[10:30] = False
+    places = settled(np.repeat(stands[:, None], 4, axis=1), corners)
+    offset = places - corners
+    before, after = offset[9], offset[30]
+    share = smoothstep((np.arange(40) - 9) / 21)[10:30, None, None]
+    assert np.allclose(offset[10:30], (1 - share) * before + share * after)
+    most = np.abs(after - before).max() * 1.5 / 21
+    assert np.abs(np.diff(offset[9:31], axis=0)).max(initial=0.0) <= most + 1e-12
+
+
+@given(st.integers(1, 11), st.integers(0, 2**32 - 1))
+def test_fixed_frames_stay_and_a_stance_that_began_in_them_goes_on_where_it_was(fixed: int, seed: int) -> None:
+    corners, held = tilted(np.random.default_rng(seed), 40), np.zeros((40, 4), dtype=bool)
+    corners[:12] = flattened(corners[:1])  # stands there, as the window before had it
+    held[:20] = held[30:] = True
+    places = settled(held, corners, fixed)
+    assert np.allclose(places[:20], corners[0], atol=1e-12) and np.ptp(places[30:], axis=0).max() == 0
+    offset = (places - corners)[19:31]
+    assert np.abs(np.diff(offset, axis=0)).max() < 1.5 / 11 * np.abs(offset[-1] - offset[0]).max() + 1e-9
+
+
+def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -> None:
+    """Both feet further out by what the robot's hips are wider; a turn of the human about the vertical turns it all."""
+    graph = walk()
+    found = footholds_of(graph.human, graph.match, graph.robot)
+    assert found.feet == ("l", "r") and found.places.shape == (len(graph), 2, 4, 3)
+    assert (found.places[found.held][:, 2] == 0).all()
+    for k, foot in enumerate(found.feet):
+        ankle = graph.human.positions[:, graph.match.index(f"{foot}_ankle")]
+        stands = intervals(np.asarray(found.held[:, k].all(axis=1)))
+        middles = np.array([found.places[start, k].mean(axis=0)[:2] for start, _ in stands])
+        theirs = np.array([np.median(ankle[start:stop], axis=0)[:2] for start, stop in stands]) * graph.match.leg_ratio
+        assert np.allclose(np.diff(middles, axis=0), np.diff(theirs, axis=0), atol=0.02)
+
+
+def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:
+    graph = walk()
+    bolted = replace(graph.robot, root_joints=np.zeros(0, dtype=np.int64))
+    assert footholds_of(human_of(graph.motion, graph.match), graph.match, bolted).feet == ()
+
+
+def test_corners_that_stand_are_held_hard_and_others_led_more_strongly_near_their_stances() -> None:
+    graph = walk()
+    track, held = graph.kinds["foothold"], footholds_of(graph.human, graph.match, graph.robot).held
+    along = track.priority.reshape(len(graph), 2, 4, 3)
+    stands = np.asarray(held.any(axis=2))
+    assert (along[held] == HARD).all() and (along[stands[..., None] & ~held] == 0).all()
+    swing = along[~stands]
+    weights = graph.weights
+    assert swing.min() == weights.swing and weights.swing < swing.max() < weights.landing
+
+
+def test_footholds_of_a_solved_walk_do_not_slide() -> None:
+    """By less than a millimetre over any stance, of the corners that are held."""
+    graph = walk().frames(0, 90)
+    qpos = solve_graph(graph).trajectory.qpos
+    held, seen = footholds_of(graph.human, graph.match, graph.robot).held, 0
+    for k, foot in enumerate("lr"):
+        corners = world_points(graph.robot, sole_corners(graph.match.anatomy, foot), qpos)
+        for corner in range(4):
+            for start, stop in intervals(held[:, k, corner]):
+                seen += 1
+                assert np.ptp(corners[start:stop, corner], axis=0).max() < 1e-3
+    assert seen >= 12
