@@ -23,7 +23,7 @@ LAYERS = {
     "simulate": {"motion", "dgp", "robot", "describe", "solve", "collision", "balance", "simulate"},
     "formats": {"motion", "robot", "servo", "formats"},
     "servo": {"motion", "robot", "servo"},
-    "edit": {"motion", "robot", "edit"},
+    "edit": {"motion", "robot", "describe", "solve", "edit"},
     "view": {"motion", "dgp", "robot", "describe", "solve", "collision", "simulate", "view"},
 }
 SERVO_MAP = "robot_retarget.servo.map"

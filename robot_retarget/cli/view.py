@@ -11,7 +11,9 @@ from robot_retarget.cli.stages import load, read_clip
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
+    from robot_retarget.motion import Motion
     from robot_retarget.view.web import Take, Viewer
+    from robot_retarget.view.web.serve import Editor
 
 commands = typer.Typer()
 
@@ -35,6 +37,12 @@ def view(
     video: Annotated[Output, typer.Option(help="A film to write (.mp4), of the first trajectory.")] = None,
     gif: Annotated[Output, typer.Option(help="An animated GIF to write, of the first trajectory.")] = None,
     strip: Annotated[Output, typer.Option(help="A strip of moments to write (.png), of the first trajectory.")] = None,
+    edits: Annotated[
+        Path,
+        typer.Option(
+            help="Where touch-ups are saved (.toml), for mend and solve; the trajectory lies beside it (.npz)."
+        ),
+    ] = Path("EDITS.toml"),
     port: Annotated[int, typer.Option(help="Where to serve the page; 0 takes a free port.")] = 8410,
     browser: Annotated[bool, typer.Option(help="Open a browser on it, where there is a screen.")] = True,
     limits: Limits = None,
@@ -51,7 +59,8 @@ def view(
         page = Viewer(takes).save(static)
         console.say(f"wrote {page}, {page.stat().st_size / 1e6:.1f} MB")
     if not any((static, video, gif, strip)):
-        _serve(Viewer(takes), port, browser)
+        editor = None if motion is None else _editor(takes[0], read_clip(motion, frames), map_file, edits)
+        _serve(Viewer(takes), port, browser, editor)
 
 
 def _takes(
@@ -111,14 +120,22 @@ def _tell(outcome: object, path: Path) -> None:
     console.say(f"wrote {path}")
 
 
-def _serve(viewer: "Viewer", port: int, browser: bool) -> None:
+def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Editor":
+    """What touches up the first trajectory."""
+    from robot_retarget.edit.session import Session, graph_of
+
+    graph = graph_of(motion, take.robot, take.trajectory, map_file)
+    return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
+
+
+def _serve(viewer: "Viewer", port: int, browser: bool, editor: "Editor | None") -> None:
     import os
     import sys
     import webbrowser
 
     from robot_retarget.view.web.serve import serve
 
-    served = serve(viewer, port)
+    served = serve(viewer, port, editor)
     console.say(f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends.")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)

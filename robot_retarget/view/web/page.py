@@ -85,7 +85,9 @@ def view(*shown: "Take | Result", report: "Report | None" = None) -> Viewer:
 
 def _take(result: "Result", report: "Report | None") -> Take:
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    return Take(result.robot, result.trajectory, human_of(result.match, result.motion), warnings, report)
+    return Take(
+        result.robot, result.trajectory, human_of(result.match, result.motion), warnings, report, result.solution
+    )
 
 
 def _asset(name: str) -> str:

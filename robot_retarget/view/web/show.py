@@ -16,6 +16,7 @@ from robot_retarget.view.staging import Staging, arrange
 from robot_retarget.view.web.layers import anchors, footholds, keypoints_of, near_pairs, outline, runs
 from robot_retarget.view.web.pack import ANGLE, LENGTH, TURN, Packer
 from robot_retarget.view.web.shapes import Shape, shapes_of
+from robot_retarget.view.web.stress import stress_of
 from robot_retarget.view.web.take import Take
 
 COARSE = 1e-3
@@ -49,6 +50,7 @@ def told(take: Take, packer: Packer) -> dict[str, Any]:
         "joints": _joints(take, packer),
         "stance": _stance(stance, trajectory.fps, packer) if stance else None,
         "warnings": _warnings(take, staging, packer) if take.warnings else None,
+        "stress": stress_of(take.solution, packer) if take.solution else None,
         "before": packer.add(_poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
         "report": _report(robot, take.report, shapes, packer) if take.report else None,
     }

@@ -11,6 +11,7 @@ from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.report import Report
+from robot_retarget.solve.solution import Solution
 from robot_retarget.trajectory import Trajectory
 
 
@@ -42,6 +43,8 @@ class Take:
     """Of the trajectory (`warnings_of`)."""
     report: Report | None = None
     """Of the trajectory (`simulate`)."""
+    solution: Solution | None = None
+    """What the trajectory was solved from, for the stress of its edges."""
     before: Trajectory | None = None
     """As it was before the latest touch-up, frame by frame."""
 

@@ -6,6 +6,7 @@ import {
 } from "#vendor";
 import { row } from "#data";
 import { Bodies, Human } from "#figures";
+import { Edges } from "#edges";
 import { Sticks } from "#sticks";
 
 const TEAL = 0x0b7285, AMBER = 0xe8890c, RED = 0xd6293e, GREEN = 0x37a05c, PLUM = 0x7048a8;
@@ -216,4 +217,6 @@ export const LAYERS = [
     id: "simulated", name: "Simulated", lacks: (t) => !t.report?.poses && "no simulation was given",
     make: (take, shapes) => new Bodies(shapes, take.report.poses, true),
   },
+  { id: "edges", name: "Edges", lacks: (t) => !t.stress?.edges && "no solution was given", make: (take) => new Edges(take) },
+  { id: "before", name: "Before", lacks: (t) => !t.before && "nothing was touched up", make: (take, shapes) => new Bodies(shapes, take.before, true) },
 ];

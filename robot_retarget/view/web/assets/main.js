@@ -8,6 +8,7 @@ import { Panel } from "#panel";
 import { Player } from "#player";
 import { Stage } from "#stage";
 import { Timeline } from "#timeline";
+import { Touch } from "#touch";
 
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
@@ -83,13 +84,19 @@ canvas.addEventListener("pointerdown", (event) => (pressed = [event.clientX, eve
 canvas.addEventListener("pointerup", (event) => {
   const still = pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 4;
   const body = still && under(event);
-  if (body) charts.choose(body.take, body.joint);
+  if (body && !touch?.on) charts.choose(body.take, body.joint);
 });
 canvas.addEventListener("pointermove", (event) => {
   if (event.buttons || player.playing) return (said.textContent = "");
-  const body = under(event);
-  said.textContent = body ? saying(body) : "";
+  const edge = edgeUnder(event), body = edge ? null : under(event);
+  said.textContent = edge ?? (body ? saying(body) : "");
 });
+
+function edgeUnder(event) {
+  const box = canvas.getBoundingClientRect();
+  const shown = casts.map((cast) => cast.parts.edges).filter((edges) => edges?.visible);
+  return shown.map((edges) => edges.under(event.clientX - box.left, event.clientY - box.top, stage.camera, box)).find(Boolean) ?? null;
+}
 
 function saying({ take, name, joint }) {
   const { joints } = takes[take];
@@ -112,5 +119,21 @@ heading.append(...verdict.map(({ title, report }) => {
 }));
 scene.append(heading);
 
-window.viewer = { stage, player, panel, casts, charts, takes };
+/** Another take in place of the k-th. */
+function replaced(k, take) {
+  const old = casts[k], cast = new Cast(take, old.position);
+  stage.scene.remove(old);
+  cast.parts.human?.stand(old.parts.human.where);
+  casts[k] = cast;
+  takes[k] = take;
+  stage.scene.add(cast);
+  panel.refresh();
+  charts.replace(take, k);
+  timeline.replace(take, k);
+  pose();
+}
+
+const touch = document.body.dataset.touchable === "yes" ? new Touch({ stage, player, panel, casts, replaced }) : null;
+
+window.viewer = { stage, player, panel, casts, charts, takes, touch };
 document.documentElement.dataset.ready = "yes";

@@ -1,0 +1,39 @@
+"""`mend`: touch-ups of a trajectory, as the viewer makes them, from a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Frames, Limits, Overrides, RobotName, TrajectoryFile
+from robot_retarget.cli.stages import load, read_clip
+
+commands = typer.Typer()
+
+
+@commands.command(
+    epilog="Example: robot-retarget mend dance.npz -r op3 --motion dance.bvh --edges EDITS.toml -o mended.npz"
+)
+def mend(
+    trajectory: TrajectoryFile,
+    robot: RobotName,
+    motion: Annotated[Path, typer.Option(help="The clip it came from.")],
+    edges: Annotated[Path, typer.Option(help="EDITS.toml, as the viewer saves it; made in the order they stand.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    frames: Frames = None,
+    map_file: Overrides = None,
+    limits: Limits = None,
+) -> None:
+    """Solve the frames around each edit again, the rest as it is: what `view` does, to the same bytes."""
+    from robot_retarget.describe.edits import read_edits
+    from robot_retarget.edit.session import graph_of
+    from robot_retarget.edit.touchup import all_mended
+    from robot_retarget.files import require_writable
+    from robot_retarget.formats import load_trajectory
+
+    require_writable(output)
+    model, edits = load(robot, limits), read_edits(edges)
+    played = load_trajectory(trajectory, model)
+    all_mended(graph_of(read_clip(motion, frames), model, played, map_file), played, edits).save(output)
+    console.say(f"wrote {output}, {len(edits)} edits")

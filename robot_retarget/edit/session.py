@@ -1,0 +1,97 @@
+"""A trajectory under touch-up: edits made one after the other, undone, done again, and kept in a file."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.describe.edits import Edit, write_edits
+from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.edit.touchup import Mended, mended
+from robot_retarget.errors import UsageError
+from robot_retarget.motion import Motion
+from robot_retarget.motion.resample import at_frames
+from robot_retarget.robot import Robot
+from robot_retarget.trajectory import Trajectory
+
+
+def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: str | Path | None = None) -> Graph:
+    """The graph of a motion in step with a trajectory that was made of it, frame by frame.
+
+    Raises:
+        MatchError: the motion is not human, or the robot no humanoid.
+    """
+    in_step = at_frames(motion, trajectory.source_time * motion.fps, trajectory.fps)
+    return describe(in_step, robot, fps=trajectory.fps, overrides=overrides)
+
+
+class Session:
+    """What was made of a trajectory so far. Every state is kept, so that to undo and to do again gives the same bytes."""
+
+    def __init__(self, graph: Graph, trajectory: Trajectory, edits_file: Path, trajectory_file: Path):
+        """Begin with a trajectory as it is; both files are written by `save`, and not before."""
+        self._states = [(graph, trajectory)]
+        self._edits: list[Edit] = []
+        self._files = edits_file, trajectory_file
+        self._at = 0
+        self.last: Mended | None = None
+        """The latest touch-up."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """As it is now."""
+        return self._states[self._at][1]
+
+    @property
+    def before(self) -> Trajectory | None:
+        """As it was before the latest edit."""
+        return self._states[self._at - 1][1] if self._at else None
+
+    @property
+    def edits(self) -> list[Edit]:
+        """Those that count now, in order."""
+        return self._edits[: self._at]
+
+    def make(self, table: Mapping[str, Any]) -> None:
+        """Add an edge, given by the keys of its table in EDITS.toml; edits undone before are forgotten.
+
+        Raises:
+            GraphError: the graph refuses it.
+        """
+        edit = Edit("edge", dict(table))
+        self.last = mended(*self._states[self._at], edit)
+        self._states[self._at + 1 :] = [(self.last.graph, self.last.trajectory)]
+        self._edits[self._at :] = [edit]
+        self._at += 1
+
+    def undo(self) -> None:
+        """Take the latest edit back.
+
+        Raises:
+            UsageError: there is none.
+        """
+        if not self._at:
+            raise UsageError("nothing to undo")
+        self._at -= 1
+
+    def redo(self) -> None:
+        """Make the edit again that was undone last.
+
+        Raises:
+            UsageError: there is none.
+        """
+        if self._at + 1 == len(self._states):
+            raise UsageError("nothing to do again")
+        self._at += 1
+
+    def save(self) -> tuple[Path, Path]:
+        """Write the edits and the trajectory; where they are.
+
+        Raises:
+            OutputError: one cannot be written.
+        """
+        return write_edits(self.edits, self._files[0]), self.trajectory.save(self._files[1])
+
+    def told(self) -> dict[str, Any]:
+        """How it stands, for a page."""
+        seconds = None if self.last is None else round(self.last.seconds, 3)
+        return {"edits": len(self.edits), "undone": len(self._states) - 1 - self._at, "seconds": seconds}

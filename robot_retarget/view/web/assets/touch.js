@@ -1,0 +1,241 @@
+// Touch-up: pick a keypoint and drag it, or pick two and say how far apart; the server solves the frames around it again.
+
+import { Plane, Raycaster, Vector2, Vector3 } from "#vendor";
+import { decoded, row } from "#data";
+import { Sticks } from "#sticks";
+
+const NEAR = 16; // a keypoint this near to the pointer is meant [pixels]
+const STILL = 4; // a pointer that moves less has clicked [pixels]
+const HALF = 0.25; // an edge lasts this long before and after the moment [s]
+const PATIENCE = 800; // after a touch-up, its self-contacts are looked for in the background [ms]
+const RELATIONS = { touch: "touch", is: "exactly", least: "at least", most: "at most" };
+
+function made(kind, attributes = {}, ...children) {
+  const element = Object.assign(document.createElement(kind), attributes);
+  element.append(...children);
+  return element;
+}
+
+export class Touch {
+  constructor({ stage, player, panel, casts, replaced }) {
+    Object.assign(this, { stage, player, panel, casts, replaced, on: false, picks: [] });
+    this.ray = new Raycaster();
+    const height = stage.height, looks = { color: 0xd6293e, onTop: true, opacity: 0.9 };
+    this.marks = new Sticks([[0, 1]], [0.004 * height], [[0, 0.022 * height], [1, 0.022 * height]], looks);
+    this.marks.visible = false;
+    stage.scene.add(this.marks);
+    this.#form(document.getElementById("touch"));
+    this.button = made("button", { id: "touch-up", textContent: "touch up", title: "mend what you see (T)" });
+    this.button.addEventListener("click", () => this.toggle());
+    document.getElementById("follow").after(this.button);
+    document.addEventListener("keydown", (event) => this.#key(event));
+    const canvas = stage.renderer.domElement;
+    canvas.addEventListener("pointerdown", (event) => this.#down(event), { capture: true });
+    canvas.addEventListener("pointermove", (event) => this.#move(event), { capture: true });
+    canvas.addEventListener("pointerup", (event) => this.#up(event), { capture: true });
+    player.onchange(() => this.on && this.#mark());
+  }
+
+  #form(holder) {
+    this.form = holder;
+    this.ends = made("b", { textContent: "nothing picked" });
+    this.relation = made("select", { id: "relation" }, ...Object.entries(RELATIONS).map(([value, text]) => made("option", { value, textContent: text })));
+    const number = (id, step) => made("input", { type: "number", id, step, min: 0 });
+    Object.assign(this, { far: number("far", 0.5), from: number("from", 0.05), to: number("to", 0.05) });
+    this.far.value = 5;
+    this.hard = made("input", { type: "checkbox", id: "hard" });
+    const act = (id, textContent, does) => {
+      const button = made("button", { id, textContent });
+      button.addEventListener("click", does);
+      return button;
+    };
+    this.apply = act("apply", "solve", () => this.make());
+    this.undo = act("undo", "undo", () => this.send("undo"));
+    this.redo = act("redo", "redo", () => this.send("redo"));
+    this.keep = act("keep", "save", () => this.save());
+    this.said = made("output", { textContent: "Drag a keypoint, or click two of them and say how far apart they are to be." });
+    holder.append(this.ends, this.relation, this.far, "cm, from", this.from, "to", this.to, "s", made("label", {}, this.hard, " hold"),
+      this.apply, this.undo, this.redo, this.keep, this.said);
+    this.relation.addEventListener("change", () => this.#offer());
+    this.#offer();
+  }
+
+  #offer() {
+    this.far.disabled = this.relation.value === "touch" || this.#place() !== null;
+    this.relation.disabled = this.#place() !== null;
+    this.apply.disabled = this.picks.length < 2;
+  }
+
+  #place() {
+    return this.picks.find((pick) => typeof pick !== "string") ?? null;
+  }
+
+  toggle() {
+    this.on = !this.on;
+    this.form.hidden = !this.on;
+    this.button.classList.toggle("on", this.on);
+    if (this.on && !this.panel.shown.keypoints) this.panel.toggle("keypoints");
+    if (!this.on) this.pick([]);
+  }
+
+  /** Choose the ends of an edge: names of keypoints, or a place as a Vector3. */
+  pick(picks) {
+    this.picks = picks;
+    const told = picks.map((pick) => (typeof pick === "string" ? pick : "where you dragged it"));
+    this.ends.textContent = told.length ? told.join(" – ") : "nothing picked";
+    const { time, duration } = this.player, hundredths = (value) => Math.round(value * 100) / 100;
+    this.from.value = hundredths(Math.max(time - HALF, 0));
+    this.to.value = hundredths(Math.min(time + HALF, duration));
+    this.#offer();
+    this.#mark();
+  }
+
+  get keypoints() {
+    return this.casts[0].take.keypoints;
+  }
+
+  /** Where the k-th keypoint is now [m]. */
+  at(k) {
+    const { points } = this.keypoints, places = row(points, this.casts[0].at ?? 0, new Float32Array(points.width));
+    return new Vector3().fromArray(places, 3 * k).add(this.casts[0].position);
+  }
+
+  #mark() {
+    const places = this.picks.map((pick) => (typeof pick === "string" ? this.at(this.keypoints.names.indexOf(pick)) : pick.clone().add(this.casts[0].position)));
+    this.marks.visible = places.length > 0;
+    const [a, b = new Vector3(NaN, NaN, NaN)] = places;
+    if (a) this.marks.place([...a, ...b]);
+    this.stage.draw();
+  }
+
+  #pointer(event) {
+    const box = this.stage.renderer.domElement.getBoundingClientRect();
+    return { x: event.clientX - box.left, y: event.clientY - box.top, width: box.width, height: box.height };
+  }
+
+  #under(event) {
+    const { x, y, width, height } = this.#pointer(event);
+    const away = this.keypoints.names.map((_, k) => {
+      const seen = this.at(k).project(this.stage.camera);
+      return Math.hypot(((seen.x + 1) / 2) * width - x, ((1 - seen.y) / 2) * height - y);
+    });
+    const nearest = away.indexOf(Math.min(...away));
+    return away[nearest] < NEAR ? nearest : -1;
+  }
+
+  #down(event) {
+    if (!this.on) return;
+    const k = this.#under(event);
+    if (k < 0) return;
+    event.stopImmediatePropagation();
+    this.stage.renderer.domElement.setPointerCapture(event.pointerId);
+    this.player.pause();
+    const start = this.at(k), facing = this.stage.camera.getWorldDirection(new Vector3());
+    this.drag = { k, x: event.clientX, y: event.clientY, plane: new Plane().setFromNormalAndCoplanarPoint(facing, start), place: null };
+  }
+
+  #move(event) {
+    if (!this.drag) return;
+    event.stopImmediatePropagation();
+    const { k, x, y, plane } = this.drag;
+    if (!this.drag.place && Math.hypot(event.clientX - x, event.clientY - y) < STILL) return;
+    const pointer = this.#pointer(event);
+    this.ray.setFromCamera(new Vector2((2 * pointer.x) / pointer.width - 1, 1 - (2 * pointer.y) / pointer.height), this.stage.camera);
+    const place = this.ray.ray.intersectPlane(plane, new Vector3());
+    if (!place) return;
+    this.drag.place = place.sub(this.casts[0].position);
+    this.pick([this.keypoints.names[k], this.drag.place]);
+  }
+
+  #up(event) {
+    if (!this.drag) return;
+    event.stopImmediatePropagation();
+    const { k, place } = this.drag, name = this.keypoints.names[k];
+    this.drag = null;
+    if (place) return this.make();
+    const names = this.picks.filter((pick) => typeof pick === "string" && pick !== name);
+    this.pick([...names.slice(-1), name]);
+  }
+
+  /** The edge that the form asks for, as EDITS.toml has it. */
+  asked() {
+    const cm = Number(this.far.value) / 100, kind = this.#place() ? "touch" : this.relation.value, { fps, frames } = this.casts[0].take;
+    const at = { touch: 0, is: cm, least: [cm, "inf"], most: [0, cm] }[kind];
+    const [a, b] = this.picks.map((pick) => (typeof pick === "string" ? pick : [...pick].map((value) => Math.round(value * 1e4) / 1e4)));
+    const span = [this.from.value, this.to.value].map((time) => Math.min(Math.round(Number(time) * fps), frames - 1));
+    return { a, b, at, frames: span, ...(this.hard.checked && { hard: true }) };
+  }
+
+  async make() {
+    if (this.picks.length < 2) return;
+    await this.send("edit", this.asked());
+  }
+
+  async #post(what, content = {}) {
+    const answer = await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) });
+    if (!answer.ok) throw new Error((await answer.json().catch(() => null))?.error ?? `the server answers ${answer.status}`);
+    return answer;
+  }
+
+  #say(text, bad = false) {
+    this.said.textContent = text;
+    this.said.classList.toggle("bad", bad);
+  }
+
+  async send(what, content) {
+    clearTimeout(this.later);
+    this.form.classList.add("busy");
+    this.#say("solving …");
+    const began = performance.now();
+    try {
+      const answer = await this.#post(what, content);
+      this.#shown(await decoded(answer.body));
+      this.#told(what, (performance.now() - began) / 1000);
+      this.later = setTimeout(() => this.#check(), PATIENCE);
+    } catch (error) {
+      this.#say(error.message, true);
+    }
+    this.form.classList.remove("busy");
+  }
+
+  #shown({ takes: [take], touch }) {
+    this.state = touch;
+    this.panel.shown.before = Boolean(take.before);
+    this.replaced(0, take);
+    this.undo.disabled = !touch.edits;
+    this.redo.disabled = !touch.undone;
+    this.#mark();
+  }
+
+  #told(what, seconds) {
+    const { edits, seconds: solving } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
+    this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}` : count);
+  }
+
+  async #check() {
+    try {
+      this.#shown(await decoded((await this.#post("check")).body));
+    } catch (error) {
+      this.#say(error.message, true);
+    }
+  }
+
+  async save() {
+    try {
+      const { files } = await (await this.#post("save")).json();
+      this.#say(`wrote ${files.join(" and ")}`);
+    } catch (error) {
+      this.#say(error.message, true);
+    }
+  }
+
+  #key(event) {
+    if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range") return;
+    const key = event.key.toLowerCase(), control = event.ctrlKey || event.metaKey;
+    if (control && key === "z") this.send(event.shiftKey ? "redo" : "undo");
+    else if (control && key === "y") this.send("redo");
+    else if (!control && key === "t") this.toggle();
+    else return;
+    event.preventDefault();
+  }
+}

@@ -1,0 +1,50 @@
+"""What the solver could not have both ways: stress by kind of edge, and the edges between keypoints that cost most."""
+
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.solve.solution import Solution
+from robot_retarget.view.web.pack import Packer
+
+EDGES = 60
+"""So many edges are drawn, those that cost most over the clip."""
+FINE = 1e-3
+"""Step of what is told of edges: metres, and shares of the largest."""
+
+
+def stress_of(solution: Solution, packer: Packer) -> dict[str, Any]:
+    """The cost of every kind by frame, and the edges: kind, ends, wished interval and measured distance, π, stress."""
+    kinds = {name: values for name, values in solution.stress.items() if np.any(values > 0)}
+    cost = np.stack(list(kinds.values()), axis=1) if kinds else np.zeros((len(solution.cost), 0))
+    return {"kinds": list(kinds), "cost": packer.add(cost, _step(cost)), "edges": _edges(solution, packer)}
+
+
+def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
+    keypoints = solution.graph.match.keypoints
+    found: list[tuple[str, str, str]] = []
+    columns: list[Floats] = []
+    for kind, measured in solution.measured.items():
+        track, stress = solution.graph.kinds[kind], solution.edge_stress(kind)
+        for k, (a, b) in enumerate(track.ends):
+            if not track.axes and a in keypoints and b in keypoints:
+                found.append((kind, a, b))
+                columns.append(
+                    np.stack([track.lower[:, k], track.upper[:, k], measured[:, k], track.priority[:, k], stress[:, k]])
+                )
+    if not found:
+        return None
+    every = np.stack(columns, axis=2)
+    chosen = np.sort(np.argsort(-every[4].sum(axis=0))[:EDGES])
+    names = ("lower", "upper", "measured", "priority", "stress")
+    packed = {
+        name: packer.add(values[:, chosen], FINE if name in names[:3] else _step(values[:, chosen]))
+        for name, values in zip(names, every, strict=True)
+    }
+    return {"ends": [found[k] for k in chosen.tolist()], **packed}
+
+
+def _step(values: Floats) -> float:
+    """A thousandth of the largest value."""
+    return float(np.max(values, initial=0.0)) * FINE or FINE

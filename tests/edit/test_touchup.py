@@ -1,0 +1,99 @@
+"""A touch-up moves what it names when it is asked to, and nothing else; the same edits give the same bytes anywhere."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_retarget.describe.edits import Edit
+from robot_retarget.describe.graph import Graph
+from shared_files import ROOT
+
+import robot_retarget as rr
+from robot_retarget.edit.session import Session, graph_of
+from robot_retarget.edit.touchup import AROUND, mended
+from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.robot import load_robot, world_points
+from robot_retarget.trajectory import Trajectory, load_trajectory
+
+OP3 = load_robot("op3")
+WAVE = ROOT / "samples/wave.bvh"
+MOTION = rr.read_motion(WAVE).frames(0, 75)
+CLIP = ("--frames", "0:75", "--robot", "op3")
+HANDS = Edit("edge", {"a": "l_hand", "b": "r_hand", "at": [0.0, 0.1], "frames": [30, 39]})
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Graph, Trajectory]:
+    """As the command line has it: through a file."""
+    path = tmp_path_factory.mktemp("solved") / "wave.npz"
+    command("solve", WAVE, *CLIP, "--balance", "off", "-o", path)
+    trajectory = load_trajectory(path)
+    return graph_of(MOTION, OP3, trajectory), trajectory
+
+
+def command(*words: str | Path) -> None:
+    done = subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def apart(graph: Graph, trajectory: Trajectory, a: str, b: str) -> np.ndarray:
+    """(T,) between two keypoints, by forward kinematics [m]."""
+    points = world_points(OP3, graph.match.points, trajectory.qpos)
+    return np.linalg.norm(points[:, graph.match.index(a)] - points[:, graph.match.index(b)], axis=1)
+
+
+def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[Graph, Trajectory]) -> None:
+    graph, trajectory = solved
+    done = mended(graph, trajectory, HANDS)
+    held = slice(30, 40)
+    assert apart(graph, trajectory, "l_hand", "r_hand")[held].min() > 0.15
+    assert apart(graph, done.trajectory, "l_hand", "r_hand")[held].max() < 0.13
+    outside = np.r_[0 : done.first, done.last + 1 : len(graph)]
+    np.testing.assert_array_equal(done.trajectory.qpos[outside], trajectory.qpos[outside])
+    assert done.first == 30 - round(AROUND * graph.fps)
+
+
+def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tuple[Graph, Trajectory]) -> None:
+    graph, trajectory = solved
+    hinges = mended(graph, trajectory, HANDS).trajectory.qpos[:, OP3.qpos_index]
+    assert (hinges >= OP3.lower - 1e-6).all() and (hinges <= OP3.upper + 1e-6).all()
+    assert (np.abs(np.diff(hinges, axis=0)) * graph.fps <= OP3.max_speed * 1.05).all()
+
+
+def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[Graph, Trajectory], tmp_path: Path) -> None:
+    session = Session(*solved, tmp_path / "EDITS.toml", tmp_path / "EDITS.npz")
+    session.make(HANDS.values)
+    session.make({"a": "r_hand", "b": [0.15, -0.1, 0.3], "at": 0, "frames": [60, 66], "hard": True})
+    session.make({"a": "l_hand", "b": "head", "at": [0.3, math.inf], "frames": [50, 60]})
+    edits, mended_file = session.save()
+    solved[1].save(tmp_path / "wave.npz")
+    given = "--motion", WAVE, "--edges", edits
+    command("mend", tmp_path / "wave.npz", *CLIP, *given, "-o", tmp_path / "again.npz")
+    np.testing.assert_array_equal(load_trajectory(tmp_path / "again.npz").qpos, load_trajectory(mended_file).qpos)
+    assert (tmp_path / "again.npz").read_bytes() == mended_file.read_bytes()
+
+
+def test_undo_and_redo_go_back_and_on_to_the_same_trajectory(solved: tuple[Graph, Trajectory], tmp_path: Path) -> None:
+    session = Session(*solved, tmp_path / "E.toml", tmp_path / "E.npz")
+    with pytest.raises(UsageError, match="nothing to undo"):
+        session.undo()
+    session.make(HANDS.values)
+    there = session.trajectory
+    session.undo()
+    assert session.trajectory is solved[1] and not session.edits
+    session.redo()
+    assert session.trajectory is there and len(session.edits) == 1
+    with pytest.raises(UsageError, match="nothing to do again"):
+        session.redo()
+
+
+def test_ends_and_times_beyond_the_clip_are_refused(solved: tuple[Graph, Trajectory]) -> None:
+    for edit, said in (
+        (Edit("edge", {"a": "l_hand", "b": "tail", "at": 0}), "no keypoint 'tail'"),
+        (Edit("edge", {**HANDS.values, "frames": [90, 99]}), "not within"),
+    ):
+        with pytest.raises(GraphError, match=said):
+            mended(*solved, edit)
