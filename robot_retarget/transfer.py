@@ -8,6 +8,7 @@ from pathlib import Path
 from robot_retarget.balance.balance import Balanced, balance_of, in_balance
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.likeness import Likeness, likeness_of
 from robot_retarget.describe.match import Match
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
@@ -63,6 +64,15 @@ class Result:
     def trajectory(self) -> Trajectory:
         """The robot's configurations over time."""
         return self.solution.trajectory
+
+    @cached_property
+    def likeness(self) -> Likeness:
+        """How like the human's the robot's motion is."""
+        if self.balance is None:
+            return likeness_of(self.graph, self.trajectory.qpos)
+        inside = self.balance.timeline.share >= 1
+        slowed = {"slowdown": self.balance.slowdown, "stride": self.balance.stride, "legs": self.balance.legs}
+        return likeness_of(self.graph.at(inside), self.trajectory.qpos[inside], **slowed)
 
     @cached_property
     def warnings(self) -> Warnings:

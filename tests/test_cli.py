@@ -90,7 +90,9 @@ def test_simulate_takes_thresholds_and_writes_a_page(solved: Path, tmp_path: Pat
 def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
     done = run("simulate", solved, "--robot", "op3", "--json")
     report = json.loads(done.stdout)
-    assert {"verdict", "reasons", "figures", "trajectory_sha256", "robot", "version", "format_version"} == {*report}
+    assert {"verdict", "reasons", "figures", "trajectory_sha256", "robot", "version", "format_version", "unlike"} == {
+        *report
+    }
     assert done.returncode == (0 if report["verdict"] == "pass" else 1)
 
 
@@ -218,7 +220,7 @@ def test_mistakes_are_told_in_the_words_of_the_command_line(tmp_path: Path) -> N
     )
     unknown = run("solve", WAVE, "--robot", "op3", "--legs", "fly", *out)
     assert unknown.returncode == 2 and "'--legs'" in unknown.stderr
-    assert "'fly' is not one of 'follow', 'stand'" in unknown.stderr
+    assert "'fly' is not one of 'auto', 'follow', 'stand'" in unknown.stderr
     assert not list(tmp_path.iterdir())
 
 

@@ -101,7 +101,7 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
         if choice not in choices:
             raise UsageError(f"unknown {what} {choice!r}; {known(choices)}")
     if legs == "stand" and balance == "off":
-        raise UsageError("legs that stand need balance: static or dynamic")
+        raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
     servos = robot.floating and robot.path.with_name("servos.toml").is_file()
     mode = ("static" if servos or legs == "stand" else "off") if balance == "auto" else balance
     if mode != "off" and not robot.floating:
@@ -128,7 +128,7 @@ def in_balance(graph: Graph, draft: Solution, legs: str, mode: str) -> tuple[Bal
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
     """
     if len(graph.match.anatomy.soles) < 2:
-        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (--balance off)")
+        raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
     planter = Planter(graph)
     if legs == "stand":
         return _played_as(planter, draft, "stand", mode)

@@ -100,7 +100,7 @@ def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
         if (stop - start) / fps > rule.shortest:
             raise BalanceError(
                 f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
-                "play that; keep both feet on the floor (--legs stand), or do without balance (--balance off)"
+                "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"
             )
 
 

@@ -129,9 +129,9 @@ def show_report(report: "Report") -> None:
     from robot_retarget.simulate.words import facts, headline, judged_lines
 
     colour = "green" if report.verdict.startswith("pass") else "red"
-    out.print(f"\nverdict: [bold {colour}]{report.verdict}[/]")
+    out.print(f"\nverdict: [bold {colour}]{report.judgement}[/]")
     say(headline(report))
-    for reason in report.reasons:
+    for reason in (*report.reasons, *report.unlike):
         say(f"  {reason}")
     judged = [("yes" if line.held else "NO", *line[1:]) for line in judged_lines(report)]
     table("\nJudged", ("good", "what", "is", "at most"), judged)

@@ -60,3 +60,10 @@ Repair = Annotated[
         "--repair/--no-repair", help="Mend what is broken in a motion (jumps, gaps under 0.3 s, noise), or say it only."
     ),
 ]
+Draws = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Worlds with other mass, friction, servos and tilt that it has to stay upright in, nine of ten; 0: none.",
+    ),
+]

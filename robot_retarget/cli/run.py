@@ -9,6 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import (
     Balance,
     BodyModel,
+    Draws,
     Fps,
     Frames,
     Json,
@@ -45,6 +46,7 @@ def run(
     legs: Legs = "auto",
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
+    draws: Draws = 10,
     json: Json = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""

@@ -29,13 +29,15 @@ class Wishes:
     edges: Path | None = None
 
 
-def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool) -> str:
+def fill_folder(
+    motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int = 10
+) -> str:
     """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
     from robot_retarget.summary import describe_solution
 
     with filling(out) as target:
         result = carried_over(motion, robot, wishes, quiet=json)
-        report, warnings = _tried(result, target)
+        report, warnings = _tried(result, target, draws)
         pictures = _shown(result, target, film, quiet=json)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
@@ -50,14 +52,16 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
     return report.verdict
 
 
-def _tried(result: "Result", target: Path) -> tuple["Report", "Warnings | None"]:
+def _tried(result: "Result", target: Path, draws: int) -> tuple["Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
     mode = "free" if result.balance else "pinned"
-    report = roll_out(result.trajectory, result.robot, mode=mode, warnings=warnings)
+    report = roll_out(
+        result.trajectory, result.robot, mode=mode, warnings=warnings, likeness=result.likeness, draws=draws
+    )
     keep(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")

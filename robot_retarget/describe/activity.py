@@ -72,7 +72,7 @@ def require_own_feet(activity: Activity) -> None:
         raise BalanceError(
             f"something that the robot does not have holds the human up (a chair, hands on the floor), longest from "
             f"{activity.since:.1f} to {activity.until:.1f} s: a robot that stands free cannot play that; keep both feet on "
-            "the floor (--legs stand), or do without balance (--balance off)"
+            "the floor (legs 'stand'), or do without balance (balance 'off')"
         )
 
 

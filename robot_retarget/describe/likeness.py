@@ -42,13 +42,17 @@ class Likeness:
         return max(means.items(), key=lambda item: item[1]) if means else ("", 0.0)
 
     def figures(self) -> dict[str, Any]:
-        """As reports have them; angles in degrees, for people."""
+        """As reports have them: angles [rad], shares, factors."""
         bone, off = self.worst()
+        parts = {f"limb_rad_{name}": _rounded(self.part(name)) for name in PARTS}
         return {
-            **{f"limb_deg_{name}": _degrees(self.part(name)) for name in PARTS},
-            "limb_deg_worst": _degrees(off),
+            **parts,
+            "limb_rad": _rounded(float(np.mean([angle.mean() for angle in self.angles.values()])))
+            if self.angles
+            else None,
+            "limb_rad_worst": _rounded(off),
             "limb_worst": bone,
-            "contacts_kept": None if self.contacts is None else round(self.contacts, 3),
+            "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
             "stride": round(self.stride, 3),
             "legs": self.legs,
@@ -97,5 +101,5 @@ def _contacts_kept(graph: Graph, robot: Floats) -> float | None:
     return float((near <= track.lower / track.scale + KEPT)[touching].mean())
 
 
-def _degrees(angle: float | None) -> float | None:
-    return None if angle is None else round(float(np.degrees(angle)), 1)
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)

@@ -11,6 +11,7 @@ import numpy as np
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
+from robot_retarget.describe.likeness import Likeness
 from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
 from robot_retarget.simulate.contacts import Contacts
@@ -30,7 +31,7 @@ from robot_retarget.simulate.foreseen import foreseen_figures, touches
 from robot_retarget.simulate.plant import Mode, Plant
 from robot_retarget.simulate.stance import Stance, planned_stance, stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
-from robot_retarget.simulate.thresholds import Thresholds
+from robot_retarget.simulate.thresholds import UNLIKE, Thresholds
 from robot_retarget.trajectory import Trajectory
 
 FORMAT_VERSION = 2
@@ -63,6 +64,8 @@ class Report:
     joint_names: tuple[str, ...] = ()
     """Of the columns of the series."""
     thresholds: Thresholds = field(default_factory=Thresholds)
+    unlike: tuple[str, ...] = ()
+    """In what a motion is unlike the human's, a sentence each; a pass all the same."""
     touches: tuple[tuple[frozenset[str], float], ...] = ()
     """Pairs of links that touched on the servos, and when [s]."""
     trajectory: Trajectory | None = None
@@ -71,6 +74,11 @@ class Report:
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
         object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
+
+    @property
+    def judgement(self) -> str:
+        """For people: `pass`, `pass, but unlike` or `fail`."""
+        return "pass, but unlike" if self.verdict == "pass" and self.unlike else self.verdict
 
     def __repr__(self) -> str:
         why = f": {'; '.join(self.reasons)}" if self.reasons else ""
@@ -101,6 +109,7 @@ class Report:
             "robot": self.robot,
             "version": self.version,
             "format_version": FORMAT_VERSION,
+            "unlike": list(self.unlike),
         }
 
     def save(self, path: str | Path) -> Path:
@@ -127,6 +136,9 @@ class Played:
     plain: Rollout
     """Without compensation; the same where none was asked for."""
     warnings: Warnings | None = None
+    likeness: Likeness | None = None
+    fallen: tuple[bool, ...] = ()
+    """Of drawn worlds, whether it fell there."""
 
 
 def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
@@ -151,15 +163,19 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
         **fall,
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),
+        **(played.likeness.figures() if played.likeness else {}),
+        "draws": len(played.fallen),
+        **({"fallen_share": sum(played.fallen) / len(played.fallen)} if played.fallen else {}),
         "notes": list(plant.notes),
     }
-    reasons = judge(figures, thresholds)
+    reasons, unlike = judge(figures, thresholds), unlikeness(figures, thresholds)
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
     series["simulated"] = _poses(rollout, tracking.times)
     touched = touches(own_contacts(rollout, robot, until), rollout.times, robot)
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
         series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched), trajectory=trajectory,
+        unlike=unlike,
     )  # fmt: skip
 
 
@@ -222,11 +238,37 @@ def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
         planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
         hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
         reasons += _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
+        if figures.get("fallen_share", 0) > most.fallen_share:
+            share, count = figures["fallen_share"], figures["draws"]
+            reasons.append(
+                f"falls in {round(share * count)} of {count} worlds with other mass, friction, servos and tilt"
+            )
         if (figures.get("foot_slip_m") or 0) > most.foot_slip:
             reasons.append(f"a foot slides {100 * figures['foot_slip_m']:.1f} cm while it stands")
     if figures["range_excess_rad"] > most.range_excess:
         reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
     return tuple(reasons)
+
+
+def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
+    """In what a motion is unlike the human's."""
+    said = []
+    for check in UNLIKE:
+        value, bound = figures.get(check.figure), getattr(most, check.threshold)
+        if value is None or value <= bound:
+            continue
+        if check.unit == "rad":
+            part = check.figure.rsplit("_", 1)[-1]
+            said.append(f"{part} are {np.degrees(value):.0f}° off the human's on the mean, {_worst(figures)}")
+        elif check.figure == "slowdown":
+            said.append(f"it takes {value:.1f} times as long as the human")
+        else:
+            said.append(f"{100 * value:.0f} % of the human's contacts of hands are lost")
+    return tuple(said)
+
+
+def _worst(figures: Mapping[str, Any]) -> str:
+    return f"most of all {figures['limb_worst']} by {np.degrees(figures['limb_rad_worst']):.0f}°"
 
 
 def _upright(figures: Mapping[str, Any]) -> list[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import cast, get_args
 
 from robot_retarget.collision.warn import Warnings
+from robot_retarget.describe.likeness import Likeness
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
 from robot_retarget.robot.model import Robot
@@ -15,6 +16,8 @@ from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import Draw, drawn
+from robot_retarget.simulate.domain import draws as drawn_worlds
+from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
 from robot_retarget.simulate.report import Played, Report, build_report
@@ -34,6 +37,8 @@ def simulate(
     compensate: bool = True,
     thresholds: Thresholds | None = None,
     warnings: Warnings | None = None,
+    likeness: Likeness | None = None,
+    draws: int = 0,
 ) -> Report:
     """Play a trajectory and judge it.
 
@@ -54,6 +59,9 @@ def simulate(
         warnings: of the trajectory (`retarget.warn.warnings_of`); the report then says how they agree with the
             contacts that happened.
 
+        likeness: to the human's motion; the report then says in what it is unlike.
+        draws: in mode `free`, so many drawn worlds are tried as well (`domain.draws`), if it stays up in this one.
+
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
         TrajectoryError: the file cannot be read, or is of another robot.
@@ -69,8 +77,19 @@ def simulate(
         goals = compensated(plant, played, cast(Mode, mode), playback)
         rollout = roll_out(plant, played, cast(Mode, mode), playback, goals)
     told = replace(played, goals=goals)
-    outcome = Played(told, plant, cast(Mode, mode), replayed, rollout, plain, warnings)
+    fallen = _fallen(plant, told, playback, draws) if mode == "free" and not _fell(rollout, robot, told) else ()
+    outcome = Played(told, plant, cast(Mode, mode), replayed, rollout, plain, warnings, likeness, fallen)
     return build_report(outcome, fingerprint(told), thresholds or Thresholds())
+
+
+def _fallen(plant: Plant, trajectory: Trajectory, playback: Playback | None, count: int) -> tuple[bool, ...]:
+    """Whether it falls in each of so many drawn worlds, told what was judged."""
+    worlds = rollouts(plant, trajectory, drawn_worlds(count), playback=playback, command=trajectory.goals)
+    return tuple(_fell(world, plant.robot, trajectory) for world in worlds)
+
+
+def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
+    return rollout.unstable is not None or fall_figures(rollout, robot, trajectory)["fall_s"] is not None
 
 
 def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:

@@ -31,6 +31,18 @@ class Thresholds:
     """Of the hottest servo over the trajectory [K]: room temperature to 70 °C."""
     foot_slip: float = 0.01
     """How far a foot may slide while it stands [m], in mode `free`."""
+    fallen_share: float = 0.1
+    """Of drawn worlds (mass, friction, stiffness, delay, tilt) in which it falls, in mode `free`."""
+    unlike_arms: float = 0.45
+    """Mean angle of upper arms and forearms to the human's [rad]; what is more is unlike, not failed ..."""
+    unlike_trunk: float = 0.2
+    """... the same of the trunk ..."""
+    unlike_legs: float = 0.4
+    """... and of thighs and shins."""
+    unlike_slowdown: float = 2.5
+    """Times as long as the human."""
+    contacts_lost: float = 0.3
+    """Share of the human's contacts of hands that the robot does not make."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -56,8 +68,18 @@ CHECKS = (
     Check("between_frames", "between_frames_depth_m", "the same between frames", "m"),
     Check("tracked_penetration", "tracked_self_contact_depth_m", "the same on the servos", "m"),
     Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m"),
+    Check("fallen_share", "fallen_share", "drawn worlds in which it falls", "of all"),
     Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad"),
 )
+
+UNLIKE = (
+    Check("unlike_arms", "limb_rad_arms", "arms off the human's, on the mean", "rad"),
+    Check("unlike_trunk", "limb_rad_trunk", "trunk off the human's, on the mean", "rad"),
+    Check("unlike_legs", "limb_rad_legs", "legs off the human's, on the mean", "rad"),
+    Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
+    Check("contacts_lost", "contacts_lost", "contacts of hands that are lost", "of all"),
+)
+"""What a motion that passes is compared with the human by."""
 
 
 def read_thresholds(path: str | Path) -> Thresholds:

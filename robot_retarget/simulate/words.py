@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.thresholds import CHECKS
+from robot_retarget.simulate.thresholds import CHECKS, UNLIKE
 
 UNITS = {"rad": (57.29578, "°"), "m": (1000.0, "mm"), "of all": (100.0, "%")}
 """What figures are shown in: a factor and a unit for each unit of the report."""
@@ -31,7 +31,9 @@ class Fact(NamedTuple):
 FACTS = (
     Fact("duration_s", "length", "s", "of the robot's motion, with the stand before and after"),
     Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
-    Fact("limb_deg", "limbs off the human's", "deg", "mean angle; under 10° looks alike"),
+    Fact("limb_rad", "limbs off the human's", "rad", "mean angle; under 10° looks alike"),
+    Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
+    Fact("draws", "other worlds tried", "", "with other mass, friction, servos and tilt; 0: none was"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "how far joints are from where they should be (rms)"),
     Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not make up for lag and load"),
     Fact("zmp_margin_m", "least margin of balance", "m", "how far inside the soles the weight stays; below 0 it tips over"),
@@ -62,7 +64,7 @@ def judged_lines(report: Report) -> list[Line]:
     lines = [Line(figures["unstable_s"] is None, "the simulation runs to its end")]
     if "fall_s" in figures:
         lines.append(Line(figures["fall_s"] is None, "it stays up, and nothing but the feet touches the floor"))
-    for check in CHECKS:
+    for check in (*CHECKS, *UNLIKE):
         value, most = figures.get(check.figure), getattr(report.thresholds, check.threshold)
         if value is not None:
             lines.append(Line(value <= most, check.what, shown(value, check.unit), shown(most, check.unit)))
@@ -87,5 +89,5 @@ def _pace(figures: Mapping[str, Any]) -> str:
 
 
 def _likeness(figures: Mapping[str, Any]) -> str:
-    angle = figures.get("limb_deg")
-    return "" if angle is None else f", its limbs {angle:.0f}° off the human's on average"
+    angle = figures.get("limb_rad")
+    return "" if angle is None else f", its limbs {shown(angle, 'rad')} off the human's on average"

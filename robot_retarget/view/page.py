@@ -57,6 +57,7 @@ def save_page(
     page = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=html.escape(f"{played.source or 'a trajectory'} on {report.robot}: {report.verdict}"),
         verdict=report.verdict,
+        judgement=report.judgement,
         motion=html.escape(played.source or "a trajectory"),
         robot=html.escape(report.robot),
         how=_how(report),
@@ -84,6 +85,8 @@ def _how(report: Report) -> str:
 
 
 def _reasons(report: Report) -> str:
+    if not report.reasons and report.unlike:
+        return _list(report.unlike)
     if not report.reasons:
         return "<p>Every limit below is kept.</p>"
     return _list(report.reasons) + "".join(f"<p>{html.escape(sentence)}</p>" for sentence in _advice(report.figures))

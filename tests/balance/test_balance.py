@@ -272,7 +272,7 @@ def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
     corners = soles(0.08)
     corners[:, 1, :, 2] = corners[:, 0, :, 2]
     with pytest.raises(
-        BalanceError, match=r"no foot is on the floor from 0\.\d to 1\.\d s.*--legs stand.*--balance off"
+        BalanceError, match=r"no foot is on the floor from 0\.\d to 1\.\d s.*legs 'stand'.*balance 'off'"
     ):
         planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0)
 
@@ -401,7 +401,7 @@ def test_choices_that_do_not_go_together_are_refused() -> None:
     for legs, balance, said in (
         ("hop", "auto", "follow, stand"),
         ("follow", "often", "static"),
-        ("stand", "off", "need balance: static or dynamic"),
+        ("stand", "off", "needs balance: 'static' or 'dynamic'"),
     ):
         with pytest.raises(UsageError, match=said):
             rr.retarget(motion, robot, legs=legs, balance=balance)

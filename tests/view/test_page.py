@@ -106,8 +106,9 @@ def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
 def test_a_report_links_to_the_viewer_that_lies_beside_it(tmp_path: Path) -> None:
     still, beside = hold(OP3, 0.2), tmp_path / "viewer.html"
     report = simulate(still, OP3)
+    assert report.trajectory is not None
     for there in (False, True):
-        save_page(report, still, tmp_path / "report.html", viewer=beside)
+        save_page(report, report.trajectory, tmp_path / "report.html", viewer=beside)
         assert ("href='viewer.html'" in (tmp_path / "report.html").read_text(encoding="utf-8")) is there
         beside.write_text("")
 
