@@ -1,4 +1,4 @@
-"""Which clips stay upright: `python scripts/bench_upright.py --robots op3 … --clips FILE … --legs follow stand`.
+"""Which clips stay upright: `python scripts/bench_upright.py --robots op3 … --clips FILE … --legs auto stand`.
 
 Every clip is brought into balance, played standing free on the robot's own actuators with three seconds of settling
 before and after, and judged by the simulation. `--draws 20` plays what stays upright in as many drawn worlds too (`simulate/domain.py`).
@@ -42,6 +42,8 @@ class Row:
     """Deepest overlap of the robot with itself on its servos."""
     drawn: float | None = None
     """Share of the drawn worlds in which it stays upright."""
+    off_deg: str = ""
+    """How much further arms, trunk and legs are off the human's than without balance, on the mean."""
     reason: str = ""
 
 
@@ -49,9 +51,10 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
     """Balance, play, judge; in `count` drawn worlds too."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))
-    head = (robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs)
+    head = robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs
     try:
-        result = rr.retarget(motion, robot, legs=legs, balance="static")
+        graph = rr.describe(motion, robot)
+        result, plain = rr.solve(graph, legs=legs, balance="static"), rr.solve(graph)
     except BalanceError as error:
         return Row(*head, False, reason=str(error).split(":")[0])
     report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE)
@@ -71,8 +74,15 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
         round(100 * report.figures["foot_slip_m"], 1),
         round(1000 * report.figures["tracked_self_contact_depth_m"], 1),
         float(np.mean(upright)) if upright and not fell else None,
-        "; ".join(report.reasons[:2]),
+        _further(result, plain),
+        result.balance.instead or "; ".join(report.reasons[:2]),
     )
+
+
+def _further(result: rr.Result, plain: rr.Result) -> str:
+    """Arms, trunk and legs, [deg] over those of the solution without balance."""
+    parts = ((result.likeness.part(name), plain.likeness.part(name)) for name in ("arms", "trunk", "legs"))
+    return " ".join("–" if one is None or other is None else f"{np.degrees(one - other):+.1f}" for one, other in parts)
 
 
 def table(rows: list[Row]) -> str:
@@ -92,7 +102,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", nargs="+", default=["op3"])
     parser.add_argument("--clips", nargs="+", type=Path, default=sorted(SAMPLES.glob("*.bvh")))
-    parser.add_argument("--legs", nargs="+", default=["follow", "stand"], choices=["follow", "stand"])
+    parser.add_argument("--legs", nargs="+", default=["auto", "stand"], choices=["auto", "follow", "stand"])
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
