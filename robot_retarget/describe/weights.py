@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 class Weights:
     """π of every kind; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
 
-    near: float = 60.0
+    near: float = 56.0
     """Distances between keypoints that are near each other, over the path between them ..."""
-    far: float = 18.0
+    far: float = 17.0
     """... and of those that are far; all of a frame together, over the number of keypoints."""
     reach: float = 0.35
     """Two keypoints at this share of the path between them are half near [-]."""
@@ -32,7 +32,7 @@ class Weights:
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
     """Direction of the hip line: which way the body faces."""
-    shoulders: float = 1.4
+    shoulders: float = 3.0
     """Direction of the shoulder line."""
     orientation: float = 0.3
     """Forward and up of pelvis, chest, head and hands ..."""
