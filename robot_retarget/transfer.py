@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from robot_retarget.balance.balance import Balanced, balance_of, in_balance
+from robot_retarget.balance.planter import PlantOptions
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.likeness import Likeness, likeness_of
@@ -114,6 +115,8 @@ def solve(
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
     """
     mode = balance_of(graph.robot, legs, balance)
+    if mode != "off":  # balance plays no faster: what its draft does at full speed would come too late
+        options = replace(options or Options(), speed=PlantOptions().speed)
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=progress)
     doubt = mismatch(graph.motion, graph.robot, graph.match, solution.trajectory.qpos)
     if doubt and not graph.mapped and (smoothing is None or smoothing.passes):

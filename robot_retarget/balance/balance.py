@@ -283,14 +283,17 @@ def asked(planter: Planter, clip: Clip, outline: Outline) -> list[Track]:
 
 
 def _in_turn(planter: Planter, outline: Outline, clip: SolverClip) -> list[Floats]:
-    """(K, nq) each frame from the correction of the one before: where the passes over all frames begin."""
+    """(K, nq) each frame from the correction of root and legs in the one before: where the passes over all frames begin.
+
+    Arms and head begin as they are wished: one that came to another basin would not leave it again.
+    """
     robot, solver, found = planter.robot, planter.solver, []
+    carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
     correction = np.zeros(robot.model.nv)
     for k, wish in enumerate(outline.wished):
-        box = solver.reachable([found[-1]] if found else [], 1 / clip.fps)
         start = integrate(robot, wish, correction)
-        pose = solver.descend(start, clip.wishes.at(k), iterations=8, tolerance=1e-4, box=box)
-        correction = difference(robot, wish, pose.qpos)
+        pose = solver.descend(start, clip.wishes.at(k), iterations=8, tolerance=1e-4)
+        correction = np.where(carried, difference(robot, wish, pose.qpos), 0.0)
         found.append(pose.qpos)
     return found
 

@@ -83,12 +83,16 @@ class Planter:
         return Points(np.concatenate([c.bodies for c in corners]), np.concatenate([c.offsets for c in corners]))
 
     @cached_property
-    def leg_coordinates(self) -> np.ndarray:
-        """Where the hinges between pelvis and soles stand in qpos."""
+    def leg_dofs(self) -> np.ndarray:
+        """(nv,) whether a dof moves a sole but not the pelvis."""
         moves = carrying(self.robot.model)
         soles = [moves[int(sole.bodies[0])] for sole in self.match.anatomy.soles.values()]
-        legs = np.logical_or.reduce(soles) & ~moves[self.match.anatomy.spots["pelvis"].body]
-        return self.robot.qpos_index[legs[self.robot.dof_index]]
+        return np.logical_or.reduce(soles) & ~moves[self.match.anatomy.spots["pelvis"].body]
+
+    @property
+    def leg_coordinates(self) -> np.ndarray:
+        """Where the hinges between pelvis and soles stand in qpos."""
+        return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
     def planted(self, tracks: Sequence[Track], places: Floats, planted: np.ndarray, centre: Floats) -> list[Track]:
         """Tracks (K frames) with soles at places (K, F, 4, 3), feet (K, F) planted, and mass over spots (K, 2) [m]."""

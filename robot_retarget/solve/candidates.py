@@ -85,7 +85,7 @@ class Candidates:
         """Where the path would leap to a cheaper basin, find poses on the way that the joints can follow."""
         path = self.cheapest(beyond_speed=0.0)
         angles = np.array([pose.qpos[self.hinges] for pose in path])
-        reach = self.solver.robot.max_speed * np.diff(self.times).max(initial=0.0)
+        reach = self.solver.speed * np.diff(self.times).max(initial=0.0)
         paced = within_speeds(angles, reach, self.first)
         for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search.same):
             start = path[k].qpos.copy()
@@ -128,7 +128,7 @@ class Candidates:
         """(A, B) what it costs to go from every pose of the moment before to every one of a moment."""
         robot, before, here = self.solver.robot, self.poses[k - 1], self.poses[k]
         turned = np.array([[difference(robot, a.qpos, b.qpos) for b in here] for a in before])
-        reach = robot.max_speed * (self.times[k] - self.times[k - 1])
+        reach = self.solver.speed * (self.times[k] - self.times[k - 1])
         beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
         return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
 
@@ -159,7 +159,7 @@ class Candidates:
     def _follow(self, pose: Pose, here: int, moments: range) -> None:
         """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
         for moment in moments:
-            reach = self.solver.robot.max_speed * abs(self.times[moment] - self.times[here])
+            reach = self.solver.speed * abs(self.times[moment] - self.times[here])
             pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
             if not self._add(moment, pose):
                 return
