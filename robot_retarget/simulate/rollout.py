@@ -56,7 +56,7 @@ def simulate(
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback beside.
         thresholds: what is still a pass (`thresholds.read_thresholds` reads them from TOML).
-        warnings: of the trajectory (`retarget.warn.warnings_of`); the report then says how they agree with the
+        warnings: of the trajectory (`collision.warn.warnings_of`); the report then says how they agree with the
             contacts that happened.
 
         likeness: to the human's motion; the report then says in what it is unlike.
