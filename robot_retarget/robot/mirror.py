@@ -38,12 +38,6 @@ class Mirror:
         other, sign = self._seen
         return angles[..., other] * sign
 
-    def left_in_world(self, root: Floats) -> Floats:
-        """(3,) the robot's left in world axes, its root body turned by a unit quaternion w x y z."""
-        left = np.empty(3)
-        mujoco.mju_rotVecQuat(left, self.left, root)
-        return left
-
     @cached_property
     def _seen(self) -> tuple[Ints, Floats]:
         """Per hinge the one it takes its mirrored angle from, and the sign: 0 where there is none."""
