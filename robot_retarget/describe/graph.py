@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robot_retarget import dgp
 from robot_retarget.arrays import Floats
+from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.human import Human, human_of
 from robot_retarget.describe.kinds import KINDS, Kind
 from robot_retarget.describe.kinds.kind import Renewable, Scene
@@ -109,6 +111,10 @@ class Graph:
         """
         chosen = np.arange(len(self)) if frames is None else np.atleast_1d(np.asarray(frames, dtype=int))
         return np.concatenate([_rows(track, chosen) for track in self.kinds.values()])
+
+    def expanded(self) -> "dgp.Graph":
+        """The papers' graph of free points (`describe.expansion`): the edges between keypoints and places, and the bones."""
+        return expanded(self)
 
     def with_edge(
         self,

@@ -98,4 +98,4 @@ def adapt(
     i, j = every_frame(u, v, graph)
     kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE), graph.frames)
     flat = delta.ravel()
-    return replace(graph, i=i, j=j, lower=flat, upper=flat, priority=priority.ravel(), kind=kind)
+    return replace(graph, i=i, j=j, lower=flat, upper=flat, priority=priority.ravel(), kind=kind, give=np.inf)

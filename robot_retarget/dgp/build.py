@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.graph import Animated, Graph, Kind
 from robot_retarget.dgp.skeletal import SkeletalStructure
 from robot_retarget.dgp.solution import Solution
 from robot_retarget.dgp.stress import distances
@@ -31,7 +31,7 @@ def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[Graph, Floats]
 
 def measured(graph: Graph, animation: Floats, i: Ints, j: Ints, kind: Kind, priority: ArrayLike = 1.0) -> Graph:
     """The graph with exact edges whose δ is the distance in the animation."""
-    bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind))
+    bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind), give=np.inf)
     delta = distances(bare, animation)
     return replace(bare, lower=delta, upper=delta)
 
@@ -64,6 +64,24 @@ def frame_edges(vertices: Sequence[str], animation: ArrayLike, priority: ArrayLi
     return measured(graph, x, i, j, Kind.POSTURE, np.tile(np.broadcast_to(priority, pairs), len(x)))
 
 
+def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> Graph:
+    """E* of a motion, or of places (T, V, K): see `Graph.of`."""
+    if isinstance(motion, Animated):
+        graph, x = empty(motion.skeleton.names, motion.positions)
+        parents = np.asarray(motion.skeleton.parents, dtype=np.int64)
+    else:
+        x = np.asarray(motion, dtype=np.float64)
+        numbered = [str(k) for k in range(x.shape[-2] if x.ndim > 1 else 0)]
+        graph, x = empty(numbered if names is None else names, x)
+        parents = np.full(len(graph.vertices), -1)
+    i, j = np.triu_indices(len(parents), 1)
+    bone = (parents[i] == j) | (parents[j] == i)
+    kept = bone | postures
+    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE)[kept], graph.frames)
+    within = replace(measured(graph, x, *every_frame(i[kept], j[kept], graph), Kind.POSTURE), kind=kind)
+    return within.joined(trace_edges(graph.vertices, x, traces)) if traces and len(x) > 1 else within
+
+
 def bone_edges(graph: Graph, structure: SkeletalStructure, priority: float = 10.0) -> Graph:
     """The bones of (S, χ) in every frame of a graph, δ = ‖χ(u) − χ(v)‖, [MucherinoOmer2019, Definition 3].
 
@@ -74,7 +92,7 @@ def bone_edges(graph: Graph, structure: SkeletalStructure, priority: float = 10.
     parent, child = structure.bones.T
     i, j = every_frame(places[parent], places[child], graph)
     delta = np.tile(structure.lengths[1:], graph.frames)
-    return replace(graph, i=i, j=j, lower=delta, upper=delta, priority=priority, kind=int(Kind.BONE))
+    return replace(graph, i=i, j=j, lower=delta, upper=delta, priority=priority, kind=int(Kind.BONE), give=np.inf)
 
 
 def pair_edges(
@@ -106,7 +124,7 @@ def pair_edges(
         name: np.tile(np.broadcast_to(np.asarray(value, dtype=np.float64), len(ends)), graph.frames - first)
         for name, value in (("lower", lower), ("upper", upper), ("priority", priority))
     }
-    return replace(graph, i=i, j=j, kind=int(kind), **columns)
+    return replace(graph, i=i, j=j, kind=int(kind), give=np.inf, **columns)
 
 
 def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> Graph:

@@ -28,7 +28,7 @@ class Reduced:
         return value, slope.reshape(z.shape)
 
     def take(self, columns: NDArray[np.int64]) -> "Reduced":
-        return Reduced(self.inc, _taken(self.bounds, columns), self.objective, self.dimension)
+        return Reduced(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class Explicit:
         x = z[:-edges].reshape(-1, self.dimension, z.shape[1])
         r, k = self.inc.differences(x)
         distance, y = lengths(r), z[-edges:]
-        share, slope = edge_terms(self.objective, distance - y, y, self.bounds.priority)
+        share, slope, _ = edge_terms(self.objective, distance - y, y, self.bounds.priority, self.bounds.give)
         r *= (slope / np.where(distance > 0, distance, np.inf))[:, None]
         pull = self.inc.gather(r, k).reshape(len(z) - edges, -1)
         return share.sum(0), np.concatenate([pull, -slope])
 
     def take(self, columns: NDArray[np.int64]) -> "Explicit":
-        return Explicit(self.inc, _taken(self.bounds, columns), self.objective, self.dimension)
+        return Explicit(self.inc, taken(self.bounds, columns), self.objective, self.dimension)
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,12 @@ class Lifted:
         return Lifted(self.stress.take(columns), self.kept, self.weight)
 
 
-def _taken(bounds: Bounds, columns: NDArray[np.int64]) -> Bounds:
+def taken(bounds: Bounds, columns: NDArray[np.int64] | slice) -> Bounds:
+    """The bounds of some realizations."""
     if bounds.lower.shape[1] == 1:  # shared by every column
         return bounds
-    return Bounds(bounds.lower[:, columns], bounds.upper[:, columns], bounds.priority[:, columns])
+    give = None if bounds.give is None else bounds.give[:, columns]
+    return Bounds(bounds.lower[:, columns], bounds.upper[:, columns], bounds.priority[:, columns], give)
 
 
 def box_of(graph: Graph, x: Floats) -> tuple[Floats, Floats]:
@@ -107,8 +109,9 @@ def by_frame(graph: Graph) -> tuple[Graph, Bounds]:
     pattern, row = np.unique(keys, axis=0, return_inverse=True)
     row = row.ravel()
     _refuse_doubles(graph, row, frame)
-    tables = {name: np.zeros((len(pattern), graph.frames)) for name in ("lower", "upper", "priority")}
-    tables["upper"] += np.inf
+    columns = {"lower": 0.0, "upper": np.inf, "priority": 0.0}
+    columns |= {} if np.isinf(graph.give).all() else {"give": np.inf}
+    tables = {name: np.full((len(pattern), graph.frames), absent) for name, absent in columns.items()}
     for name, table in tables.items():
         table[row, frame] = getattr(graph, name)
     single = replace(
@@ -119,6 +122,7 @@ def by_frame(graph: Graph) -> tuple[Graph, Bounds]:
         lower=0.0,
         upper=np.inf,
         priority=1.0,
+        give=np.inf,
     )
     return single, Bounds(**tables)
 

@@ -1,8 +1,9 @@
 """The instance of a dynamical distance geometry problem: G = (V × T, E, {δ, π})."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +38,25 @@ class Kind(IntEnum):
     GROUND = 10
 
 
+_COLUMNS = ("i", "j", "lower", "upper", "priority", "kind", "give")
+"""What every edge has."""
+
+
+@runtime_checkable
+class Animated(Protocol):
+    """A motion as graphs see it: places of named joints in a tree over time."""
+
+    @property
+    def skeleton(self) -> Any:
+        """With `names` (V,) and `parents` (V,), −1 at a root."""
+        ...
+
+    @property
+    def positions(self) -> Floats:
+        """(T, V, K) [m]."""
+        ...
+
+
 @dataclass(frozen=True)
 class Graph:
     """G = (V × T, E, {δ, π}) in dimension K, [MucherinoOmer2019, §1]; T = {1} is the ordinary problem.
@@ -67,6 +87,8 @@ class Graph:
     """(E,) π ≥ 0, the importance of the edge."""
     kind: NDArray[np.int8] = field(default_factory=lambda: np.array(Kind.POSTURE, np.int8))
     """(E,) of `Kind`."""
+    give: Floats = field(default_factory=lambda: np.array(np.inf))
+    """(E,) Huber scale g > 0 [m]: errors well over it count linearly under the squared objectives; ∞ counts squares."""
     fixed: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
     """(T, V) the vertices that stay where the start puts them."""
     box_lower: Floats = field(default_factory=lambda: np.array(-np.inf))
@@ -90,7 +112,7 @@ class Graph:
         if len(edges) != 1:
             raise GraphError(f"edge ends must be one-dimensional, got shape {edges}")
         self._spread(("i", "j"), edges, np.int64)
-        self._spread(("lower", "upper", "priority"), edges, np.float64)
+        self._spread(("lower", "upper", "priority", "give"), edges, np.float64)
         self._spread(("kind",), edges, np.int8)
         self._spread(("fixed",), places, np.bool_)
         self._spread(("box_lower", "box_upper"), (*places, self.dimension), np.float64)
@@ -124,11 +146,12 @@ class Graph:
         self._refuse((self.kind == Kind.SMOOTHNESS) & apart, "is smoothness but does not join v_(t−1) and v_(t+1)")
 
     def _check_bounds(self) -> None:
-        for name in ("lower", "upper", "priority"):
+        for name in ("lower", "upper", "priority", "give"):
             self._refuse(np.isnan(getattr(self, name)), f"has {name} NaN")
         self._refuse(self.lower < 0, "has a negative lower bound")
         self._refuse(np.isinf(self.lower), "has an infinite lower bound")
         self._refuse(self.lower > self.upper, "has lower > upper")
+        self._refuse(self.give <= 0, "has a Huber scale that is not above 0")
         self._refuse((self.priority < 0) | np.isinf(self.priority), "has a priority outside [0, ∞)")
         crossed = np.argwhere(~(self.box_lower <= self.box_upper))
         if crossed.size:
@@ -140,6 +163,35 @@ class Graph:
             edge = int(np.flatnonzero(wrong)[0])
             values = f"lower {self.lower[edge]:g}, upper {self.upper[edge]:g}, priority {self.priority[edge]:g}"
             raise GraphError(f"edge {edge} ({self.edge_name(edge)}) {what}: {values}")
+
+    @classmethod
+    def of(
+        cls,
+        motion: "Animated | ArrayLike",
+        names: Sequence[str] | None = None,
+        *,
+        postures: bool = True,
+        traces: int = 3,
+        fixed: Sequence[str] = (),
+    ) -> "Graph":
+        """E* of a motion: exact edges δ = d(x) whose realization of no stress is the motion itself.
+
+        Args:
+            motion: of a skeleton, whose bones are edges of kind `BONE`; or places (T, V, K) of objects [m].
+            names: of the objects; a motion has its own, others are numbered.
+            postures: every pair of every frame, ⋃ E_t; leave them out where objects go their own ways, as in a crowd.
+            traces: every object to its own last so many places, ⋃ E_v with τ; 0 for none.
+            fixed: objects that stay where they are, such as obstacles.
+
+        Raises:
+            GraphError: places of another shape or not finite, or an unknown object.
+            UsageError: fewer frames than traces ask for.
+        """
+        from robot_retarget.dgp.build import motion_edges  # imported here: what builds graphs stands over them
+
+        graph = motion_edges(motion, names, postures, traces)
+        held = [graph.vertex(name) % len(graph.vertices) for name in fixed]
+        return replace(graph, fixed=np.isin(np.arange(len(graph.vertices)), held))
 
     def __len__(self) -> int:
         """|E|."""
@@ -174,8 +226,7 @@ class Graph:
     def select(self, edges: ArrayLike) -> "Graph":
         """The same vertices with some of the edges: a mask or indices over E."""
         chosen = np.asarray(edges)
-        columns = ("i", "j", "lower", "upper", "priority", "kind")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
+        return replace(self, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
 
     def joined(self, *others: "Graph") -> "Graph":
         """E* ∪ E⁺: the edges of several graphs over the same V × T; boxes and fixed vertices are this graph's.
@@ -189,9 +240,8 @@ class Graph:
                     f"cannot join graphs over different V × T: {len(self.vertices)} × {self.frames} in dimension "
                     f"{self.dimension} and {len(other.vertices)} × {other.frames} in dimension {other.dimension}"
                 )
-        columns = ("i", "j", "lower", "upper", "priority", "kind")
         graphs = (self, *others)
-        return replace(self, **{name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in columns})
+        return replace(self, **{name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in _COLUMNS})
 
     def induced(self, vertices: ArrayLike, first: int, last: int) -> "Graph":
         """G[vertices × {first … last}], the edges with both ends inside, [MucherinoOmer2019, §2].
@@ -206,15 +256,12 @@ class Graph:
         ids = new.ravel()
         kept = (ids[self.i] >= 0) & (ids[self.j] >= 0)
         kept &= (self.kind != Kind.INTERACTION) | (self.i >= (first + 1) * len(self.vertices))
-        columns = ("lower", "upper", "priority", "kind")
         window = {name: getattr(self, name)[first : last + 1, places] for name in ("fixed", "box_lower", "box_upper")}
         return replace(
             self,
             vertices=tuple(self.vertices[place] for place in places),
             frames=last - first + 1,
-            i=ids[self.i[kept]],
-            j=ids[self.j[kept]],
-            **{name: getattr(self, name)[kept] for name in columns},
+            **{name: getattr(self, name)[kept] for name in _COLUMNS} | {"i": ids[self.i[kept]], "j": ids[self.j[kept]]},
             **window,
         )
 

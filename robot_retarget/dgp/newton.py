@@ -86,9 +86,8 @@ class _Model:
         d = lengths(r)
         target = self.bounds.nearest(d)
         error = d - target
-        share, slope = edge_terms(self.objective, error, target, self.bounds.priority)
-        unit = edge_terms(self.objective, np.ones_like(error), target, self.bounds.priority)[1]
-        bend = np.where((error != 0) | self.exact, unit, 0.0)[:, 0]
+        share, slope, bend = edge_terms(self.objective, error, target, self.bounds.priority, self.bounds.give)
+        bend = np.where((error != 0) | self.exact, bend, 0.0)[:, 0]
         inverse = np.divide(1.0, d, out=np.zeros_like(d), where=d > 0)
         pull = (slope * inverse)[:, 0]
         n = r[:, :, 0] * inverse

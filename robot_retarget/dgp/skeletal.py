@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.dgp.graph import Animated
 from robot_retarget.errors import GraphError
 
 
@@ -43,6 +44,15 @@ class SkeletalStructure:
         short = np.flatnonzero(self.lengths[1:] == 0)
         if short.size:
             raise GraphError(f"joint {self.names[short[0] + 1]!r} coincides with its parent")
+
+    @classmethod
+    def of(cls, motion: Animated) -> "SkeletalStructure":
+        """The body of a motion, its bones as in its rest pose.
+
+        Raises:
+            GraphError: a joint coincides with its parent, or there are several roots.
+        """
+        return cls(motion.skeleton.names, motion.skeleton.parents, motion.skeleton.offsets)
 
     @property
     def bones(self) -> Ints:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.dgp.columns import Explicit, Reduced, blocks, box_of, by_frame
+from robot_retarget.dgp.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.incidence import Incidence, incidence
 from robot_retarget.dgp.ipopt import Ipopt, constrain
@@ -70,7 +70,7 @@ def solve_frames(
     lower, upper = (side.reshape(graph.frames, -1).T for side in box_of(graph, x))
     z, found = x.reshape(graph.frames, -1).T, []
     for block in blocks(graph.frames, _BATCH):
-        part = Bounds(bounds.lower[:, block], bounds.upper[:, block], bounds.priority[:, block])
+        part = taken(bounds, block)
         box = lower[:, block], upper[:, block]
         found.append(_spectral(inc, part, objective, z[:, block], box, graph.dimension, options))
     return _solution(graph, found, objective, began, "spectral")

@@ -8,7 +8,7 @@ edge y = δ), the objectives are sums over the edges of
     HALF_SQUARED      ½ π e²                       [MucherinoOmer2019, §1]
     SQUARED           π e²                         [Mucherino2017, eq. 2]
 
-All four are unchanged by translation, rotation and reflection.
+Edges with a Huber scale g count ϱ(e) = 2 g² (√(1 + (e/g)²) − 1) for e² in the last two. All four are unchanged by translation, rotation and reflection.
 """
 
 from dataclasses import dataclass
@@ -36,30 +36,35 @@ class Objective(Enum):
 
 @dataclass(frozen=True)
 class Bounds:
-    """[lower, upper] and π of the edges, (E, B) for B realizations side by side."""
+    """[lower, upper], π and g of the edges, (E, B) for B realizations side by side."""
 
     lower: Floats
     upper: Floats
     priority: Floats
+    give: Floats | None = None
+    """None where every edge counts squares."""
 
     def nearest(self, distance: Floats) -> Floats:
         """y, the point of the interval nearest to the distance."""
         return np.clip(distance, self.lower, self.upper)
 
 
-def edge_terms(objective: Objective, error: Floats, target: Floats, priority: Floats) -> tuple[Floats, Floats]:
-    """Each edge's share of σ and its derivative by d, from e, y and π."""
-    if objective is Objective.HALF_SQUARED:
-        slope = priority * error
-        return 0.5 * slope * error, slope
-    if objective is Objective.SQUARED:
-        slope = priority * error
-        return slope * error, 2.0 * slope
+def edge_terms(
+    objective: Objective, error: Floats, target: Floats, priority: Floats, give: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Each edge's share of σ and its first and second derivative by d, from e, y, π and g."""
+    if objective in (Objective.HALF_SQUARED, Objective.SQUARED):
+        weight = priority if objective is Objective.SQUARED else 0.5 * priority
+        pull = weight * error
+        if give is None:
+            return pull * error, 2.0 * pull, 2.0 * weight
+        root = np.sqrt(1.0 + (error / give) ** 2)
+        return 2.0 * pull * error / (1.0 + root), 2.0 * pull / root, 2.0 * weight / root**3
     scale = np.maximum(target, FLOOR)
     if objective is Objective.RELATIVE_SQUARED:
         slope = priority * error / scale**2
-        return slope * error, 2.0 * slope
-    return priority * np.abs(error) / scale, priority * np.sign(error) / scale
+        return slope * error, 2.0 * slope, 2.0 * priority / scale**2
+    return priority * np.abs(error) / scale, priority * np.sign(error) / scale, np.zeros_like(error)
 
 
 def value_and_gradient(inc: Incidence, bounds: Bounds, objective: Objective, x: Floats) -> tuple[Floats, Floats]:
@@ -67,7 +72,7 @@ def value_and_gradient(inc: Incidence, bounds: Bounds, objective: Objective, x: 
     r, k = inc.differences(x)
     distance = lengths(r)
     target = bounds.nearest(distance)
-    share, slope = edge_terms(objective, distance - target, target, bounds.priority)
+    share, slope, _ = edge_terms(objective, distance - target, target, bounds.priority, bounds.give)
     slope /= np.where(distance > 0, distance, np.inf)
     r *= slope[:, None]
     return share.sum(0), inc.gather(r, k)
@@ -82,8 +87,9 @@ def lengths(r: Floats) -> Floats:
 
 
 def bounds_of(graph: Graph) -> Bounds:
-    """The graph's intervals and priorities as one column."""
-    return Bounds(graph.lower[:, None], graph.upper[:, None], graph.priority[:, None])
+    """The graph's intervals, priorities and Huber scales as one column."""
+    give = None if np.isinf(graph.give).all() else graph.give[:, None]
+    return Bounds(graph.lower[:, None], graph.upper[:, None], graph.priority[:, None], give)
 
 
 def rows(x: Floats) -> Floats:
