@@ -56,8 +56,8 @@ class VerticalRule:
         default_factory=lambda: {"+x": -1.5, "+y": 0.0, "+z": -0.7, "-x": -1.5, "-y": -1.5, "-z": -1.5}
     )
     """How usual the axis is: y, then z."""
-    doubt: float = 1.5
-    """A lead over the second best axis below this is said: odds of less than 4.5 to 1 ..."""
+    doubt: float = 2.3
+    """A lead over the second best axis below this is said: odds of less than 10 to 1 ..."""
     tie: float = 0.2
     """... and below this it is none."""
 

@@ -1,7 +1,8 @@
 """White noise of a measurement, and a low pass that takes it away.
 
 Differences of fifth order pass over what a body does and leave the noise: of white noise with deviation σ they have
-the deviation σ √252. It is measured where the body is quietest, for there noise remains and motion does not.
+the deviation σ √252. It is measured where the body is quietest, for there noise remains and motion does not; that the
+quietest stretches of white noise have less of it than most is allowed for (χ² of the differences that are independent).
 """
 
 from dataclasses import dataclass, replace
@@ -9,27 +10,28 @@ from math import comb
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
+from scipy.stats import chi2
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.kinematics import backward, forward
 
 ORDER = 5
-_GAIN = float(np.sqrt(sum(comb(ORDER, k) ** 2 for k in range(ORDER + 1))))
+_GAIN = float(np.sqrt(comb(2 * ORDER, ORDER)))
+_ALIKE = sum(comb(2 * ORDER, ORDER + k) ** 2 for k in range(-ORDER, ORDER + 1)) / comb(2 * ORDER, ORDER) ** 2
+"""So many neighbouring differences of white noise say as much as one that is independent of the others."""
 
 
 @dataclass(frozen=True)
 class NoiseRule:
     """What is noise, and what is done about it."""
 
-    most: float = 0.002
-    """Deviation of a coordinate that is still taken for motion [m]; clean captures have up to 0.0015."""
-    window: float = 0.5
+    most: float = 0.0025
+    """Deviation of a coordinate that is still taken for motion [m]; clean captures have up to 0.002."""
+    window: float = 0.25
     """Stretches in which it is measured [s]."""
-    quiet: float = 0.2
+    quiet: float = 0.1
     """The quietest share of them counts."""
-    shortest: float = 2.0
-    """Clips shorter than this have no quiet stretch [s]."""
     lowest_rate: float = 20.0
     """At lower frame rates motion is as quick as noise [1/s]."""
     cutoff: float = 6.0
@@ -39,12 +41,13 @@ class NoiseRule:
 def noise_of(points: Floats, fps: float, rule: NoiseRule) -> float:
     """Deviation σ of the noise in points (T, K, 3), of the median point; 0 where it cannot be measured."""
     window = round(rule.window * fps)
-    if len(points) < max(rule.shortest, rule.window) * fps + ORDER or fps < rule.lowest_rate:
+    if len(points) < window + ORDER or fps < rule.lowest_rate:
         return 0.0
     power = (np.diff(points, ORDER, axis=0) ** 2).mean(axis=2)
-    stretches = power[: len(power) // window * window].reshape(-1, window, points.shape[1])
-    deviation = np.sqrt(stretches.mean(axis=1)) / _GAIN
-    return float(np.median(np.quantile(deviation, rule.quiet, axis=0)))
+    stretches = power[: len(power) // window * window].reshape(-1, window, points.shape[1]).mean(axis=1)
+    freedom, count = 3 * window / _ALIKE, len(stretches)
+    quietest = chi2.ppf((rule.quiet * (count - 1) + 1) / (count + 1), freedom) / freedom
+    return float(np.median(np.sqrt(np.quantile(stretches, rule.quiet, axis=0) / quietest)) / _GAIN)
 
 
 def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
