@@ -29,6 +29,8 @@ PLACES = 4
 """Windows of each length."""
 UNSURE = 0.5
 """A keypoint with less confidence is said to be doubtful."""
+NEAR = 0.15
+"""A keypoint that is so near to where it was is at another joint of the same hand or foot [leg lengths]."""
 SAME = 0.05
 """Heights that agree so far are the same [leg lengths]."""
 
@@ -73,9 +75,9 @@ def heights(motion: Motion, found: Recognition) -> Floats:
 
 
 def same_height(clip: Clip, changed: Capture, start: int, stop: int) -> str:
-    """Whether a changed stretch of a clip stands as it does in the whole."""
+    """Whether a changed stretch of a clip, nothing of it mended, stands as it does in the whole."""
     try:
-        motion = upright(changed)
+        motion = upright(changed, repair=False)
     except RobotRetargetError:
         return SAID
     if len(motion) != stop - start:
@@ -87,8 +89,9 @@ def same_height(clip: Clip, changed: Capture, start: int, stop: int) -> str:
 
 
 def window_has_the_up_axis_of_the_whole(clip: Clip) -> Iterator[str]:
-    for start, stop in windows(clip):
-        yield same_height(clip, cut(clip.capture, start, stop), start, stop)
+    plain = replace(clip, motion=upright(clip.capture, repair=False))
+    for start, stop in windows(plain):
+        yield same_height(plain, cut(clip.capture, start, stop), start, stop)
 
 
 def who_is_laid_on_the_floor_lies(clip: Clip) -> Iterator[str]:
@@ -158,6 +161,13 @@ def same_map(clip: Clip, changed: Capture, wanted: Recognition) -> str:
     return SAID if doubtful or found.notes else SILENT
 
 
+def what_is_clean_is_left_as_it_is(clip: Clip) -> Iterator[str]:
+    plain = upright(clip.capture, repair=False)
+    same = len(plain) == len(clip.motion) and np.abs(plain.positions - clip.motion.positions).max() < 1e-9
+    told = any("smoothed" in note or "bridged" in note or "dropped" in note for note in clip.motion.notes)
+    yield KEPT if same else SAID if told else SILENT
+
+
 def a_jump_of_the_root_is_bridged_or_said(clip: Clip) -> Iterator[str]:
     leg = leg_length(clip.found, clip.capture.positions)
     for frames in (1, max(2, round(0.2 * clip.capture.fps)), len(clip.capture.positions)):
@@ -176,7 +186,18 @@ def a_limb_that_flies_is_bridged_or_said(clip: Clip) -> Iterator[str]:
         for start in _middle(clip):
             x = clip.capture.positions.copy()
             x[start : start + max(1, round(0.1 * clip.capture.fps)), below] += leg * 0.7 * _direction(rng)
-            yield mended(clip, replace(clip.capture, positions=x, rotations=None), start)
+            broken = replace(clip.capture, positions=x, rotations=None)
+            yield KEPT if _stays(clip, broken) else mended(clip, broken, start)
+
+
+def _stays(clip: Clip, broken: Capture) -> bool:
+    """Whether the keypoints of a broken capture are found at joints that did not fly, or are led back near to them."""
+    motion = upright(broken)
+    now = recognise(motion.skeleton, motion.positions)
+    if now.keypoints != clip.found.keypoints or len(motion) != len(clip.motion):
+        return False
+    away = now.place(motion.positions) - clip.found.place(clip.motion.positions)
+    return bool(np.linalg.norm(away, axis=2).max() < NEAR * leg_length(clip.found, clip.motion.positions))
 
 
 def _direction(rng: np.random.Generator) -> Floats:
@@ -250,6 +271,7 @@ LAWS: tuple[Law, ...] = (
     renaming_changes_nothing,
     mirroring_swaps_sides,
     unit_and_axis_change_nothing,
+    what_is_clean_is_left_as_it_is,
     a_jump_of_the_root_is_bridged_or_said,
     a_limb_that_flies_is_bridged_or_said,
     noise_is_taken_away_or_said,
@@ -260,11 +282,20 @@ LAWS: tuple[Law, ...] = (
 def clips(folders: list[Path]) -> Iterator[Clip]:
     for path in sorted(p for folder in folders for p in folder.rglob("*") if p.is_file()):
         try:
-            capture = format_of(path).read(path, Request())
-            motion = upright(capture)
-            yield Clip(path.stem, capture, motion, recognise(motion.skeleton, motion.positions))
+            yield clip_of(path)
         except RobotRetargetError:
             continue
+
+
+def clip_of(path: Path) -> Clip:
+    """A file of a human motion.
+
+    Raises:
+        RobotRetargetError: it is none.
+    """
+    capture = format_of(path).read(path, Request())
+    motion = upright(capture)
+    return Clip(path.stem, capture, motion, recognise(motion.skeleton, motion.positions))
 
 
 def main() -> None:

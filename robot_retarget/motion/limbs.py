@@ -5,7 +5,7 @@ in any unit, any axes and any language. Every choice of three joints on a chain 
 constant); names add to it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,6 +22,8 @@ _RATIO = {"arm": 1.17, "leg": 1.0}
 """Upper over lower bone: the medians of 14 exporters (0.9 to 1.5 and 0.8 to 1.4)."""
 _ARM_TO_LEG = 0.61
 """Shoulder to wrist over hip to ankle: the median of the same 14 (0.47 to 0.68)."""
+_ELSEWHERE = 0.05
+"""Two joints are at one place where they are nearer than this share of the limb."""
 _BOTH = 4.0
 """Score of a body for having arms beside its legs."""
 
@@ -67,15 +69,16 @@ class Body:
         return tuple(chain)
 
     def toe(self, limb: "Limb") -> int | None:
-        """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end.
+        """The joint a foot rolls over: the first one below the ankle that stands apart from it, or the foot's end."""
+        return (self.toes(limb) or [None])[0]
 
-        What is called a heel is none, nor is what lies on the way to nothing else.
-        """
+    def toes(self, limb: "Limb") -> list[int]:
+        """The joints that may be the toe, the likeliest first: no heel, nothing that lies on the way to nothing else."""
         below = [
             joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
         ]
         named = [joint for joint in below if "helper" not in self.senses[joint].parts]
-        return (named or below or [None])[0]
+        return named or below
 
     def _foot(self, ankle: int) -> list[int]:
         """From below an ankle down the longest branch that is not called a heel."""
@@ -107,6 +110,8 @@ class Limb:
     upper: float
     lower: float
     score: float
+    lead: float = np.inf
+    """Of the score over that of the best choice of three that has a joint elsewhere."""
 
     @property
     def length(self) -> float:
@@ -124,6 +129,11 @@ class Pair:
     @property
     def length(self) -> float:
         return (self.sides[0].length + self.sides[1].length) / 2
+
+    @property
+    def lead(self) -> float:
+        """That of the less certain limb."""
+        return min(limb.lead for limb in self.sides)
 
     @property
     def chains(self) -> set[int]:
@@ -201,7 +211,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
     between = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3).mean(axis=0).min(axis=1)
     # A sword in one hand makes that chain longer, not its arm.
     total = min(below[0], body.branch(other[0]))
-    best: Limb | None = None
+    fits: list[tuple[tuple[int, ...], Limb]] = []
     for a, b, c in combinations(range(len(chain)), 3):
         upper, lower = mean[a, b], mean[b, c]
         if min(upper, lower) < 0.15 * total:
@@ -221,9 +231,13 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
             + named
             - sum(body.senses[chain[k]].tip for k in (a, b, c))
         )
-        if best is None or score > best.score:
-            best = Limb((chain[a], chain[b], chain[c]), chain, float(upper), float(lower), float(score))
-    return best
+        joints = (chain[a], chain[b], chain[c])
+        fits.append(((a, b, c), Limb(joints, chain, float(upper), float(lower), float(score))))
+    if not fits:
+        return None
+    chosen, best = max(fits, key=lambda fit: fit[1].score)
+    others = [fit.score for places, fit in fits if mean[chosen, places].max() > _ELSEWHERE * best.length]
+    return replace(best, lead=best.score - max(others, default=-np.inf))
 
 
 def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:

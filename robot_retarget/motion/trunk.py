@@ -1,5 +1,7 @@
 """Chest, neck and head: the joints between two legs and two arms, and above the arms."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from robot_retarget.arrays import unit
@@ -7,24 +9,46 @@ from robot_retarget.motion.limbs import Body, Pair
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
+_LEAST = -5.0
+"""A joint that scores less is no head."""
+_APART = 0.03
+"""Joints this near are one place, of the head or of the neck [leg lengths]."""
 
 
-def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, tuple[int, str]]:
-    """The joints of chest, neck and head that this body has, with the evidence."""
+@dataclass(frozen=True)
+class Found:
+    """A joint of the trunk, how it is known, and the lead of its score over that of the next best place."""
+
+    joint: int
+    why: str
+    lead: float = np.inf
+
+
+def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
+    """The joints of chest, neck and head that this body has."""
     height = _heights(body, legs, arms)
-    found: dict[str, tuple[int, str]] = {}
+    found: dict[str, Found] = {}
     chest = _chest(body, legs, arms, height)
     if chest is not None:
-        found["chest"] = chest, "where neck and arms branch off the spine"
-    head = _head(body, legs, arms, height, chest)
-    if head is not None:
-        found["head"] = head, f"{height[head]:.2f} leg lengths above the shoulders"
-        neck = next(
-            (joint for joint in body.skeleton.above(head)[1:] if body.distance(joint, head) > 0.02 * legs.length), None
-        )
-        if neck is not None and neck != chest and neck != legs.hub and height[neck] > height[chest or legs.hub]:
-            found["neck"] = neck, "the joint below the head"
+        found["chest"] = Found(chest, "where neck and arms branch off the spine")
+    scores = _heads(body, legs, arms, height, chest)
+    if scores:
+        head = max(scores, key=scores.__getitem__)
+        others = [score for joint, score in scores.items() if body.distance(joint, head) > _APART * legs.length]
+        lead = scores[head] - max(others, default=-np.inf)
+        found["head"] = Found(head, f"{height[head]:.2f} leg lengths above the shoulders", lead)
+        neck = _neck(body, legs, head, height, chest)
+        if neck is not None:
+            found["neck"] = Found(neck, "the joint below the head", lead)
     return found
+
+
+def _neck(body: Body, legs: Pair, head: int, height: np.ndarray, chest: int | None) -> int | None:
+    """The joint below a head that is still over the chest."""
+    below = (k for k in body.skeleton.above(head)[1:] if body.distance(k, head) > _APART * legs.length)
+    neck = next(below, None)
+    over = neck is not None and neck not in (chest, legs.hub) and height[neck] > height[chest or legs.hub]
+    return neck if over else None
 
 
 def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
@@ -46,12 +70,12 @@ def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None
     return None
 
 
-def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | None) -> int | None:
-    """The joint off the limbs that is called a head, or stands where one is."""
+def _heads(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | None) -> dict[int, float]:
+    """Scores of the joints off the limbs that are called a head, or stand over a neck where a head is."""
     limbs = legs.below(body) | arms.below(body)
     trunk = set(body.skeleton.above(arms.hub))
     shoulders = [limb.joints[0] for limb in arms.sides]
-    best, best_score = None, -5.0
+    scores = {}
     for joint in range(len(height)):
         if joint in limbs or joint in trunk or chest not in (None, *body.skeleton.above(joint)):
             continue
@@ -61,10 +85,11 @@ def _head(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | N
             - 10 * aside
             + 3 * body.senses[joint].agreement("head")
             - 3 * body.senses[joint].tip
+            + 0.5 * (_neck(body, legs, joint, height, chest) is not None)
             - 0.5 * (not body.children[joint])
             + 0.5 * (len(body.children[joint]) > 1)
             - 0.08 * len(body.skeleton.above(joint))
         )
-        if score > best_score:
-            best, best_score = joint, score
-    return best
+        if score > _LEAST:
+            scores[joint] = float(score)
+    return scores
