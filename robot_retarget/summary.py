@@ -119,7 +119,7 @@ def _joints(robot: Robot) -> dict[str, dict[str, float | None]]:
 
 def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[str, Any]:
     """How a clip was solved: frames, rate, status, stress, worst edges."""
-    frames, seconds = len(solution.cost), solution.timings.get("solve", 0.0)
+    frames, seconds = len(solution.cost), sum(solution.timings.get(stage, 0.0) for stage in ("solve", "balance"))
     reasons = {status.name.lower(): 0 for status in solution.status}
     for status in solution.status:
         reasons[status.name.lower()] += 1
@@ -134,6 +134,7 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "solved_per_second": round(frames / seconds, 1) if seconds else None,
         "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
         "machine_code": solution.native,
+        "sigma": {k.value: round(float(v.mean()), 6) for k, v in solution.sigma.items()},
         **describe_stress(solution),
         "notes": [*notes, *_jumps_told(solution)],
     }

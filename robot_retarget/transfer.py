@@ -123,8 +123,10 @@ def solve(
         raise MatchError(doubt)
     if mode == "off":
         return Result(solution.graph, solution, doubt=doubt)
+    began = time.perf_counter()
     balanced, graph, solution = in_balance(solution.graph, solution, legs, mode)
-    return Result(graph, solution, balanced, doubt=doubt)
+    timings = {**solution.timings, "balance": time.perf_counter() - began}
+    return Result(graph, replace(solution, timings=timings), balanced, doubt=doubt)
 
 
 def retarget(
@@ -134,6 +136,7 @@ def retarget(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
+    favour: str = "balanced",
     options: Options | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
@@ -143,7 +146,7 @@ def retarget(
 ) -> Result:
     """Carry a human motion over to a robot: `describe`, then `solve`, whose arguments and errors these are."""
     began = time.perf_counter()
-    graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights)
+    graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights, favour=favour)
     prepared = time.perf_counter() - began
     result = solve(
         graph, options=options, search=search, smoothing=smoothing, legs=legs, balance=balance, progress=progress

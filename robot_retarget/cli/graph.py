@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Edges, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.options import Edges, Favour, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName
 from robot_retarget.cli.stages import described, load, read_clip
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ def graph(
     map_file: Overrides = None,
     limits: Limits = None,
     edges: Edges = None,
+    favour: Favour = "balanced",
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
     json: Json = False,
 ) -> None:
@@ -30,7 +31,7 @@ def graph(
     from robot_retarget.summary import describe_graph, describe_stress
     from robot_retarget.transfer import solve as solved
 
-    found = described(read_clip(motion, frames), load(robot, limits), fps, map_file, edges)
+    found = described(read_clip(motion, frames), load(robot, limits), fps, map_file, edges, favour)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         facts |= describe_stress(solved(found).solution)

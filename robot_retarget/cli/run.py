@@ -10,6 +10,7 @@ from robot_retarget.cli.options import (
     Balance,
     BodyModel,
     Draws,
+    Favour,
     Fps,
     Frames,
     Json,
@@ -43,6 +44,7 @@ def run(
     map_file: Overrides = None,
     limits: Limits = None,
     servos: Servos = None,
+    favour: Favour = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
@@ -50,7 +52,7 @@ def run(
     json: Json = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
-    wishes = Wishes(fps, map_file, legs, balance)
+    wishes = Wishes(fps, map_file, legs, balance, favour=favour)
     verdict = fill_folder(
         read_clip(motion, frames, source_fps, body_model, up, repair),
         load(robot, limits, servos),

@@ -10,6 +10,7 @@ from robot_retarget.cli.options import (
     Balance,
     BodyModel,
     Edges,
+    Favour,
     Fps,
     Frames,
     Json,
@@ -41,6 +42,7 @@ def solve(
     map_file: Overrides = None,
     limits: Limits = None,
     edges: Edges = None,
+    favour: Favour = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
     explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
@@ -52,7 +54,7 @@ def solve(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    wishes = Wishes(fps, map_file, legs, balance, edges)
+    wishes = Wishes(fps, map_file, legs, balance, edges, favour)
     result = carried_over(
         read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits), wishes, quiet=json
     )

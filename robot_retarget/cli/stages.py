@@ -27,6 +27,7 @@ class Wishes:
     legs: str
     balance: str
     edges: Path | None = None
+    favour: str = "balanced"
 
 
 def fill_folder(
@@ -187,21 +188,26 @@ def draw_warnings(warnings: "Warnings", path: Path) -> None:
 
 
 def described(
-    motion: "Motion", robot: "Robot", fps: float | None, map_file: Path | None, edges: Path | None
+    motion: "Motion",
+    robot: "Robot",
+    fps: float | None,
+    map_file: Path | None,
+    edges: Path | None,
+    favour: str = "balanced",
 ) -> "Graph":
     """The graph of a motion on a robot, with the edits of a file."""
     from robot_retarget.describe.edits import edited, read_edits
     from robot_retarget.describe.graph import describe
 
     edits = read_edits(edges) if edges else []
-    return edited(describe(motion, robot, fps=fps, overrides=map_file), edits, edges or "")
+    return edited(describe(motion, robot, fps=fps, overrides=map_file, favour=favour), edits, edges or "")
 
 
 def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) -> "Result":
     """The motion on the robot, with progress unless it is to be quiet."""
     from robot_retarget.transfer import solve
 
-    graph = described(motion, robot, wishes.fps, wishes.map_file, wishes.edges)
+    graph = described(motion, robot, wishes.fps, wishes.map_file, wishes.edges, wishes.favour)
     with console.progress(f"retarget to {robot.name}", quiet) as advance:
         return solve(graph, legs=wishes.legs, balance=wishes.balance, progress=advance)
 

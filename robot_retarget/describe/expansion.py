@@ -10,6 +10,7 @@ out, are directions and places along an axis (compass, orientation, path, footho
 that are far off), angles (rest), second differences of joints, points that a body carries, and the limits of the robot.
 """
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,16 +31,16 @@ LABELS = {"touch": Kind.TOUCH}
 
 def expanded(graph: "Graph") -> Instance:
     """The papers' graph over V × T: V the keypoints, and the places that edges of one's own name, held by their boxes."""
-    places = _places(graph)
+    places = places_of(graph)
     vertices = (*graph.match.keypoints, *places)
-    tracks = [_between_points(track, vertices) for track in graph.tracks if not track.axes]
+    tracks = [track.subset(between_points(track, vertices)) for track in graph.tracks]
     held = np.array([places.get(name, np.full(3, np.nan)) for name in vertices])
     boxes = (np.tile(np.where(np.isnan(held), free, held), (len(graph), 1, 1)) for free in (-np.inf, np.inf))
     bones = replace(_bones(graph, vertices), **dict(zip(("box_lower", "box_upper"), boxes, strict=True)))
     return bones.joined(*(_edges(track, vertices, len(graph)) for track in tracks if len(track)))
 
 
-def _places(graph: "Graph") -> dict[str, Floats]:
+def places_of(graph: "Graph") -> dict[str, Floats]:
     """Places in the world that edges of one's own end at, by name."""
     found = {}
     for track in graph.tracks:
@@ -49,9 +50,9 @@ def _places(graph: "Graph") -> dict[str, Floats]:
     return found
 
 
-def _between_points(track: Track, vertices: tuple[str, ...]) -> Track:
-    """The edges whose ends are both vertices."""
-    return track.subset(np.array([set(ends) <= set(vertices) for ends in track.ends], dtype=bool))
+def between_points(track: Track, vertices: Collection[str]) -> np.ndarray:
+    """(E,) which edges measure the distance of two vertices."""
+    return np.array([not track.axes and set(ends) <= set(vertices) for ends in track.ends], dtype=bool)
 
 
 def _edges(track: Track, vertices: tuple[str, ...], frames: int) -> Instance:

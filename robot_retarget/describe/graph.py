@@ -284,6 +284,7 @@ def describe(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
+    favour: str = "balanced",
     kinds: Iterable[Kind] = KINDS,
 ) -> Graph:
     """The graph of a human motion on a robot.
@@ -292,15 +293,17 @@ def describe(
         fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
+        favour: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.favouring`).
         kinds: what the motion is described by.
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
-        UsageError: fps out of range.
+        UsageError: fps out of range, or an unknown word to favour.
     """
+    weighed = (weights or Weights()).favouring(favour)
     motion = at_rate(motion, fps)
     matched = match(motion, robot, overrides)
-    graph = graph_of(motion, robot, matched, weights or Weights(), kinds)
+    graph = graph_of(motion, robot, matched, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
 
 

@@ -1,6 +1,11 @@
 """How much each kind of edge counts."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+from robot_retarget.errors import UsageError, known
+
+FAVOURS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
+"""What distances between keypoints count, over what they count in the balanced blend [-]."""
 
 
 @dataclass(frozen=True)
@@ -52,3 +57,15 @@ class Weights:
     """Squared second differences of the joints at 30 frames a second [1/rad²]."""
     smooth_root: float = 10.0
     """How much more the root's count, per rad² and per m² [-]."""
+
+    def favouring(self, what: str) -> "Weights":
+        """The weights with distances between keypoints weighed by `FAVOURS`.
+
+        `directions` keeps limbs as the human's point, `distances` keeps parts as near each other, `balanced` changes nothing.
+
+        Raises:
+            UsageError: it is none of these.
+        """
+        if what not in FAVOURS:
+            raise UsageError(f"nothing to favour is called {what!r}; {known(FAVOURS)}")
+        return replace(self, near=FAVOURS[what] * self.near, far=FAVOURS[what] * self.far)

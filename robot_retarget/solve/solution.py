@@ -3,16 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.expansion import between_points, places_of
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.stress import Objective, edge_terms
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0
 """A hinge that turns faster is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos turn at up to 10."""
+PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
+"""The papers' objectives."""
 UNREACHED = 1e-3
 """A hard edge that misses its interval by more could not be reached [m]."""
 
@@ -55,6 +60,21 @@ class Solution:
     def posture_error(self) -> Floats:
         """(T,) mean of |d − δ|/τ over the posture edges."""
         return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))
+
+    @cached_property
+    def sigma(self) -> dict[Objective, Floats]:
+        """(T,) σ by each of the papers' objectives (`dgp.stress`) of the edges of `graph.expanded()`, bones aside: they hold."""
+        vertices = (*self.graph.match.keypoints, *places_of(self.graph))
+        found = {objective: np.zeros(len(self.cost)) for objective in PRINTED}
+        for kind, measured in self.measured.items():
+            track = self.graph.kinds[kind]
+            free = between_points(track, vertices)
+            d, scale = measured[:, free], track.scale[free]
+            y = np.clip(d, track.lower[:, free], track.upper[:, free])
+            for objective, total in found.items():
+                terms = edge_terms(objective, d - y, y, track.priority[:, free] / scale**2, track.give * scale)
+                total += terms[0].sum(axis=1)
+        return found
 
     def unsolved(self) -> list[int]:
         """Frames that did not converge."""

@@ -62,6 +62,9 @@ def test_the_solved_robot_has_the_stress_that_its_solution_reports() -> None:
     free = instance.select(instance.kind != Kind.BONE)
     told = sum(float(solution.stress[kind].sum()) for kind in POINTS)
     assert stress(free, placed) == pytest.approx(told, rel=1e-6)
+    assert {objective.value for objective in solution.sigma} == {"relative", "half squared", "squared"}
+    for objective, sigma in solution.sigma.items():
+        assert sigma.sum() == pytest.approx(stress(free, placed, objective), rel=1e-6)
 
 
 def test_a_small_instance_without_a_robot_has_one_minimum_both_ways() -> None:
