@@ -19,7 +19,7 @@ def test_the_middle_is_the_weights_as_they_are() -> None:
 
 def test_what_is_favoured_is_followed_more_closely() -> None:
     """At minima of  f π + r  the loss f falls and the rest r grows with π."""
-    motion, robot = read_motion(SAMPLES / "clap.bvh").frames(0, 80), load_robot("op3")
+    motion, robot = read_motion(SAMPLES / "walk.bvh").frames(0, 60), load_robot("op3")
     distances, rest = [], []
     for favour, factor in FAVOURS.items():
         solution = retarget(motion, robot, fps=15, favour=favour).solution
