@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Edges, Favour, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName
+from robot_retarget.cli.options import Edges, Favour, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName, Up
 from robot_retarget.cli.stages import described, load, read_clip
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ def graph(
     motion: MotionFile,
     robot: RobotName,
     frames: Frames = None,
+    up: Up = None,
     fps: Fps = None,
     map_file: Overrides = None,
     limits: Limits = None,
@@ -31,7 +32,7 @@ def graph(
     from robot_retarget.summary import describe_graph, describe_stress
     from robot_retarget.transfer import solve as solved
 
-    found = described(read_clip(motion, frames), load(robot, limits), fps, map_file, edges, favour)
+    found = described(read_clip(motion, frames, up=up), load(robot, limits), fps, map_file, edges, favour)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         facts |= describe_stress(solved(found).solution)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Frames, Limits, Overrides, RobotName, TrajectoryFile
+from robot_retarget.cli.options import Frames, Limits, Overrides, RobotName, TrajectoryFile, Up
 from robot_retarget.cli.stages import load, read_clip
 
 commands = typer.Typer()
@@ -22,6 +22,7 @@ def mend(
     edges: Annotated[Path, typer.Option(help="EDITS.toml, as the viewer saves it; made in the order they stand.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
     frames: Frames = None,
+    up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
 ) -> None:
@@ -35,5 +36,5 @@ def mend(
     require_writable(output)
     model, edits = load(robot, limits), read_edits(edges)
     played = load_trajectory(trajectory, model)
-    all_mended(graph_of(read_clip(motion, frames), model, played, map_file), played, edits).save(output)
+    all_mended(graph_of(read_clip(motion, frames, up=up), model, played, map_file), played, edits).save(output)
     console.say(f"wrote {output}, {len(edits)} edits")

@@ -21,7 +21,9 @@ RobotName = Annotated[
     str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Frames = Annotated[str | None, typer.Option(help="Part of the clip, START:STOP in frames of the file.")]
+Frames = Annotated[
+    str | None, typer.Option(help="Part of the clip, START:STOP in frames, those left aside that reading drops.")
+]
 Fps = Annotated[
     float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
 ]

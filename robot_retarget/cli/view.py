@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Frames, Limits, Overrides
+from robot_retarget.cli.options import Frames, Limits, Overrides, Up
 from robot_retarget.cli.stages import load, read_clip
 from robot_retarget.errors import UsageError
 
@@ -29,6 +29,7 @@ def view(
     ],
     motion: Annotated[Path | None, typer.Option(help="The clip they came from: the human beside the robot.")] = None,
     frames: Frames = None,
+    up: Up = None,
     map_file: Overrides = None,
     simulated: Annotated[
         str | None, typer.Option("--simulate", help="Play them on simulated servos before: pinned or free.")
@@ -53,21 +54,21 @@ def view(
 
     for path in filter(None, (static, video, gif, strip)):
         require_writable(path)
-    takes = _takes(trajectories, robot, motion, frames, map_file, simulated, limits)
+    clip = None if motion is None else read_clip(motion, frames, up=up)
+    takes = _takes(trajectories, robot, clip, map_file, simulated, limits)
     _draw(takes[0], video, gif, strip)
     if static is not None:
         page = Viewer(takes).save(static)
         console.say(f"wrote {page}, {page.stat().st_size / 1e6:.1f} MB")
     if not any((static, video, gif, strip)):
-        editor = None if motion is None else _editor(takes[0], read_clip(motion, frames), map_file, edits)
+        editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
         _serve(Viewer(takes), port, browser, editor)
 
 
 def _takes(
     trajectories: list[Path],
     robots: list[str],
-    motion: Path | None,
-    frames: str | None,
+    clip: "Motion | None",
     map_file: Path | None,
     mode: str | None,
     limits: Path | None,
@@ -78,7 +79,6 @@ def _takes(
 
     if len(robots) not in (1, len(trajectories)):
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
-    clip = None if motion is None else read_clip(motion, frames)
     models = {name: load(name, limits) for name in robots}
     takes = []
     for path, name in zip(trajectories, robots * (len(trajectories) // len(robots)), strict=True):

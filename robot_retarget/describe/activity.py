@@ -51,14 +51,16 @@ def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) 
     chosen, fps = rule or ActivityRule(), motion.fps
     if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
         return Activity(IN_PLACE)
-    x = grounded(match.human_positions(motion), match, fps) / match.human_leg
-    held = _held(x, match, chosen)
+    clip, span = motion.clip, motion.span
+    x = grounded(match.human_positions(clip), match, fps) / match.human_leg
+    held = _held(x, match, chosen)[span]
     if held.mean() > chosen.held:
         return _longest(SUPPORTED, held, fps)
-    flying = _flying(x, match, fps, chosen)
+    flying = _flying(x, match, fps, chosen)[span]
     if any((stop - start) / fps > chosen.flight for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
-    planted = [foot.any(axis=1) for foot in contact_schedule(x * match.human_leg, match, fps, motion.contacts).values()]
+    schedule = contact_schedule(x * match.human_leg, match, fps, clip.contacts)
+    planted = [foot[span].any(axis=1) for foot in schedule.values()]
     return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= chosen.planted else STEPPING)
 
 

@@ -12,6 +12,9 @@ from robot_retarget.describe.segments import facing, human_frames
 from robot_retarget.dgp.adapt import normalised_distances
 from robot_retarget.motion import Motion
 
+LOW = 0.05
+"""An ankle is lower than it ever stands in this share of the frames at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Human:
@@ -28,6 +31,8 @@ class Human:
     closeness: Floats
     """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
     fps: float
+    ankle_height: float = 0.0
+    """Of the lowest ankle over the floor, where the clip has it lowest [m]."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -45,14 +50,18 @@ class Human:
 
 
 def human_of(motion: Motion, match: Match) -> Human:
-    """Read off a motion what edges are made of."""
-    x = grounded(match.human_positions(motion), match, motion.fps)
-    segments = human_frames(motion, match)
-    return Human(
+    """Read off a motion what edges are made of; a part of a clip is read off the clip."""
+    clip = motion.clip
+    x = grounded(match.human_positions(clip), match, clip.fps)
+    segments = human_frames(clip, match)
+    ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
+    human = Human(
         x,
         segments,
         np.broadcast_to(facing(segments), (len(x), 3, 3)),
-        contact_schedule(x, match, motion.fps, motion.contacts),
+        contact_schedule(x, match, clip.fps, clip.contacts),
         normalised_distances(x, match.parents, match.human_bones),
-        motion.fps,
+        clip.fps,
+        float(np.quantile(x[:, ankles, 2].min(axis=1), LOW)) if ankles else 0.0,
     )
+    return human.at(motion.span)

@@ -94,7 +94,7 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
             share too little.
     """
     tables = _read_overrides(Path(overrides)) if overrides is not None else {}
-    recognition = recognise(motion.skeleton, motion.positions)
+    recognition = recognise(motion.skeleton, motion.clip.positions)
     recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
     anatomy = recognise_with(robot, tables.get("robot", {}))
     return match_bodies(motion, robot, recognition, anatomy)
@@ -114,7 +114,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
             "nothing to retarget"
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
-    human = _human_positions(motion, recognition, shared)
+    human = _human_positions(motion.clip, recognition, shared)
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
     source = bone_lengths(human, parents)

@@ -25,10 +25,15 @@ def resample(motion: Motion, fps: float) -> Motion:
     """
     if not RATES[0] <= fps <= RATES[1]:
         raise UsageError(f"frames per second must be from {RATES[0]:g} to {RATES[1]:g}, got {fps}")
-    if fps == motion.fps or len(motion) == 1:
+    if fps == motion.fps or len(motion.clip) == 1:
         return replace(motion, fps=fps)
-    count = max(1, round(motion.duration * fps)) + 1
-    return at_frames(motion, np.arange(count, dtype=np.float64) * motion.fps / fps, fps)
+    count = max(1, round(motion.duration * fps)) + 1 if len(motion) > 1 else 1
+    step, first = motion.fps / fps, motion.span.start
+    before = int(first / step)
+    after = max(0, int((len(motion.clip) - 1 - first) / step) - count + 1)
+    frames = first + step * np.arange(-before, count + after)
+    resampled = at_frames(motion.clip, frames, fps)
+    return resampled if motion.whole is None else resampled.frames(before, before + count)
 
 
 def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:

@@ -88,6 +88,10 @@ class Motion:
     notes: tuple[str, ...] = field(default=())
     contacts: Bools | None = None
     """(T, 4) whether left heel, left toe, right heel and right toe stand, where the source says so."""
+    whole: "Motion | None" = field(default=None, repr=False, compare=False)
+    """The clip that this was cut out of: what it is recognised by, and what tells its floor. Once changed it is no part any more."""
+    start: int = field(default=0, compare=False)
+    """Frame of the whole with which it begins."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))
@@ -109,6 +113,12 @@ class Motion:
                 raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
+        if self.whole is not None and not self._is_part(self.whole):
+            object.__setattr__(self, "whole", None)
+
+    def _is_part(self, whole: "Motion") -> bool:
+        same = self.fps == whole.fps and self.skeleton is whole.skeleton
+        return same and np.array_equal(self.positions, whole.positions[self.span])
 
     def __repr__(self) -> str:
         return f"<Motion {self.source or 'made'}: {', '.join(self._facts().values())}>"
@@ -137,12 +147,23 @@ class Motion:
         return len(self.positions)
 
     @property
+    def clip(self) -> "Motion":
+        """What this is a part of: `whole`, or itself."""
+        return self.whole or self
+
+    @property
+    def span(self) -> slice:
+        """Its frames among those of `clip`."""
+        first = self.start if self.whole is not None else 0
+        return slice(first, first + len(self))
+
+    @property
     def duration(self) -> float:
         """From the first frame to the last [s]."""
         return (len(self) - 1) / self.fps
 
     def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
-        """The frames start … stop − 1.
+        """The frames start … stop − 1, a part that keeps the clip's map, floor and contacts.
 
         Raises:
             UsageError: the range is empty or leaves the clip.
@@ -152,7 +173,14 @@ class Motion:
             raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
         rotations = None if self.rotations is None else self.rotations[start:stop]
         contacts = None if self.contacts is None else self.contacts[start:stop]
-        return replace(self, positions=self.positions[start:stop], rotations=rotations, contacts=contacts)
+        return replace(
+            self,
+            positions=self.positions[start:stop],
+            rotations=rotations,
+            contacts=contacts,
+            whole=self.clip,
+            start=self.span.start + start,
+        )
 
     def resample(self, fps: float) -> "Motion":
         """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.
