@@ -93,11 +93,20 @@ def part_of(
 
 
 def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> Plan:
-    """The minimum-jerk path s(u) = 10 u³ − 15 u⁴ + 6 u⁵ between two poses, within the limits of an approach."""
+    """The minimum-jerk path between two poses, within the limits of an approach."""
+    frames = max(2, round(approach_time(start, end, limits) * rate) + 1)
+    return Plan(start + eased(np.linspace(0.0, 1.0, frames)[:, None]) * (end - start), rate)
+
+
+def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
+    """How long an approach takes from one pose to another [s]."""
     far = float(np.abs(end - start).max(initial=0.0))
-    frames = max(2, round(max(limits.approach_time, PEAK * far / min(limits.approach_speed, limits.speed)) * rate) + 1)
-    u = np.linspace(0.0, 1.0, frames)[:, None]
-    return Plan(start + (10 * u**3 - 15 * u**4 + 6 * u**5) * (end - start), rate)
+    return max(limits.approach_time, PEAK * far / min(limits.approach_speed, limits.speed))
+
+
+def eased(u: Floats) -> Floats:
+    """The minimum-jerk path s(u) = 10 u³ − 15 u⁴ + 6 u⁵ from 0 to 1 in as much time."""
+    return 10 * u**3 - 15 * u**4 + 6 * u**5
 
 
 def _order(trajectory: Trajectory, servo_map: ServoMap) -> list[int]:

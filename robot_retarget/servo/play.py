@@ -1,12 +1,14 @@
 """Play a trajectory on servos: check, take hold, approach, play, end softly, and stop rightly whatever happens."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
@@ -32,6 +34,16 @@ MADE_UP = 0.025
 
 class _InterruptError(Exception):
     """Somebody asked to stop."""
+
+
+class Step(NamedTuple):
+    """What a tick goes towards."""
+
+    wish: Floats
+    """(n,) [rad]."""
+    phase: str
+    coming: Floats
+    """(n,) what the next tick will most likely go towards [rad]."""
 
 
 class Player:
@@ -61,16 +73,23 @@ class Player:
         Raises:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
+        return self.perform(plan.rate, lambda cycle: self._perform(cycle, plan))
+
+    def perform(self, rate: float, act: Callable[[Cycle], str]) -> Outcome:
+        """Check, engage, act at so many ticks a second, and end as is right, whatever happens; `act` says why it was over.
+
+        Raises:
+            ServoError: the robot is not fit to be moved; nothing was moved.
+        """
         conditions = self.examine()
-        self._rate = plan.rate
+        self._rate = rate
         with self.interrupts.listening(), on_time(), wide_awake():
             try:
                 self.link = Link(self.bus, self.map, conditions)
                 self.link.fast &= self.options.fast
                 self.say("taking hold")
                 self.cycle = self._engaged()
-                reason = self._perform(self.cycle, plan)
-                return self._leave(Ended.FINISHED, reason, self.options.release)
+                return self._leave(Ended.FINISHED, act(self.cycle), self.options.release)
             except PortLostError as error:
                 return self._gone(str(error))
             except _InterruptError:
@@ -97,36 +116,47 @@ class Player:
         return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
     def _perform(self, cycle: Cycle, plan: Plan) -> str:
-        limits, rate = self.map.limits, plan.rate
-        way = glide(cycle.guard.goal, plan.angles[0], rate, limits)
+        way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
         self.say(f"approaching the first frame in {way.duration:.1f} s")
         self._follow(cycle, way, "approach")
         self.say(f"playing {plan.duration:.1f} s")
         self._follow(cycle, plan, "play")
+        self.end_softly(cycle)
+        return Ended.FINISHED.value
+
+    def end_softly(self, cycle: Cycle) -> None:
+        """Go to the map's stop pose, where it has one and that is wished."""
         if self.options.end_pose and self.map.stop.pose:
             here = zip(self.map.joints, cycle.guard.goal, strict=True)
             pose = np.array([self.map.stop.pose.get(joint, angle) for joint, angle in here])
             self.say("going to the stop pose")
-            self._follow(cycle, glide(cycle.guard.goal, pose, rate, limits), "end")
-        return Ended.FINISHED.value
+            self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end")
 
     def _follow(self, cycle: Cycle, plan: Plan, phase: str) -> None:
         """Ticks on an even clock until the plan is over."""
-        period = 1 / plan.rate
-        wishes = list(plan.angles)
-        began = time.monotonic()
-        last, k, count = began, 0, len(wishes) - 1
-        while k <= count:
+        wishes, last = list(plan.angles), len(plan.angles) - 1
+        self.tick_on(cycle, lambda k: Step(wishes[k], phase, wishes[min(k + 1, last)]), last)
+
+    def tick_on(self, cycle: Cycle, step: Callable[[int], Step | None], final: float = math.inf) -> None:
+        """Ticks on an even clock until there is no step any more, or the final one is made.
+
+        Those that come too late are left out, but the last two.
+        """
+        period, began = 1 / self._rate, time.monotonic()
+        last, k = began, 0
+        while k <= final:
             due = began + k * period
             now = due if self.options.lockstep else wait_until(due)
             if now - last > self.map.limits.watchdog > 0:
                 raise FaultError(f"this computer paused for {now - last:.2f} s; the servos stopped themselves")
-            last = now
-            cycle.tick(wishes[k], period, phase, due, wishes[min(k + 1, count)])
+            last, made = now, step(k)
+            if made is None:
+                break
+            cycle.tick(made.wish, period, made.phase, due, made.coming)
             if self.interrupts.count:
                 raise _InterruptError
             late = 0.0 if self.options.lockstep else time.monotonic() - due
-            left_out = min(overdue(late, period), max(0, count - k - 1))
+            left_out = int(min(overdue(late, period), max(0, final - k - 1)))
             self.record.skipped += left_out
             k += 1 + left_out
         cycle.finish()
@@ -207,16 +237,35 @@ def play(
     Raises:
         ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
     """
-    options, watchdog = options or Options(), servo_map.limits.watchdog
+    return perform(
+        servo_map, port, plan.rate, options or Options(), Record(servo_map.joints), log, say, lambda p: p.play(plan)
+    )
+
+
+def perform(
+    servo_map: ServoMap,
+    port: str | Path,
+    rate: float,
+    options: Options,
+    record: Record,
+    log: str | Path | None,
+    say: Callable[[str], None],
+    act: Callable[[Player], Outcome],
+) -> Outcome:
+    """Open the bus, have a player act on it at so many ticks a second, and write the log however that ends.
+
+    Raises:
+        ServoError: as `play`.
+    """
+    watchdog = servo_map.limits.watchdog
     slow = slow_adapter(port)
     if slow is not None:
         raise ServoError(slow)
-    if plan.rate * watchdog < 2 and watchdog:
-        raise ServoError(f"{plan.rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
-    record = Record(servo_map.joints)
+    if rate * watchdog < 2 and watchdog:
+        raise ServoError(f"{rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
     try:
         with Bus(port, servo_map.baud) as bus:
-            return Player(bus, servo_map, options, record, say).play(plan)
+            return act(Player(bus, servo_map, options, record, say))
     finally:
         if log is not None:
             record.save(log)

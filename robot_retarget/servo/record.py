@@ -1,5 +1,6 @@
 """Everything that was sent and heard, tick by tick."""
 
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,20 +15,20 @@ PHASES = ("approach", "play", "end", "hold")
 
 
 class Record:
-    """A growing log; saved as `play.npz` even when playing ends badly.
+    """A growing log, or one of the latest `most` ticks; saved as `play.npz` even when playing ends badly.
 
     Arrays: `time` (N,) [s]; `goal`, `plan`, `present` (N, n) [rad]; `velocity` [rad/s]; `current` [A]; `age` (N, n) of
     the readings [s]; `error` (N, n) status byte; `phase` (N,) index into `phases`; `busy` (N,) time on the bus and `late`
     (N,) behind schedule [s]; `voltage` [V] and `temperature` [°C] (N, n), the last known; `events` texts.
     """
 
-    def __init__(self, joints: Sequence[str]) -> None:
+    def __init__(self, joints: Sequence[str], most: int | None = None) -> None:
         self.joints = tuple(joints)
         self.events: list[str] = []
         self.skipped = 0
         """Ticks that gave way to one that took too long."""
-        self._rows: dict[str, list[Any]] = {name: [] for name in ("time", "phase", "busy", "late", *COLUMNS)}
-        self._rows |= {"voltage": [], "temperature": []}
+        names = "time", "phase", "busy", "late", *COLUMNS, "voltage", "temperature"
+        self._rows: dict[str, deque[Any]] = {name: deque(maxlen=most) for name in names}
 
     def __len__(self) -> int:
         return len(self._rows["time"])

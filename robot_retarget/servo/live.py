@@ -1,0 +1,150 @@
+"""Follow poses as they come: a soft approach from where the joints stand, rest where none comes, a soft return after.
+
+What the player has for trajectories holds here as well: its checks, the guard of ranges, speed and step, the gate, the
+servos' watchdog, the judge, and its endings.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event, Lock
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.goals import RATE
+from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.map import Limits, ServoMap
+from robot_retarget.servo.outcome import Ended, Options, Outcome
+from robot_retarget.servo.plan import approach_time, eased
+from robot_retarget.servo.play import Player, Step, perform
+from robot_retarget.servo.record import Record
+
+SILENCE = 0.5
+"""Where no wish came for so long, the next is approached anew [s]; the goal rests in between."""
+LONGEST = 0.1
+"""Two wishes are joined straight over the time between them, over no more than this [s]."""
+LOGGED = 60.0
+"""The log holds so much of the end [s]."""
+
+
+class Wishes:
+    """The latest wish of another thread, joined straight to the one before: goals go on between two of them."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._from: Floats | None = None
+        self._to = np.zeros(0)
+        self._given, self._span = 0.0, LONGEST
+        self.over = Event()
+        """Set where no wish will come any more."""
+
+    def give(self, angles: Floats, now: float | None = None) -> None:
+        """A wish (n,) [rad] in the order of the map; numbers that are none are no wish."""
+        now = time.monotonic() if now is None else now
+        if not np.isfinite(angles).all():
+            return
+        with self._lock:
+            self._from = angles if self._from is None else self._between(now)
+            self._span = min(max(now - self._given, 1e-3), LONGEST)
+            self._to, self._given = np.array(angles, dtype=float), now
+
+    def at(self, now: float) -> Floats | None:
+        """The wish (n,) at a time [s], None before the first."""
+        with self._lock:
+            return None if self._from is None else self._between(now)
+
+    def age(self, now: float) -> float:
+        """Since the last was given [s]."""
+        return now - self._given
+
+    def _between(self, now: float) -> Floats:
+        assert self._from is not None
+        share = min((now - self._given) / self._span, 1.0)
+        return self._from + share * (self._to - self._from)
+
+
+class Approach:
+    """From where the goals are to a wish that may move meanwhile: start + s(u) (wish − start), s of least jerk."""
+
+    def __init__(self, start: Floats, wish: Floats, now: float, limits: Limits) -> None:
+        self.start, self.began = start, now
+        self.duration = approach_time(start, wish, limits)
+
+    def at(self, wish: Floats, now: float) -> Floats:
+        """Where to go now."""
+        return self.start + eased(np.array(min((now - self.began) / self.duration, 1.0))) * (wish - self.start)
+
+    def over(self, now: float) -> bool:
+        """Whether the wish is reached."""
+        return now - self.began >= self.duration
+
+
+class Follower:
+    """What to go towards at each tick."""
+
+    def __init__(self, wishes: Wishes, cycle: Cycle, limits: Limits, say: Callable[[str], None]) -> None:
+        self._wishes, self._guard, self._limits, self._say = wishes, cycle.guard, limits, say
+        self._approach: Approach | None = None
+        self._silent = True
+        self.approaches = 0
+
+    def step(self, now: float) -> Step | None:
+        """The next, or None where no wish will come any more."""
+        if self._wishes.over.is_set():
+            return None
+        wish, goal = self._wishes.at(now), self._guard.goal
+        if wish is None or self._wishes.age(now) > SILENCE:
+            self._silent, self._approach = True, None
+            return Step(goal, "hold", goal)
+        far = float(np.abs(wish - goal).max())
+        if self._silent or (self._approach is None and far > self._limits.jump):
+            self._begin(goal, wish, now, far)
+        if self._approach is None:
+            return Step(wish, "play", wish)
+        eased_wish = self._approach.at(wish, now)
+        if self._approach.over(now):
+            self._approach = None
+        return Step(eased_wish, "approach", eased_wish)
+
+    def _begin(self, goal: Floats, wish: Floats, now: float, far: float) -> None:
+        self._approach, self._silent = Approach(goal, wish, now, self._limits), False
+        self.approaches += 1
+        self._say(f"approaching a pose {far:.2f} rad away in {self._approach.duration:.1f} s")
+
+
+def follow(
+    wishes: Wishes,
+    servo_map: ServoMap,
+    port: str | Path,
+    options: Options | None = None,
+    rate: float = RATE,
+    log: str | Path | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Outcome:
+    """Follow wishes on the servos of a map until they are over.
+
+    Args:
+        wishes: given by another thread; this one must be the main one, which is told of Ctrl-C.
+        servo_map: the robot's servos.
+        port: a serial port, or that of an emulator.
+        options: endings, as for `play`.
+        rate: ticks a second [1/s].
+        log: where `play.npz` of the last minute goes; written however it ends.
+        say: is told what is being done.
+
+    Raises:
+        ServoError: as `play`.
+    """
+
+    def act(player: Player) -> Outcome:
+        def tick(cycle: Cycle) -> str:
+            follower = Follower(wishes, cycle, servo_map.limits, say)
+            player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
+            player.end_softly(cycle)
+            return Ended.FINISHED.value
+
+        return player.perform(rate, tick)
+
+    record = Record(servo_map.joints, most=round(LOGGED * rate))
+    return perform(servo_map, port, rate, options or Options(), record, log, say, act)
