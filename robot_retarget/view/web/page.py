@@ -42,10 +42,10 @@ class Viewer:
     @property
     def page(self) -> str:
         """The HTML."""
-        return self.page_with(touchable=False)
+        return self.page_with()
 
-    def page_with(self, touchable: bool) -> str:
-        """The HTML, with what a touch-up needs where a server answers."""
+    def page_with(self, touchable: bool = False, live: bool = False) -> str:
+        """The HTML, with what a touch-up or live poses need where a server answers."""
         title = " · ".join(take.title for take in self.takes)
         return Template(_asset("page.html")).substitute(
             title=html.escape(title),
@@ -53,6 +53,7 @@ class Viewer:
             modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in sorted(ASSETS.glob("*.js"))}}),
             licences=_asset("vendor.LICENCES.txt").replace("--", "–"),
             touchable="yes" if touchable else "no",
+            live="yes" if live else "no",
             data=base64.b64encode(self.data).decode("ascii"),
         )
 

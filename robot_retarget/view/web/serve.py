@@ -3,6 +3,7 @@
 import json
 import socket
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -19,6 +20,8 @@ from robot_retarget.view.web.take import Take
 HOST = "127.0.0.1"
 """Only this machine is served: who is elsewhere comes through ssh."""
 PORT = 8410
+WAIT = 1.0
+"""After so long without a pose a page is asked whether it is still there [s]."""
 LONGEST = 10_000
 """Of what a page may send [bytes]."""
 
@@ -82,12 +85,20 @@ class Served:
         return f"ssh -L {self.server.server_port}:localhost:{self.server.server_port} {socket.gethostname()}"
 
 
+class Following(Protocol):
+    """What tells the latest pose."""
+
+    def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
+        """The latest pose and its number, once that is not the one seen last; None after a while [s]."""
+        ...
+
+
 class Desk:
     """What is answered to a page: itself, and takes that were touched up. One request at a time."""
 
-    def __init__(self, viewer: Viewer, editor: Editor | None):
+    def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False):
         self._viewer, self._editor, self._lock = viewer, editor, Lock()
-        self.page = viewer.page_with(touchable=editor is not None).encode()
+        self.page = viewer.page_with(editor is not None, live).encode()
 
     def act(self, what: str, content: bytes) -> tuple[HTTPStatus, str, bytes]:
         """Answer to a request: its status, type and content."""
@@ -127,24 +138,39 @@ def _bounded(table: Any) -> dict[str, Any]:
 ACTS = ("edit", "undo", "redo", "save", "check")
 
 
-def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None) -> Served:
+def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, following: Following | None = None) -> Served:
     """Open a port for a viewer; `forever` answers.
 
     Args:
         port: 0 takes one that is free.
         editor: of the first take.
+        following: where the first take, of one frame, is to stand as it goes on.
 
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    desk = Desk(viewer, editor)
+    desk = Desk(viewer, editor, following is not None)
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             if self.path.split("?")[0] in ("/", "/index.html"):
                 self._answer(HTTPStatus.OK, "text/html; charset=utf-8", desk.page)
+            elif self.path == "/live" and following is not None:
+                self._tell(following)
             else:
                 self.send_error(HTTPStatus.NOT_FOUND)
+
+        def _tell(self, following: Following) -> None:
+            """Poses as events of the server, till the page is closed."""
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "text/event-stream")
+            self.send_header("Cache-Control", "no-store")
+            self.end_headers()
+            seen = 0
+            with suppress(ConnectionError):
+                while True:
+                    seen, told = following.next(seen, WAIT) or (seen, b"")
+                    self.wfile.write(b"data: " + told + b"\n\n" if told else b":\n\n")
 
         def do_POST(self) -> None:
             what, length = self.path.strip("/"), int(self.headers.get("Content-Length") or 0)

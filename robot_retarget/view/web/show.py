@@ -44,14 +44,14 @@ def told(take: Take, packer: Packer) -> dict[str, Any]:
         "way": packer.add(staging.targets, LENGTH),
         "bodies": _bodies(robot, shapes),
         "shapes": [_shape(shape, packer) for shape in shapes],
-        "poses": packer.add(_poses(robot, staging.qpos, shapes), TURN),
+        "poses": packer.add(poses(robot, staging.qpos, shapes), TURN),
         "human": _human(take, staging, packer) if figure else None,
         "keypoints": _keypoints(robot, staging.qpos, packer),
         "joints": _joints(take, packer),
         "stance": _stance(stance, trajectory.fps, packer) if stance else None,
         "warnings": _warnings(take, staging, packer) if take.warnings else None,
         "stress": stress_of(take.solution, packer) if take.solution else None,
-        "before": packer.add(_poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
+        "before": packer.add(poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
         "report": _report(robot, take.report, shapes, packer) if take.report else None,
     }
 
@@ -93,7 +93,7 @@ def _shape(shape: Shape, packer: Packer) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
+def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
     """(T, B, 7) places [m] and quaternions x y z w of the bodies that are seen."""
     bodies = _seen(shapes)
     places, turns = body_frames(robot, qpos)
@@ -190,7 +190,7 @@ def _report(robot: Robot, report: Report, shapes: list[Shape], packer: Packer) -
         "reasons": list(report.reasons),
         "mode": report.figures["mode"],
         "fall": report.figures.get("fall_s"),
-        "poses": packer.add(_poses(robot, simulated, shapes), TURN) if len(simulated) else None,
+        "poses": packer.add(poses(robot, simulated, shapes), TURN) if len(simulated) else None,
         "error": packer.add(np.degrees(series["error"]), COARSE) if "error" in series else None,
         "torque": packer.add(series["torque"], COARSE) if "torque" in series else None,
         "bounds": [float(b) if np.isfinite(b) else None for b in series.get("bounds", ())],

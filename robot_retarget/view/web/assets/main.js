@@ -4,6 +4,7 @@ import { Raycaster, Vector2, Vector3 } from "#vendor";
 import { Cast, castsOf } from "#cast";
 import { Charts } from "#charts";
 import { embedded } from "#data";
+import { Live } from "#live";
 import { Panel } from "#panel";
 import { Player } from "#player";
 import { Stage } from "#stage";
@@ -135,5 +136,7 @@ function replaced(k, take) {
 
 const touch = document.body.dataset.touchable === "yes" ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
-window.viewer = { stage, player, panel, casts, charts, takes, touch };
+const live = document.body.dataset.live === "yes" ? new Live(takes[0], () => player.seek(0)) : null;
+
+window.viewer = { stage, player, panel, casts, charts, takes, touch, live };
 document.documentElement.dataset.ready = "yes";

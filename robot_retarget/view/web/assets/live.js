@@ -1,0 +1,16 @@
+// Poses as they come from the server, in place of the first take's only frame.
+
+export class Live {
+  /** @param take with one frame  @param shown called after each pose */
+  constructor(take, shown) {
+    this.poses = 0;
+    const { poses, way } = take, middle = way.values.slice(), first = poses.values.slice(0, 3);
+    this.source = new EventSource("live");
+    this.source.onmessage = ({ data }) => {
+      poses.values.set(JSON.parse(data));
+      for (const k of [0, 1]) way.values[k] = middle[k] + poses.values[k] - first[k]; // the camera goes along
+      this.poses += 1;
+      shown();
+    };
+  }
+}
