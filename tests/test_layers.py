@@ -25,6 +25,7 @@ LAYERS = {
     "servo": {"motion", "robot", "servo"},
     "edit": {"motion", "robot", "describe", "solve", "edit"},
     "view": {"motion", "dgp", "robot", "describe", "solve", "collision", "simulate", "view"},
+    "live": {"motion", "robot", "servo", "simulate", "view", "live"},
 }
 SERVO_MAP = "robot_retarget.servo.map"
 """What servos turn a robot's joints, and what they may: read by those who plan and judge, as a datasheet is."""
@@ -38,10 +39,12 @@ LIBRARIES = {
         "formats/scenes/",
         "servo/twin.py",
         "servo/window.py",
+        "live/sinks/physics.py",
     ),
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("cli/",),
     "rich": ("cli/console.py",),
+    "pythonosc": ("live/",),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/file.py",),
     "fast_simplification": ("view/web/",),

@@ -72,7 +72,7 @@ def roll_out(
     data = mujoco.MjData(model)
     data.qpos[:] = trajectory.qpos[0]
     if mode == "free":
-        _set_on_floor(model, data)
+        set_on_floor(model, data)
     carried = None
     if mode == "pinned":
         roots = root_coordinates(robot)
@@ -154,7 +154,7 @@ class _Log:
         return np.concatenate([force, torque + np.cross(self.place[:n], force)], axis=1)
 
 
-def _set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Lift or lower the root until the lowest geom just touches what is solid in the scene."""
     mujoco.mj_forward(model, data)
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)

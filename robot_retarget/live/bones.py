@@ -1,0 +1,94 @@
+"""The bones of a humanoid as Unity and VRM call them, and how their axes turn into ours.
+
+Unity: x right, y up, z ahead, left-handed. Ours: x' = z, y' = −x, z' = y, a reflection M with det M = −1. Places turn as
+M p, and a rotation (w, v) becomes (w, −M v); both hold for a bone's pose in its parent as well.
+"""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.motion.formats.smpl.body import mean_skeleton
+
+_SIDED = {
+    "UpperLeg": ("Hips", "hip"),
+    "LowerLeg": ("UpperLeg", "knee"),
+    "Foot": ("LowerLeg", "ankle"),
+    "Toes": ("Foot", "foot"),
+    "Shoulder": ("UpperChest", "collar"),
+    "UpperArm": ("Shoulder", "shoulder"),
+    "LowerArm": ("UpperArm", "elbow"),
+    "Hand": ("LowerArm", "wrist"),
+    "MiddleProximal": ("Hand", "hand"),
+}
+_MIDDLE = {
+    "Hips": ("", "pelvis"),
+    "Spine": ("Hips", "spine1"),
+    "Chest": ("Spine", "spine2"),
+    "UpperChest": ("Chest", "spine3"),
+    "Neck": ("UpperChest", "neck"),
+    "Head": ("Neck", "head"),
+}
+"""The bone that carries each, and the joint of the mean body that stands for it."""
+_TREE = dict(_MIDDLE)
+for _side in ("Left", "Right"):
+    _TREE |= {
+        _side + bone: (carrier if carrier in _MIDDLE else _side + carrier, f"{_side.lower()}_{joint}")
+        for bone, (carrier, joint) in _SIDED.items()
+    }
+BONES = tuple(_TREE)
+"""Those that say how a body stands, each after what carries it."""
+OPTIONAL = {"Chest", "UpperChest", "Neck"} | {
+    side + bone for side in ("Left", "Right") for bone in ("Shoulder", "Toes", "MiddleProximal")
+}
+"""Bones that a VRM may lack."""
+_FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+PASSED_OVER = {"LeftEye", "RightEye", "Jaw", "LastBone"} | {
+    f"{side}{finger}{part}"
+    for side in ("Left", "Right")
+    for finger in _FINGERS
+    for part in ("Proximal", "Intermediate", "Distal", "Metacarpal")
+} - set(BONES)
+"""Bones that are known, and say nothing of how a body stands."""
+
+
+def carriers(present: Collection[str]) -> dict[str, str]:
+    """The nearest bone above each of those present that is there as well; none for the hips."""
+    found = {}
+    for bone in BONES:
+        if bone in present:
+            carrier = _TREE[bone][0]
+            while carrier and carrier not in present:
+                carrier = _TREE[carrier][0]
+            found[bone] = carrier
+    return found
+
+
+def mean_offsets(present: Collection[str]) -> dict[str, Floats]:
+    """Each bone's place in its carrier in the mean body in T-pose (3,) [m]; the hips' over the floor."""
+    skeleton, _ = mean_skeleton(None)
+    place = skeleton.rest()
+    place[:, 1] -= place[:, 1].min()
+    at = {bone: place[skeleton.names.index(joint), [2, 0, 1]] for bone, (_, joint) in _TREE.items()}
+    return {bone: at[bone] - (at[carrier] if carrier else 0) for bone, carrier in carriers(present).items()}
+
+
+def place_of(p: Floats) -> Floats:
+    """A place of Unity's in our axes."""
+    return np.array([p[2], -p[0], p[1]])
+
+
+def turn_of(q: Floats) -> Floats:
+    """A quaternion x y z w of Unity's as w x y z in our axes."""
+    return np.array([q[3], -q[2], q[0], -q[1]])
+
+
+def unity_place(p: Floats) -> list[float]:
+    """The inverse of `place_of`."""
+    return [float(-p[1]), float(p[2]), float(p[0])]
+
+
+def unity_turn(q: Floats) -> list[float]:
+    """The inverse of `turn_of`."""
+    return [float(q[2]), float(-q[3]), float(-q[1]), float(q[0])]

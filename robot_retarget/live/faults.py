@@ -1,0 +1,56 @@
+"""What is wrong with what comes in: counted by kind, and said without flooding the terminal."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from enum import StrEnum
+
+AGAIN = 2.0
+"""The same kind is not said again sooner than this [s]."""
+
+
+class Fault(StrEnum):
+    """A kind of fault; the value is what it is called."""
+
+    MALFORMED = "malformed packet"
+    NOT_FINITE = "not finite"
+    UNKNOWN_BONE = "unknown bone"
+    BACKWARDS = "time backwards or repeated"
+    CLOCK = "clock of the sender jumped"
+    OTHER_SENDER = "packet of another sender"
+    RESTARTED = "sender changed or restarted"
+    FLOOD = "packet thrown away unread"
+    INCOMPLETE = "frame without all its bones"
+    NOT_TRACKED = "frame that the performer does not trust"
+    SILENCE = "silence"
+
+
+class RefusedError(Exception):
+    """Something that came in is not taken."""
+
+    def __init__(self, kind: Fault, detail: str = "") -> None:
+        super().__init__(f"{kind}: {detail}" if detail else str(kind))
+        self.kind, self.detail = kind, detail
+
+
+class Faults:
+    """How often each kind came; the first of a kind is said at once, more of it every two seconds with their number."""
+
+    def __init__(self, say: Callable[[str], None] = lambda text: None) -> None:
+        self.counts: Counter[str] = Counter()
+        self._say = say
+        self._said: dict[str, tuple[float, int]] = {}
+
+    def note(self, kind: Fault, detail: str = "", count: int = 1) -> None:
+        """Count a fault, and say it if it is time."""
+        self.counts[str(kind)] += count
+        now, total = time.monotonic(), self.counts[str(kind)]
+        before, told = self._said.get(kind, (-AGAIN, 0))
+        if now - before >= AGAIN:
+            self._said[kind] = now, total
+            times = f" ({total - told} times)" if total - told > 1 else ""
+            self._say(f"{kind}{times}" + (f": {detail}" if detail else ""))
+
+    def refused(self, error: RefusedError) -> None:
+        """Count what was refused."""
+        self.note(error.kind, error.detail)

@@ -1,0 +1,80 @@
+"""Frames as packed numbers, for those who count microseconds: little-endian, with a head that says what follows.
+
+    "pose"  J (uint16)  width (uint16)  time [s] (float64)  J × width (float32)
+
+Width 3: positions x y z [m], z up. Width 7: and rotations w x y z in the world frame. Names and parents of the joints
+are not in it: they come from a file.
+"""
+
+import struct
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.live.clock import SenderClock
+from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.frame import Frame
+from robot_retarget.motion import Skeleton
+
+MAGIC = b"pose"
+HEAD = struct.Struct("<4sHHd")
+WIDTHS = (3, 7)
+
+
+def packed(time: float, rows: Floats) -> bytes:
+    """A frame as bytes; rows (J, 3) of positions [m], or (J, 7) with rotations."""
+    return HEAD.pack(MAGIC, *rows.shape, time) + rows.astype("<f4").tobytes()
+
+
+class FloatDecoder:
+    """Packed frames of one skeleton. `whole`: each packet is a frame, as datagrams are."""
+
+    def __init__(self, faults: Faults, skeleton: Skeleton, whole: bool = False) -> None:
+        self._faults, self._joints, self._whole = faults, skeleton, whole
+        self.skeleton: Skeleton | None = skeleton
+        self._clock = SenderClock(faults)
+        self._rest = b""
+
+    def restart(self) -> None:
+        self._clock.restart()
+        self._rest = b""
+
+    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+        self._rest += data
+        found = []
+        while (size := self._size()) is not None and len(self._rest) >= size:
+            frame, self._rest = self._rest[:size], self._rest[size:]
+            try:
+                found.append(self._frame(frame, arrived))
+            except RefusedError as error:
+                self._faults.refused(error)
+        if self._whole and self._rest:
+            self._faults.note(Fault.MALFORMED, f"a frame cut off at {len(self._rest)} bytes")
+            self._rest = b""
+        return found
+
+    def _size(self) -> int | None:
+        """Bytes of the frame that begins what is left, once that is known; what is none is thrown away before."""
+        start = self._rest.find(MAGIC)
+        strange = len(self._rest) - len(MAGIC) + 1 if start < 0 else start
+        if strange > 0:
+            self._faults.note(Fault.MALFORMED, f"{strange} bytes that begin no frame")
+            self._rest = self._rest[strange:]
+        if len(self._rest) < HEAD.size:
+            return None
+        _, joints, width, _ = HEAD.unpack_from(self._rest)
+        if width in WIDTHS and joints == len(self._joints):
+            return HEAD.size + 4 * joints * width
+        self._faults.note(
+            Fault.MALFORMED, f"a frame of {joints} × {width} numbers, the skeleton has {len(self._joints)}"
+        )
+        self._rest = self._rest[len(MAGIC) :]
+        return self._size()
+
+    def _frame(self, data: bytes, arrived: float) -> Frame:
+        _, joints, width, stamp = HEAD.unpack_from(data)
+        rows = np.frombuffer(data, "<f4", offset=HEAD.size).reshape(joints, width).astype(float)
+        if not np.isfinite(stamp):
+            raise RefusedError(Fault.NOT_FINITE, "time")
+        frame = Frame(self._joints, arrived, arrived, rows[:, :3], rows[:, 3:] if width > 3 else None)
+        return frame.at(self._clock.time(stamp, arrived))

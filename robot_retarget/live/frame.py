@@ -1,0 +1,64 @@
+"""One pose of a performer, checked as it comes in."""
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.live.faults import Fault, RefusedError
+from robot_retarget.motion import Skeleton
+
+FARTHEST = 1000.0
+"""No joint is farther from the origin than this [m]: what says so is no place in a room."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Where the joints of a skeleton are at one time, z up.
+
+    Raises:
+        RefusedError: shapes do not fit the skeleton, or a number is not finite or no place or turn.
+    """
+
+    skeleton: Skeleton
+    time: float
+    """On this computer's monotonic clock [s]."""
+    arrived: float
+    """When the last of it was read, on the same clock [s]."""
+    positions: Floats
+    """(J, 3) [m]."""
+    rotations: Floats | None = None
+    """(J, 4) in the world frame, unit w x y z, or None."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions", self._checked(self.positions, 3))
+        if np.abs(self.positions).max() > FARTHEST:
+            raise RefusedError(Fault.MALFORMED, f"a joint is more than {FARTHEST:g} m away")
+        if self.rotations is None:
+            return
+        turns = self._checked(self.rotations, 4)
+        lengths = np.sqrt((turns**2).sum(axis=1))
+        if lengths.min() < 1e-6:
+            raise RefusedError(Fault.MALFORMED, f"the rotation of {self._named(lengths < 1e-6)} is zero")
+        object.__setattr__(self, "rotations", frozen(turns / lengths[:, None]))
+
+    def at(self, time: float) -> "Frame":
+        """The same, checked as it is, at another time [s]."""
+        moved = copy(self)
+        object.__setattr__(moved, "time", time)
+        return moved
+
+    def _checked(self, values: Floats, width: int) -> Floats:
+        try:
+            checked = frozen(values)
+        except (TypeError, ValueError, OverflowError):
+            raise RefusedError(Fault.MALFORMED, "numbers expected") from None
+        if checked.shape != (len(self.skeleton), width):
+            raise RefusedError(Fault.MALFORMED, f"expected ({len(self.skeleton)}, {width}), got {checked.shape}")
+        if not np.isfinite(checked).all():
+            raise RefusedError(Fault.NOT_FINITE, self._named(~np.isfinite(checked.sum(axis=1))))
+        return checked
+
+    def _named(self, which: np.ndarray) -> str:
+        return self.skeleton.names[int(np.argmax(which))]

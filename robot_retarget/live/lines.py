@@ -1,0 +1,130 @@
+"""Frames as lines of JSON.
+
+    {"skeleton": {"names": ["hips", …], "parents": [-1, 0, …], "offsets": [[x, y, z], …]}}
+    {"time": 12.345, "positions": [[x, y, z], …], "rotations": [[w, x, y, z], …]}
+
+Metres, z up, rotations in the world frame. `offsets`, `time` and `rotations` may be left out; a skeleton may come again
+at any time, and must where the receiver may have missed it. A datagram holds whole lines.
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import MotionError
+from robot_retarget.live.clock import SenderClock
+from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.frame import Frame
+from robot_retarget.motion import Skeleton
+from robot_retarget.motion.kinematics import backward
+
+LONGEST_LINE = 1 << 20
+"""Of what is no line after so many bytes nothing is kept."""
+
+
+def told(skeleton: Skeleton) -> bytes:
+    """The line that tells a skeleton."""
+    names, parents, offsets = skeleton.names, skeleton.parents.tolist(), skeleton.offsets.round(5).tolist()
+    return _line({"skeleton": {"names": names, "parents": parents, "offsets": offsets}})
+
+
+def line_of(time: float, positions: Floats, rotations: Floats | None = None) -> bytes:
+    """The line of a frame; positions (J, 3) [m], rotations (J, 4)."""
+    frame = {"time": round(time, 6), "positions": np.round(positions, 5).tolist()}
+    return _line(frame if rotations is None else {**frame, "rotations": np.round(rotations, 6).tolist()})
+
+
+def _line(said: dict[str, Any]) -> bytes:
+    return json.dumps(said, separators=(",", ":")).encode() + b"\n"
+
+
+class LineDecoder:
+    """Lines of JSON. `whole`: each packet ends a line, as datagrams do."""
+
+    def __init__(self, faults: Faults, skeleton: Skeleton | None = None, whole: bool = False) -> None:
+        self._faults, self._whole = faults, whole
+        self._clock = SenderClock(faults)
+        self.skeleton = skeleton
+        self._told: dict[str, Any] | None = None
+        self._rest = b""
+
+    def restart(self) -> None:
+        self._clock.restart()
+        self._rest = b""
+
+    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+        *lines, rest = (self._rest + data).split(b"\n")
+        if self._whole:
+            lines, rest = [*lines, rest], b""
+        if len(rest) > LONGEST_LINE:
+            self._faults.note(Fault.MALFORMED, f"{len(rest)} bytes without the end of a line")
+            rest = b""
+        self._rest = rest
+        found = []
+        for line in filter(bytes.strip, lines):
+            try:
+                found.append(self._frame(line, arrived))
+            except RefusedError as error:
+                self._faults.refused(error)
+        return [frame for frame in found if frame is not None]
+
+    def _frame(self, line: bytes, arrived: float) -> Frame | None:
+        said = _object(line)
+        told = said.get("skeleton")
+        if told is not None and told != self._told:
+            self.skeleton, self._told = _skeleton(told, said), told
+        if "positions" not in said:
+            if told is None:
+                raise RefusedError(Fault.MALFORMED, f"a line without positions: {line[:60].decode(errors='replace')}")
+            return None
+        if self.skeleton is None:
+            raise RefusedError(Fault.MALFORMED, "positions before a skeleton")
+        stamp = said.get("time")
+        if stamp is not None and (isinstance(stamp, bool) or not isinstance(stamp, int | float)):
+            raise RefusedError(Fault.MALFORMED, f"time {stamp!r}")
+        if stamp is not None and not np.isfinite(stamp):
+            raise RefusedError(Fault.NOT_FINITE, "time")
+        frame = Frame(self.skeleton, arrived, arrived, said["positions"], said.get("rotations"))
+        return frame.at(self._clock.time(stamp, arrived))
+
+
+def _object(line: bytes) -> dict[str, Any]:
+    try:
+        said = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise RefusedError(Fault.MALFORMED, f"a line that is no JSON: {error}") from None
+    if not isinstance(said, dict):
+        raise RefusedError(Fault.MALFORMED, f"a line that is no object: {line[:60].decode(errors='replace')}")
+    return said
+
+
+def _skeleton(told: Any, said: dict[str, Any]) -> Skeleton:
+    """A skeleton as it is told; offsets that are not come from the frame in the same line.
+
+    Raises:
+        RefusedError: it is none.
+    """
+    try:
+        names, parents = told["names"], np.array(told["parents"], dtype=np.int64)
+        if not all(isinstance(name, str) for name in names):
+            raise TypeError("names are texts")
+        bare = Skeleton(tuple(names), parents, np.zeros((len(names), 3)))
+        offsets = told["offsets"] if "offsets" in told else offsets_of(bare, said["positions"], said.get("rotations"))
+        if not np.isfinite(np.asarray(offsets, dtype=float)).all():
+            raise ValueError("its offsets are not finite")
+        return Skeleton(bare.names, bare.parents, offsets)
+    except (KeyError, TypeError, ValueError, OverflowError, MotionError) as error:
+        reason = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+        raise RefusedError(Fault.MALFORMED, f"a skeleton: {reason}") from None
+
+
+def offsets_of(skeleton: Skeleton, positions: Floats, rotations: Floats | None) -> Floats:
+    """(J, 3) where the joints of a frame are in their parents, in the axes of these where there are rotations [m]."""
+    frame = Frame(skeleton, 0.0, 0.0, positions, rotations)
+    turns = frame.rotations
+    if turns is None:
+        turns = np.tile([1.0, 0, 0, 0], (len(skeleton), 1))
+    offsets = backward(skeleton.parents, frame.positions[None], turns[None])[0][0]
+    return np.where(skeleton.parents[:, None] < 0, 0.0, offsets)

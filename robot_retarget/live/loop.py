@@ -1,0 +1,200 @@
+"""The live stream from end to end: the newest frame in, solved, its pose out; and rest where no frame comes."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from threading import Event
+from typing import Any, Protocol
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.live.faults import Fault
+from robot_retarget.live.frame import Frame
+from robot_retarget.live.receiver import Source
+from robot_retarget.motion import Skeleton
+
+
+class Pose(Protocol):
+    """What a stream answers with."""
+
+    @property
+    def qpos(self) -> Floats:
+        """(nq,)."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Of the frame that it answers to [s]."""
+        ...
+
+    @property
+    def status(self) -> Any:
+        """How its solution ended."""
+        ...
+
+    @property
+    def age(self) -> float:
+        """Since the frame that it answers to [s]."""
+        ...
+
+
+def said_of(status: Any) -> str:
+    """A status as a word."""
+    return str(getattr(status, "name", status)).lower()
+
+
+class Stream(Protocol):
+    """What makes poses of frames (`solve.live.Stream`)."""
+
+    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> Pose:
+        """The pose that answers to a frame."""
+        ...
+
+    def hold(self, time: float) -> Pose:
+        """The pose where no frame came: it eases to a stop."""
+        ...
+
+
+class Sink(Protocol):
+    """What poses are for."""
+
+    def show(self, pose: Pose) -> None:
+        """Take a pose; it does not wait."""
+        ...
+
+
+@dataclass(frozen=True)
+class Patience:
+    """When a stream is taken to be silent."""
+
+    intervals: float = 2.5
+    """Of the source, between frames; then the robot is eased to a stop: one frame that is lost is no silence."""
+    least: float = 0.03
+    most: float = 0.2
+    """It is never less, never more [s]."""
+    said: float = 0.1
+    """A pause of this length is counted and said [s]."""
+    rate: float = 60.0
+    """While it lasts poses are asked for so often [1/s]."""
+
+
+LAST = 36_000
+"""Latencies that are kept for the summary: ten minutes at 60 frames a second."""
+LATE = 0.05
+"""A frame that arrives so long after it was made, the quickest of late taken as no delay at all, is late [s]."""
+
+
+@dataclass
+class Tally:
+    """What went through a stream."""
+
+    frames: int = 0
+    """That were solved."""
+    late: int = 0
+    held: int = 0
+    """Poses without a frame."""
+    seconds: float = 0.0
+    """From the first frame on [s]."""
+    statuses: dict[str, int] = field(default_factory=dict)
+    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=LAST))
+    """From the arrival of a frame to its pose [s]."""
+
+    def note(self, frame: Frame, pose: Pose) -> None:
+        """A frame was answered."""
+        self.frames += 1
+        self.late += frame.arrived - frame.time > LATE
+        self.latencies.append(time.monotonic() - frame.arrived)
+        status = said_of(pose.status)
+        self.statuses[status] = self.statuses.get(status, 0) + 1
+
+    def figures(self, source: Source) -> dict[str, Any]:
+        """For the summary."""
+        p50, p99, most = (1000 * np.quantile(self.latencies or [np.nan], (0.5, 0.99, 1.0))).round(2).tolist()
+        return {
+            "frames": self.frames, "dropped": source.dropped, "late": self.late, "held": self.held,
+            "seconds": round(self.seconds, 2), "latency_p50_ms": p50, "latency_p99_ms": p99, "latency_max_ms": most,
+            "statuses": self.statuses, "faults": dict(source.faults.counts),
+        }  # fmt: skip
+
+
+class Loop:
+    """Frames of a source through a stream into a sink, until the source ends, time is over or somebody asks to stop."""
+
+    def __init__(
+        self,
+        source: Source,
+        stream_of: Callable[[Skeleton], Stream],
+        sink: Sink,
+        say: Callable[[str], None] = lambda text: None,
+        patience: Patience | None = None,
+    ) -> None:
+        self.source, self.sink, self.tally = source, sink, Tally()
+        self.stop = Event()
+        self.stream: Stream | None = None
+        self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
+        self._skeleton: Skeleton | None = None
+        self._interval = 1 / self._patience.rate
+        self._last: Frame | None = None
+        self._silent = False
+
+    def run(self, seconds: float = float("inf")) -> Tally:
+        """Go on for so long after the first frame [s]."""
+        if self.source.skeleton is not None and self.stream is None:
+            self._begin(self.source.skeleton)
+        began = None if self._last is None else time.monotonic()
+        while not self.stop.is_set() and not self.source.ended and self.tally.seconds < seconds:
+            frame = self.source.newest(self._wait())
+            if frame is not None:
+                self._answer(frame)
+            elif self._last is not None:
+                self._rest(self._last)
+            now = time.monotonic()
+            began = now if began is None and frame is not None else began
+            self.tally.seconds = 0.0 if began is None else now - began
+        return self.tally
+
+    def _wait(self) -> float:
+        """How long the next frame is waited for [s]."""
+        patience = self._patience
+        if self._last is None:
+            return patience.said
+        quiet = min(max(patience.intervals * self._interval, patience.least), patience.most)
+        since = time.monotonic() - self._last.arrived
+        return 1 / patience.rate if since >= quiet else quiet - since
+
+    def _answer(self, frame: Frame) -> None:
+        stream = self.stream
+        if stream is None or frame.skeleton is not self._skeleton:
+            stream = self._begin(frame.skeleton)
+            frame = self.source.newest(0.0) or frame  # it took its time
+        self._gap(frame)
+        pose = stream.push(frame.positions, frame.rotations, time=frame.time)
+        self.sink.show(pose)
+        self.tally.note(frame, pose)
+
+    def _begin(self, skeleton: Skeleton) -> Stream:
+        self._say(f"a performer of {len(skeleton)} joints" + (", another than before" if self._skeleton else ""))
+        self._skeleton, self.stream = skeleton, self._stream_of(skeleton)
+        return self.stream
+
+    def _gap(self, frame: Frame) -> None:
+        """Learn the interval of the source; say where a silence ends."""
+        if self._last is not None:
+            gap = frame.arrived - self._last.arrived
+            if self._silent:
+                self._say(f"frames come again after {gap:.2f} s")
+            else:
+                self._interval += 0.1 * (gap - self._interval)
+        self._last, self._silent = frame, False
+
+    def _rest(self, last: Frame) -> None:
+        """No frame came: ease to a stop, on the clock of the frames."""
+        now = time.monotonic()
+        if not self._silent and now - last.arrived >= self._patience.said:
+            self._silent = True
+            self.source.faults.note(Fault.SILENCE, f"no frame for {now - last.arrived:.1f} s, the robot is held")
+        if self.stream is not None:
+            self.sink.show(self.stream.hold(now - last.arrived + last.time))
+            self.tally.held += 1

@@ -1,0 +1,105 @@
+"""The newest frame of what comes in at a port."""
+
+import time
+from typing import Protocol
+
+from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.frame import Frame
+from robot_retarget.live.ports import Packet, Port
+from robot_retarget.motion import Skeleton
+
+TAKEOVER = 1.0
+"""Another sender is followed once the one before was silent for so long [s]."""
+
+
+class Source(Protocol):
+    """Where frames come from. Frames that nobody asked for in time are dropped, never queued."""
+
+    faults: Faults
+    dropped: int
+    """Whole frames that gave way to newer ones."""
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        """Of the frames to come, where it is known before."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """No frame will come any more."""
+        ...
+
+    def newest(self, timeout: float) -> Frame | None:
+        """The newest frame that nobody has had yet, waiting for one so long [s]."""
+        ...
+
+    def close(self) -> None:
+        """Give back what is held."""
+        ...
+
+
+class Decoder(Protocol):
+    """What makes frames of bytes."""
+
+    skeleton: Skeleton | None
+
+    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+        """The frames that some bytes complete; what is wrong with them is noted, not raised."""
+        ...
+
+    def restart(self) -> None:
+        """Forget what was begun: another sender follows."""
+        ...
+
+
+class Receiver:
+    """A port and what makes frames of its bytes: one sender is followed, others are not mixed in."""
+
+    def __init__(self, port: Port, decoder: Decoder, faults: Faults) -> None:
+        self.port, self.decoder, self.faults = port, decoder, faults
+        self.dropped = 0
+        self._sender, self._heard = "", float("-inf")
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        return self.decoder.skeleton
+
+    @property
+    def ended(self) -> bool:
+        return self.port.ended
+
+    def newest(self, timeout: float) -> Frame | None:
+        until = time.monotonic() + timeout
+        while True:
+            frames = self._frames(self.port.receive(until - time.monotonic()))
+            self.dropped += max(len(frames) - 1, 0)
+            if frames:
+                return frames[-1]
+            if self.ended or time.monotonic() >= until:
+                return None
+
+    def _frames(self, packets: list[Packet]) -> list[Frame]:
+        frames: list[Frame] = []
+        for packet in packets:
+            if not self._followed(packet):
+                self.faults.note(Fault.OTHER_SENDER, f"{packet.sender}; {self._sender} is followed")
+                continue
+            try:
+                frames += self.decoder.frames(packet.data, packet.arrived)
+            except RefusedError as error:
+                self.faults.refused(error)
+        return frames
+
+    def _followed(self, packet: Packet) -> bool:
+        if packet.sender != self._sender:
+            if packet.arrived - self._heard < TAKEOVER:
+                return False
+            if self._sender:
+                self.faults.note(Fault.RESTARTED, f"{packet.sender} after {self._sender}")
+                self.decoder.restart()
+            self._sender = packet.sender
+        self._heard = packet.arrived if packet.data else float("-inf")
+        return True
+
+    def close(self) -> None:
+        self.port.close()

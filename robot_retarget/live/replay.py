@@ -1,0 +1,53 @@
+"""A motion file in real time, as a source that is always on time."""
+
+import time
+from math import floor
+
+from robot_retarget.errors import UsageError
+from robot_retarget.live.faults import Faults
+from robot_retarget.live.frame import Frame
+from robot_retarget.motion import Motion, Skeleton
+
+
+class Replay:
+    """The frames of a motion when they are due, from the first time that one is asked for; those overdue are dropped.
+
+    Raises:
+        UsageError: the speed is not positive.
+    """
+
+    def __init__(self, motion: Motion, faults: Faults, speed: float = 1.0) -> None:
+        if not 0 < speed < float("inf"):
+            raise UsageError(f"--speed must be positive, got {speed:g}")
+        self.motion, self.faults, self.dropped = motion, faults, 0
+        self._rate, self._next = motion.fps * speed, 0
+        self._began: float | None = None
+
+    @property
+    def skeleton(self) -> Skeleton:
+        return self.motion.skeleton
+
+    @property
+    def ended(self) -> bool:
+        return self._next >= len(self.motion)
+
+    def newest(self, timeout: float) -> Frame | None:
+        if self.ended:
+            return None
+        if self._began is None:
+            self._began = time.monotonic()
+        ahead = self._began + self._next / self._rate - time.monotonic()
+        if ahead > timeout:
+            time.sleep(max(timeout, 0.0))
+            return None
+        time.sleep(max(ahead, 0.0))
+        due = min(floor((time.monotonic() - self._began) * self._rate + 1e-6), len(self.motion) - 1)
+        t = max(due, self._next)
+        self.dropped += t - self._next
+        self._next = t + 1
+        made, motion = self._began + t / self._rate, self.motion
+        turns = None if motion.rotations is None else motion.rotations[t]
+        return Frame(motion.skeleton, made, max(time.monotonic(), made), motion.positions[t], turns)
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -1,0 +1,141 @@
+"""A motion sent as a performer would send it: for trying out a stream without a phone, a headset or a suit."""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from threading import Event
+from urllib.parse import urlsplit
+
+import numpy as np
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+from robot_retarget.errors import UsageError, known
+from robot_retarget.live.bones import unity_place, unity_turn
+from robot_retarget.live.floats import packed
+from robot_retarget.live.humanoid import humanoid
+from robot_retarget.live.lines import line_of, told
+from robot_retarget.live.vmc import BONE, OK, PORT, ROOT, TIME
+from robot_retarget.motion import Motion
+
+Packets = Callable[[int, float], list[bytes]]
+"""The packets of a frame (its number) that is stamped with a time [s]."""
+AGAIN = 1.0
+"""A skeleton is told again after so long: who listens may have come later [s]."""
+BONES_AT_ONCE = 12
+"""Of a packet, so that it is not longer than an Ethernet frame."""
+
+
+def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
+    """How a motion is put into packets, and where they go: `vmc://HOST:PORT`, `json://HOST:PORT` or `floats://HOST:PORT`.
+
+    Raises:
+        UsageError: the target is none, or the motion has no rotations and the protocol asks for them.
+        MatchError: VMC is for humans, and the motion is not human.
+    """
+    try:
+        parts = urlsplit(target)
+        port = parts.port
+    except ValueError:
+        raise UsageError(f"--to {target}: the port must be a number from 0 to 65535") from None
+    if parts.scheme not in PROTOCOLS or not parts.hostname:
+        raise UsageError(f"--to {target!r} is no target; {known(f'{name}://HOST:PORT' for name in PROTOCOLS)}")
+    if port is None and parts.scheme != "vmc":
+        raise UsageError(f"--to {target} needs a port")
+    return PROTOCOLS[parts.scheme](motion), (parts.hostname, PORT if port is None else port)
+
+
+def send(
+    motion: Motion, target: str, speed: float = 1.0, seconds: float | None = None, stop: Event | None = None
+) -> dict[str, float]:
+    """Send a motion over UDP in real time, once, or forth and back for so long [s].
+
+    Returns:
+        how many frames were sent, in how many seconds.
+
+    Raises:
+        UsageError: as `sending`; the speed is not positive; or nothing can be sent there.
+    """
+    if not 0 < speed < float("inf"):
+        raise UsageError(f"--speed must be positive, got {speed:g}")
+    packets, address = sending(motion, target)
+    stop, period, began = stop or Event(), 1 / (motion.fps * speed), time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        sent = 0
+        for sent, t in enumerate(_order(len(motion), seconds is None)):
+            now = time.monotonic()
+            if stop.wait(max(began + sent * period - now, 0.0)) or (seconds is not None and now - began >= seconds):
+                break
+            try:
+                for packet in packets(t, time.monotonic() - began):
+                    out.sendto(packet, address)
+            except ConnectionRefusedError:
+                pass  # nobody listens yet
+            except OSError as error:
+                raise UsageError(f"cannot send to {target}: {error}") from error
+        else:
+            sent += 1
+    return {"frames": sent, "seconds": round(time.monotonic() - began, 2)}
+
+
+def _order(frames: int, once: bool) -> Iterator[int]:
+    """0 … T − 1, or forth and back without end."""
+    if once or frames == 1:
+        yield from range(frames) if once else (0 for _ in count())
+        return
+    for k in count():
+        turn = k % (2 * frames - 2)
+        yield min(turn, 2 * frames - 2 - turn)
+
+
+def _vmc(motion: Motion) -> Packets:
+    bones = humanoid(motion)
+
+    def packets(t: int, time: float) -> list[bytes]:
+        still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+        said = [(ROOT, ["root", *still])]
+        said += [
+            (BONE, [name, *unity_place(bones.places[t, k]), *unity_turn(bones.turns[t, k])])
+            for k, name in enumerate(bones.names)
+        ]
+        said += [(OK, [1]), (TIME, [time])]
+        return [_bundle(said[k : k + BONES_AT_ONCE]).dgram for k in range(0, len(said), BONES_AT_ONCE)]
+
+    return packets
+
+
+def _bundle(said: list[tuple[str, list[str | float | int]]]) -> OscBundle:
+    bundle = OscBundleBuilder(IMMEDIATELY)
+    for address, values in said:
+        message = OscMessageBuilder(address)
+        for value in values:
+            message.add_arg(value, "f" if isinstance(value, float) else None)
+        bundle.add_content(message.build())
+    return bundle.build()
+
+
+def _lines(motion: Motion) -> Packets:
+    skeleton = told(motion.skeleton)
+    said = float("-inf")
+
+    def packets(t: int, time: float) -> list[bytes]:
+        nonlocal said
+        first = time - said >= AGAIN
+        said = time if first else said
+        turns = None if motion.rotations is None else motion.rotations[t]
+        line = line_of(time, motion.positions[t], turns)
+        return [skeleton, line] if first else [line]
+
+    return packets
+
+
+def _floats(motion: Motion) -> Packets:
+    rows = (
+        motion.positions if motion.rotations is None else np.concatenate([motion.positions, motion.rotations], axis=2)
+    )
+    return lambda t, time: [packed(time, rows[t])]
+
+
+PROTOCOLS: dict[str, Callable[[Motion], Packets]] = {"vmc": _vmc, "json": _lines, "floats": _floats}

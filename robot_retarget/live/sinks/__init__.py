@@ -1,0 +1,1 @@
+"""What poses are for: lines, a page, simulated servos, real ones."""

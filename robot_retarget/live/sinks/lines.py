@@ -1,0 +1,18 @@
+"""Poses as lines of JSON: time [s], qpos, status and age [s]."""
+
+import json
+from typing import IO
+
+from robot_retarget.live.loop import Pose, said_of
+
+
+class LineSink:
+    """Writes each pose as it comes."""
+
+    def __init__(self, out: IO[str]) -> None:
+        self._out = out
+
+    def show(self, pose: Pose) -> None:
+        row = {"time": round(pose.time, 6), "qpos": pose.qpos.round(6).tolist()}
+        self._out.write(json.dumps(row | {"status": said_of(pose.status), "age": round(pose.age, 4)}) + "\n")
+        self._out.flush()

@@ -1,0 +1,21 @@
+"""Poses on a page in the browser."""
+
+from robot_retarget.live.loop import Pose
+from robot_retarget.robot import Robot
+from robot_retarget.view.web.live import LiveRobot
+from robot_retarget.view.web.serve import PORT, Served, serve
+
+
+class PageSink:
+    """A page that follows; `served` says where.
+
+    Raises:
+        UsageError: its port is taken.
+    """
+
+    def __init__(self, robot: Robot, port: int = PORT) -> None:
+        self._robot = LiveRobot(robot)
+        self.served: Served = serve(self._robot.viewer, port, following=self._robot)
+
+    def show(self, pose: Pose) -> None:
+        self._robot.show(pose.qpos)

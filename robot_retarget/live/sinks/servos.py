@@ -1,0 +1,70 @@
+"""Poses as wishes of real servos; `servo.live.follow` moves them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+
+from robot_retarget.errors import ServoError
+from robot_retarget.live.loop import Loop, Pose, Tally
+from robot_retarget.robot import Robot
+from robot_retarget.servo.live import Wishes, follow
+from robot_retarget.servo.map import ServoMap
+from robot_retarget.servo.outcome import Outcome
+
+
+class ServoSink:
+    """The joints of a map, from poses of a robot.
+
+    Raises:
+        ServoError: the map and the robot have not the same joints.
+    """
+
+    def __init__(self, robot: Robot, servo_map: ServoMap) -> None:
+        joints = robot.joint_names
+        bare = [joint for joint in joints if joint not in (*servo_map.joints, *servo_map.passive)]
+        idle = [joint for joint in servo_map.joints if joint not in joints]
+        if bare or idle:
+            what = f"does not cover {', '.join(bare)}" if bare else f"has {', '.join(idle)}, which {robot.name} has not"
+            raise ServoError(f"the servo map {what}")
+        self.wishes = Wishes()
+        self._places = robot.qpos_index[[joints.index(joint) for joint in servo_map.joints]]
+
+    def show(self, pose: Pose) -> None:
+        self.wishes.give(pose.qpos[self._places])
+
+
+def moved(
+    loop: Loop,
+    sink: ServoSink,
+    servo_map: ServoMap,
+    port: str | Path,
+    seconds: float,
+    log: Path,
+    say: Callable[[str], None],
+) -> tuple[Outcome, Tally]:
+    """Run a loop into servos: it in a thread of its own, the player in this one, which is told of Ctrl-C.
+
+    Raises:
+        ServoError: as `servo.play.play`.
+        RobotRetargetError: the loop cannot go on; the servos hold.
+    """
+    failed: list[Exception] = []
+
+    def go() -> None:
+        try:
+            loop.run(seconds)
+        except Exception as error:
+            failed.append(error)
+        finally:
+            sink.wishes.over.set()
+
+    thread = Thread(target=go, daemon=True)
+    thread.start()
+    try:
+        outcome = follow(sink.wishes, servo_map, port, log=log, say=say)
+    finally:
+        loop.stop.set()
+        thread.join()
+    if failed:
+        raise failed[0]
+    return outcome, loop.tally

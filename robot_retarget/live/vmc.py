@@ -1,0 +1,174 @@
+"""VMC, the protocol of VRM performers: bones in their parents as OSC over UDP, in one packet a frame or in many.
+
+Nothing in the protocol says where a frame ends. A frame is whole once every bone of the frames before is there again; a
+bone that comes twice, or a pause, ends it as well. Sources: protocol.vmc.info, "Marionette" receiving.
+"""
+
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.live.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of
+from robot_retarget.live.clock import SenderClock
+from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.frame import Frame
+from robot_retarget.live.osc import Message, messages
+from robot_retarget.motion import Skeleton
+from robot_retarget.motion.kinematics import forward
+
+PORT = 39539
+"""Where performers send to, unless told otherwise."""
+ROOT, BONE, OK, TIME = "/VMC/Ext/Root/Pos", "/VMC/Ext/Bone/Pos", "/VMC/Ext/OK", "/VMC/Ext/T"
+ADDRESSES = {address.encode() for address in (ROOT, BONE, OK, TIME)}
+PAUSE = 0.004
+"""Packets of a frame follow each other faster than this [s]."""
+LONGEST = 2.0
+"""No bone is longer [m]."""
+NO_BONE = 1e-3
+"""A bone other than the hips that is shorter stands for one whose length is not sent [m]."""
+TRACKING = 3
+"""Where a message of `OK` says whether the performer is tracked, since version 2.7."""
+
+
+class VmcDecoder:
+    """Frames of the bones that say how a body stands. The skeleton is that of the first whole frame.
+
+    Lengths that are not sent are those of the mean body.
+    """
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self._clock = SenderClock(faults)
+        self.skeleton: Skeleton | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        self._clock.restart()
+        self._local: dict[str, tuple[Floats, Floats]] = {}
+        self._root = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        self._stamp: float | None = None
+        self._tracked = True
+        self._there: set[str] = set()
+        self._expected: set[str] = set()
+        self._before: set[str] = set()
+        self._arrived = float("-inf")
+
+    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+        found = [] if arrived - self._arrived < PAUSE or not self._there else [self._ended(early=True)]
+        self._arrived = arrived
+        for message in messages(data, ADDRESSES):
+            try:
+                found.append(self._after(message))
+            except RefusedError as error:
+                self._faults.refused(error)
+        return [frame for frame in found if frame is not None]
+
+    def _after(self, message: Message) -> Frame | None:
+        """Take a message in; the frame that it completes."""
+        address, values = message
+        if address == OK:
+            self._tracked = bool(values[TRACKING]) if len(values) > TRACKING else self._tracked
+            return None
+        key, taken = self._read(address, values)
+        if not key:
+            return None
+        frame = self._ended(early=True) if key in self._there else None
+        if address == TIME:
+            self._stamp = taken
+        elif address == ROOT:
+            self._root = taken
+        else:
+            self._local[key] = taken
+        self._there.add(key)
+        return self._ended(early=False) if self._expected and self._expected <= self._there else frame
+
+    def _read(self, address: str, values: list[Any]) -> tuple[str, Any]:
+        """What a message is about, and its value in our axes; no name for what is passed over.
+
+        Raises:
+            RefusedError: it is not as the protocol has it.
+        """
+        if address == TIME:
+            return TIME, _numbers(values[:1], 1, address)[0]
+        name = values[0] if values and isinstance(values[0], str) else ""
+        if not name:
+            raise RefusedError(Fault.MALFORMED, f"{address} without a name")
+        if address == BONE and name not in BONES:
+            if name not in PASSED_OVER:
+                raise RefusedError(Fault.UNKNOWN_BONE, name[:40])
+            return "", None
+        p, q = np.split(np.array(_numbers(values[1:8], 7, name)), [3])
+        length = sqrt(float(q @ q))
+        if length < 1e-6:
+            raise RefusedError(Fault.MALFORMED, f"the rotation of {name} is zero")
+        if address == BONE and name != "Hips" and float(p @ p) > LONGEST**2:
+            raise RefusedError(Fault.MALFORMED, f"{name} is {sqrt(float(p @ p)):.3g} m long")
+        return name if address == BONE else ROOT, (place_of(p), turn_of(q / length))
+
+    def _ended(self, early: bool) -> Frame | None:
+        """A frame of what is there, if that is one."""
+        there, self._there = self._there, set()
+        if there.isdisjoint(BONES):
+            return None
+        known = bool(self._expected)
+        if there == self._before or not known:
+            self._expected = there
+        self._before = there
+        if early and not known:
+            return None  # it may have begun before we listened
+        if early and not self._expected <= there:
+            self._faults.note(Fault.INCOMPLETE, f"without {', '.join(sorted(self._expected - there)[:4])}")
+        try:
+            return self._frame(self._stamp if TIME in there else None)
+        except RefusedError as error:
+            self._faults.refused(error)
+            return None
+
+    def _frame(self, stamp: float | None) -> Frame:
+        if not self._tracked:
+            raise RefusedError(Fault.NOT_TRACKED)
+        self.skeleton = self.skeleton or self._found()
+        names, offsets = self.skeleton.names, self.skeleton.offsets
+        local = [self._local.get(name, (offsets[k], np.array([1.0, 0, 0, 0]))) for k, name in enumerate(names)]
+        sent = np.array([place for place, _ in local])
+        places = np.where((np.linalg.norm(sent, axis=1) < NO_BONE)[:, None], offsets, sent)
+        turns = np.array([turn for _, turn in local])
+        parents = np.concatenate([[-1], self.skeleton.parents + 1])
+        positions, rotations = forward(
+            parents,
+            np.concatenate([self._root[0][None], places])[None],
+            np.concatenate([self._root[1][None], turns])[None],
+        )
+        frame = Frame(self.skeleton, self._arrived, self._arrived, positions[0, 1:], rotations[0, 1:])
+        return frame.at(self._clock.time(stamp, self._arrived))
+
+    def _found(self) -> Skeleton:
+        """The skeleton of the bones that came.
+
+        Raises:
+            RefusedError: one that a VRM must have is not among them.
+        """
+        lacking = [bone for bone in BONES if bone not in self._local and bone not in OPTIONAL]
+        if lacking:
+            raise RefusedError(Fault.INCOMPLETE, f"no body without {', '.join(lacking[:4])}")
+        above, mean = carriers(self._local), mean_offsets(self._local)
+        names = tuple(above)
+        parents = np.array([names.index(above[name]) if above[name] else -1 for name in names])
+        sent = {name: self._local[name][0] for name in names}
+        offsets = [sent[name] if np.linalg.norm(sent[name]) >= NO_BONE else mean[name] for name in names]
+        return Skeleton(names, parents, np.array(offsets))
+
+
+def _numbers(values: list[Any], count: int, what: str) -> list[float]:
+    """So many finite numbers.
+
+    Raises:
+        RefusedError: they are not.
+    """
+    if len(values) < count or not all(isinstance(value, int | float) for value in values):
+        raise RefusedError(Fault.MALFORMED, f"{what}: {count} numbers expected")
+    if not all(isfinite(value) for value in values):
+        raise RefusedError(Fault.NOT_FINITE, what)
+    return [float(value) for value in values]

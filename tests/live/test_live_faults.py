@@ -1,0 +1,318 @@
+"""The table of faults: whatever comes in is counted and said, never a crash, and the frames around it go on."""
+
+import json
+import struct
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
+
+from robot_retarget.live.clock import SenderClock
+from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.floats import HEAD, MAGIC, FloatDecoder
+from robot_retarget.live.lines import LineDecoder, line_of, told
+from robot_retarget.live.loop import Loop, Patience
+from robot_retarget.live.ports import AT_ONCE, NEWEST, Packet, TcpPort, UdpPort
+from robot_retarget.live.receiver import Decoder, Receiver
+from robot_retarget.live.send import PROTOCOLS
+from robot_retarget.live.vmc import VmcDecoder
+from robot_retarget.robot import load_robot
+
+MOTION = clip()
+SKELETON = MOTION.skeleton
+
+
+def decoder_of(protocol: str, faults: Faults) -> Decoder:
+    if protocol == "vmc":
+        return VmcDecoder(faults)
+    return LineDecoder(faults, SKELETON, True) if protocol == "json" else FloatDecoder(faults, SKELETON, True)
+
+
+def packets_of(protocol: str, t: int) -> list[bytes]:
+    return PROTOCOLS[protocol](MOTION)(t, t / 60)
+
+
+class Heard:
+    """A receiver of packets that are handed to it, one after the other, 1/60 s apart unless told otherwise."""
+
+    def __init__(self, protocol: str) -> None:
+        self.said = Said()
+        self.faults, self.port, self.now = Faults(self.said), Script(), 100.0
+        self.receiver = Receiver(self.port, decoder_of(protocol, self.faults), self.faults)
+        self.protocol = protocol
+
+    def give(self, data: bytes, sender: str = "a") -> int:
+        """How many frames some bytes made."""
+        self.port.packets = [Packet(data, sender, self.now)]
+        before = self.receiver.dropped
+        return (self.receiver.newest(0.0) is not None) + self.receiver.dropped - before
+
+    def frame(self, t: int, sender: str = "a") -> int:
+        self.now += 1 / 60
+        return sum([self.give(packet, sender) for packet in packets_of(self.protocol, t)])
+
+    def well(self, start: int = 0) -> None:
+        """A few good frames; what they need to be understood comes first."""
+        assert sum(self.frame(t) for t in range(start, start + 4)) >= 3
+
+    def only(self, *kinds: Fault) -> None:
+        assert set(self.faults.counts) == {str(kind) for kind in kinds}
+        assert all(self.said.of(str(kind)) for kind in kinds)
+
+
+@pytest.fixture(params=["vmc", "json", "floats"])
+def heard(request: pytest.FixtureRequest) -> Heard:
+    heard = Heard(request.param)
+    heard.well()
+    assert not heard.faults.counts
+    return heard
+
+
+@pytest.mark.parametrize(
+    "junk",
+    [b"", b"\0", b"\xff" * 40, b"#bundle\0" + b"\xff" * 20, b"/VMC/Ext/Bone/Pos", b"[" * 2000, b"{}\n", b"pose" * 9],
+)
+def test_a_malformed_packet_is_counted_and_the_next_frame_is_whole(heard: Heard, junk: bytes) -> None:
+    assert heard.give(junk) == 0
+    if junk.strip():
+        heard.only(Fault.MALFORMED)
+    heard.well(start=4)
+
+
+def test_a_truncated_packet_makes_nothing_up(heard: Heard) -> None:
+    whole = packets_of(heard.protocol, 5)[-1]
+    for size in (1, 7, len(whole) // 2 + 1, len(whole) - 3):
+        assert heard.give(whole[:size]) == 0
+    heard.only(Fault.MALFORMED)
+    heard.well(start=6)
+
+
+@settings(max_examples=40)
+@given(st.sampled_from(["vmc", "json", "floats"]), st.integers(0, 10_000), st.integers(0, 255), st.booleans())
+def test_whatever_byte_is_changed_nothing_breaks_and_places_stay_places(
+    protocol: str, at: int, value: int, cut: bool
+) -> None:
+    heard = Heard(protocol)
+    heard.well()
+    for packet in packets_of(protocol, 4):
+        spoilt = bytearray(packet)
+        spoilt[at % len(spoilt)] = value
+        heard.give(bytes(spoilt[: len(spoilt) - at % 5]) if cut else bytes(spoilt))
+    heard.now += 1.0
+    heard.well(start=64)
+
+
+def test_numbers_that_are_none_are_refused(heard: Heard) -> None:
+    bad = {
+        "vmc": packets_of("vmc", 5)[0].replace(struct.pack(">f", 1.0), struct.pack(">f", np.nan), 1),
+        "json": line_of(9.0, np.full((len(SKELETON), 3), np.nan)),
+        "floats": HEAD.pack(MAGIC, len(SKELETON), 3, 9.0) + np.full((len(SKELETON), 3), np.inf, "<f4").tobytes(),
+    }[heard.protocol]
+    assert heard.give(bad) == 0
+    heard.only(Fault.NOT_FINITE)
+    heard.well(start=6)
+
+
+def test_a_bone_that_nobody_knows_is_counted_and_the_others_are_taken() -> None:
+    heard = Heard("vmc")
+    heard.well()
+    heard.give(packets_of("vmc", 5)[0].replace(b"LeftUpperLeg", b"LeftUpperLig"))
+    heard.only(Fault.UNKNOWN_BONE)
+    assert "LeftUpperLig" in heard.said.of("unknown bone")[0]
+    for packet in packets_of("vmc", 5)[1:]:
+        heard.give(packet)
+    heard.well(start=6)
+    assert heard.faults.counts[Fault.INCOMPLETE] == 1
+
+
+def test_a_packet_lost_on_the_way_costs_that_frame_its_bones_and_no_more() -> None:
+    heard = Heard("vmc")
+    heard.well()
+    heard.now += 1 / 60
+    for packet in packets_of("vmc", 5)[:-1]:
+        heard.give(packet)
+    heard.well(start=6)
+    heard.only(Fault.INCOMPLETE)
+
+
+def test_time_that_goes_backwards_or_stands_is_refused(heard: Heard) -> None:
+    assert heard.frame(3) == 0 and heard.frame(1) == 0
+    heard.only(Fault.BACKWARDS)
+    assert heard.faults.counts[Fault.BACKWARDS] == 2
+    heard.well(start=20)
+
+
+def test_a_clock_that_was_set_is_followed_and_time_goes_on() -> None:
+    faults = Faults()
+    clock, times = SenderClock(faults), []
+    for k in range(200):
+        stamp = k / 60 + (0 if k < 100 else 5000.0 if k < 150 else -3.0)
+        times.append(clock.time(stamp, 100 + k / 60))
+    assert faults.counts[Fault.CLOCK] == 2
+    assert (np.diff(times) > 0).all() and abs(times[-1] - (100 + 199 / 60)) < 0.01
+
+
+def test_jitter_of_the_network_is_taken_off_the_stamps() -> None:
+    rng, clock = np.random.default_rng(0), SenderClock(Faults())
+    times = [clock.time(k / 60, 100 + k / 60 + 0.002 + 0.03 * rng.random() ** 4) for k in range(600)]
+    assert np.abs(np.diff(times[60:]) - 1 / 60).max() < 1e-3
+
+
+def test_a_clock_that_runs_slow_is_followed() -> None:
+    clock = SenderClock(Faults())
+    behind = [100 + k / 60 - clock.time(k / 60 * (1 - 2e-4), 100 + k / 60) for k in range(60 * 600)]
+    assert max(behind) < 0.01
+
+
+def test_stamps_that_are_not_after_the_last_are_named() -> None:
+    clock = SenderClock(Faults())
+    clock.time(1.0, 100.0)
+    with pytest.raises(RefusedError, match="backwards"):
+        clock.time(0.9, 100.1)
+
+
+def test_two_senders_are_not_mixed_and_the_other_takes_over_once_the_first_is_silent(heard: Heard) -> None:
+    assert sum(heard.frame(t, "b") for t in range(4, 8)) == 0
+    heard.only(Fault.OTHER_SENDER)
+    heard.well(start=8)
+    heard.now += 1.5
+    assert sum(heard.frame(t, "b") for t in range(0, 4)) >= 3  # its clock begins anew, too
+    assert heard.faults.counts[Fault.RESTARTED] == 1
+
+
+def test_a_performer_who_does_not_trust_what_it_sees_is_not_followed() -> None:
+    heard = Heard("vmc")
+    heard.well()
+    from pythonosc.osc_message_builder import OscMessageBuilder
+
+    def ok(tracked: int) -> bytes:
+        message = OscMessageBuilder("/VMC/Ext/OK")
+        for value in (1, 3, 0, tracked):
+            message.add_arg(value)
+        return message.build().dgram
+
+    heard.give(ok(0))
+    packets = packets_of("vmc", 5)
+    assert sum(map(heard.give, packets)) == 0
+    heard.only(Fault.NOT_TRACKED)
+
+
+def test_a_place_far_from_any_room_and_a_turn_that_is_none_are_refused() -> None:
+    heard = Heard("json")
+    heard.well()
+    heard.give(line_of(9.0, np.full((len(SKELETON), 3), 1e6)))
+    heard.give(line_of(9.1, MOTION.positions[0], np.zeros((len(SKELETON), 4))))
+    heard.only(Fault.MALFORMED)
+
+
+@pytest.mark.parametrize(
+    "skeleton",
+    [{}, {"names": ["a"], "parents": [0]}, {"names": "ab", "parents": 3}, {"names": [1], "parents": [-1]}, 7,
+     {"names": ["a"], "parents": [-1], "offsets": [[1, 2]]}, {"names": ["a"], "parents": [-1], "offsets": [[1, 2, "x"]]}],
+)  # fmt: skip
+def test_a_skeleton_that_is_none_is_refused(skeleton: object) -> None:
+    heard = Heard("json")
+    heard.give(json.dumps({"skeleton": skeleton}).encode())
+    heard.only(Fault.MALFORMED)
+    heard.well()
+
+
+def test_a_flood_is_thrown_away_unread_and_the_newest_frame_is_had() -> None:
+    faults = Faults()
+    port = UdpPort(HOST, 0, faults)
+    receiver = Receiver(port, LineDecoder(faults, SKELETON, True), faults)
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for k in range(NEWEST + 40):
+            out.sendto(b'{"time": %d, "positions": [[0, 0, 0]]}' % k, port.address)
+        newest = line_of(500.0, MOTION.positions[7])
+        out.sendto(newest, port.address)
+        frame = receiver.newest(0.5)
+    receiver.close()
+    assert frame is not None and np.allclose(frame.positions, MOTION.positions[7], atol=1e-4)
+    assert faults.counts[Fault.FLOOD] == 41 and AT_ONCE > NEWEST
+
+
+def test_a_sender_twice_too_fast_builds_no_queue() -> None:
+    with listening(VmcDecoder) as receiver, performing(receiver, MOTION, speed=4.0):
+        ages = []
+        for _ in range(30):
+            time.sleep(1 / 60)  # a solver that takes its time
+            frame = receiver.newest(0.2)
+            assert frame is not None
+            ages.append(time.monotonic() - frame.time)
+        assert receiver.dropped > 30
+        assert np.median(ages[10:]) < 0.02, "the newest frame is a queue old"
+
+
+def test_a_sender_that_is_killed_and_restarted_is_followed_again() -> None:
+    said = Said()
+    with listening(VmcDecoder, said) as receiver:
+        with performing(receiver, MOTION):
+            assert len(frames_for(receiver, 0.4)) > 10
+        assert not frames_for(receiver, 1.1)
+        with performing(receiver, MOTION):
+            assert len(frames_for(receiver, 0.4)) > 10
+        assert receiver.faults.counts[Fault.RESTARTED] == 1 and said.of("restarted")
+
+
+def test_a_second_connection_is_turned_away_and_a_new_one_follows_the_first() -> None:
+    import socket
+
+    faults = Faults()
+    port = TcpPort(HOST, 0, faults)
+    receiver = Receiver(port, LineDecoder(faults, SKELETON), faults)
+    line = lambda t: line_of(t, MOTION.positions[0])  # noqa: E731
+    with socket.create_connection(port.address) as first:
+        first.sendall(told(SKELETON) + line(1.0))
+        assert receiver.newest(1.0) is not None
+        with socket.create_connection(port.address) as second:
+            second.sendall(line(2.0))
+            assert receiver.newest(0.1) is None
+        first.sendall(line(3.0)[:50])
+    assert faults.counts[Fault.OTHER_SENDER] == 1
+    receiver.newest(0.1)
+    with socket.create_connection(port.address) as third:
+        third.sendall(line(1.0))
+        assert receiver.newest(1.0) is not None
+    receiver.close()
+
+
+class Shown:
+    """Keeps the poses that it is shown."""
+
+    def __init__(self) -> None:
+        self.qpos: list[np.ndarray] = []
+
+    def show(self, pose: object) -> None:
+        self.qpos.append(pose.qpos)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("silence", [0.1, 1.0])
+def test_a_silence_is_counted_and_the_robot_is_held_without_a_jump(silence: float) -> None:
+    said, shown, robot = Said(), Shown(), load_robot("op3")
+    with listening(VmcDecoder, said) as receiver:
+        loop = Loop(receiver, lambda skeleton: Swing(robot, skeleton), shown, said)
+        with performing(receiver, MOTION):
+            loop.run(0.4)
+        loop.run(silence + 0.15)
+        with performing(receiver, MOTION):
+            loop.run(silence + 1.2)
+    assert receiver.faults.counts[Fault.SILENCE] >= 1 and said.of("silence")
+    assert loop.tally.held > 60 * silence * 0.5
+    assert np.abs(np.diff(shown.qpos, axis=0)).max() <= 3.0 * 0.1 + 1e-9
+
+
+def test_a_frame_that_is_answered_is_counted_with_its_latency() -> None:
+    robot, shown = load_robot("op3"), Shown()
+    with listening(VmcDecoder) as receiver, performing(receiver, MOTION):
+        loop = Loop(receiver, lambda skeleton: Swing(robot, skeleton), shown, patience=replace(Patience(), said=0.2))
+        figures = loop.run(0.5).figures(receiver)
+    assert figures["frames"] == len(shown.qpos) - figures["held"] and figures["frames"] > 15
+    assert 0 < figures["latency_p50_ms"] <= figures["latency_p99_ms"] <= figures["latency_max_ms"] < 500
+    assert figures["statuses"] == {"converged": figures["frames"]}
