@@ -7,16 +7,15 @@ docs/papers.md. `--only NAME …` limits it to some figures, `--out DIR` writes 
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
+from reproduce_interaction import Row, anticipation, clap, online, two_constraints
 
 from robot_retarget.dgp import (
     Branching,
-    Interaction,
     Ipopt,
     Kind,
     Newton,
@@ -31,17 +30,12 @@ from robot_retarget.dgp import (
     distances,
     formation_rigidity,
     frame_edges,
-    interacting_positions,
-    interaction_distance,
     lifted_starts,
     multistart,
     nearest_realization,
-    pair_edges,
     posture_cases,
     resized,
-    smoothness_edges,
     solve,
-    solve_causally,
     solve_formation,
     solve_with_thresholds,
     stress,
@@ -58,7 +52,6 @@ from robot_retarget.dgp.scenes import (
     meeting,
     pedestrians,
     raised_hands,
-    reaching,
     shortened_arms,
     team,
     together,
@@ -66,7 +59,6 @@ from robot_retarget.dgp.scenes import (
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"
-Row = tuple[str, str, str]
 
 papers = partial(solve, objective=Objective.HALF_SQUARED)
 
@@ -91,19 +83,21 @@ def anchored(scene: Scene, threshold: float) -> tuple[Solution, Solution]:
 
 
 def avoidance(scene: Scene, number: int, out: Path) -> list[Row]:
-    """Figs 1–3: the original and two thresholds."""
-    sheet, axes = draw.sheet(3)
+    """Figs 1–3: the original and two thresholds, by the paper's own method and with the first and last frame held."""
+    sheet, axes = draw.sheet(3, 2)
     movers = [place for place, name in enumerate(scene.names) if name not in scene.obstacles]
     stones = [scene.animation[0, place] for place, name in enumerate(scene.names) if name in scene.obstacles]
     draw.tracks(axes[0, 0], scene.animation, movers)
     draw.rocks(axes[0, 0], stones, 0.0)
     draw.bare(axes[0, 0], "(a) original", (-0.06, 1.06, -0.06, 1.06))
+    axes[1, 0].set_axis_off()
     rows = []
-    for axis, letter, threshold in zip(axes[0, 1:], "bc", (0.1, 0.2), strict=True):
+    for column, letter, threshold in zip(axes[:, 1:].T, "bc", (0.1, 0.2), strict=True):
         free, hard = anchored(scene, threshold)
-        draw.tracks(axis, hard.positions, movers)
-        draw.rocks(axis, stones, threshold)
-        draw.bare(axis, f"({letter}) Δ = {threshold}", (-0.06, 1.06, -0.06, 1.06))
+        for axis, x, ends in zip(column, (free.positions, hard.positions), ("the paper's", "ends held"), strict=True):
+            draw.tracks(axis, x, movers)
+            draw.rocks(axis, stones, threshold)
+            draw.bare(axis, f"({letter}) Δ = {threshold}, {ends}", (-0.06, 1.06, -0.06, 1.06))
         got = (
             f"free ends: min {closest(scene, threshold, free.positions):.4f}, ends move {drift(scene, free.positions):.3f}; "
             f"held ends: min {closest(scene, threshold, hard.positions):.6f}, ends move {drift(scene, hard.positions):.0e}, "
@@ -192,72 +186,6 @@ def _draw_hands(columns: tuple[tuple[str, np.ndarray, SkeletalStructure], ...], 
     draw.save(sheet, out / "mucherino-omer-2019-fig5.png")
 
 
-def anticipation(out: Path) -> list[Row]:
-    """Interaction paper, Fig. 2: a wrist approaches the opposite shoulder."""
-    x, own = reaching()
-    d, alpha = interaction_distance(x[:-1], x[1:])
-    euclid = np.linalg.norm(x[1:, 0] - x[1:, 1], axis=1)
-    frames = np.arange(2, len(x) + 1)
-    late, early = int(np.argmax(euclid < 0.1)), int(np.argmax(d[:, 0] < 0.1))
-    sheet, axes = draw.sheet(2, 1, (4.2, 3.2))
-    for frame, shade in zip((15, 42, early + 1, 99), draw.shades(4), strict=True):
-        draw.limb(axes[0, 0], own, x[frame, 0], shade)
-        axes[0, 0].plot(*x[frame, 0], "o", color=draw.RED, ms=6, alpha=0.4 + 0.6 * (frame == 99))
-    ahead = x[early, 0] + np.arange(1, alpha[early, 0] + 5)[:, None] * (x[early + 1, 0] - x[early, 0])
-    axes[0, 0].plot(*ahead.T, ".", color=draw.RED, ms=3, alpha=0.6)
-    axes[0, 0].plot(*np.stack([ahead[alpha[early, 0] - 1], x[0, 1]]).T, color=draw.BLUE, lw=1.5)
-    draw.dot(axes[0, 0], x[0, 1], draw.BLUE, 9)
-    draw.dot(axes[0, 0], own, draw.INK, 8)
-    draw.bare(axes[0, 0], f"the wrist's steps ahead at frame {frames[early]}")
-    axes[0, 1].plot(frames, euclid, color=draw.INK, label="Euclidean")
-    axes[0, 1].plot(frames, d[:, 0], color=draw.BLUE, label="interaction")
-    axes[0, 1].axhline(0.1, color=draw.GREY, ls=":", lw=1)
-    for place, color in ((late, draw.INK), (early, draw.BLUE)):
-        axes[0, 1].axvline(frames[place], color=color, lw=0.8, ls="--")
-    axes[0, 1].set(xlabel="frame", ylabel="distance [m]", title=f"{late - early} frames ahead at 0.10 m")
-    axes[0, 1].legend(frameon=False)
-    draw.save(sheet, out / "mucherino-2019-fig2.png")
-    got = (
-        f"threshold 0.10 m: Euclidean at frame {frames[late]}, interaction at {frames[early]}, {late - early} frames ahead, "
-        f"α = {alpha[early, 0]} there; least D {d.min():.3f} < final distance {euclid[-1]:.3f}"
-    )
-    says = "anticipates the contact by several frames; D at one frame is below the last Euclidean distance"
-    return [("Interaction Fig. 2", says, got)]
-
-
-def two_constraints(out: Path) -> list[Row]:
-    """Interaction paper, Fig. 3: where v may go when two interaction distances are prescribed."""
-    before, now = np.array([[1.2, 2.7], [3.6, -2.1]]), np.array([[1.5, 1.75], [3.0, -1.0]])
-    origin, wanted = np.zeros(2), np.array([0.55, 0.6])
-    equal, alphas = interacting_positions(before, now, origin, wanted, horizon=6, equal=True)
-    every, all_alphas = interacting_positions(before, now, origin, wanted, horizon=6)
-    sheet, axes = draw.sheet(1, 1, (5.6, 5.0))
-    axis = axes[0, 0]
-    for a in range(1, 5):
-        for joint, color in enumerate((draw.RED, draw.BLUE)):
-            centre = before[joint] + a * (now[joint] - before[joint])
-            draw.ring(axis, centre, wanted[joint], color, str(a), strong=a == 2)
-    for joint, (color, name) in enumerate(((draw.RED, "u"), (draw.BLUE, "w"))):
-        line = before[joint] + np.array([[0.0], [4.6]]) * (now[joint] - before[joint])
-        axis.plot(*line.T, color=color, lw=0.6)
-        axis.text(*before[joint], f"  p_{name}, frame t − 1", color=color)
-    for point in equal:
-        axis.plot(*np.stack([origin, 2.6 * point]).T, color=draw.INK, lw=1)
-        axis.plot(*(2 * point), "o", mfc="white", mec=draw.INK, ms=5, zorder=4)
-    for points, color, word in (
-        (equal, draw.INK, "p_v at frame t, both α = 2"),
-        (every[all_alphas[:, 0] != all_alphas[:, 1]], draw.GREY, "p_v with α_u ≠ α_w"),
-    ):
-        draw.dot(axis, points.T, color, 7, word)
-    axis.text(*origin, "p_v, frame t − 1   ", ha="right", va="center")
-    draw.dot(axis, origin, draw.INK, 4)
-    axis.legend(frameon=False, loc="lower left")
-    draw.bare(axis, "α beside the centres")
-    draw.save(sheet, out / "mucherino-2019-fig3.png")
-    got = f"{len(equal)} lines with equal α = {int(alphas[0, 0])}; {len(every)} solutions over all (α_u, α_w)"
-    return [("Interaction Fig. 3", "two feasible lines, both with α = 2", got)]
-
-
 def postures(out: Path) -> list[Row]:
     """The posture table of 2017."""
     body = table_one_body()
@@ -299,41 +227,6 @@ def _draw_postures(
         axes[0, 0].plot([], [], color=color, lw=lw, label=word)
     axes[0, 0].legend(frameon=False, loc="lower center", fontsize=7)
     draw.save(sheet, out / "mucherino-2017-postures.png")
-
-
-def online(out: Path) -> list[Row]:
-    """Future work of the interaction paper: the dynDGP with D, the future unknown."""
-    scene = meeting()
-    sheet, axes = draw.sheet(3, 1, (3.1, 3.0))
-    found = {}
-    for horizon in (0, 5, 10, 20):
-        base = replace(scene.traces(False), interaction=Interaction(horizon))
-        wishes = pair_edges(base, [("a", "b")], 0.1, kind=Kind.INTERACTION, priority=100.0)
-        graph = base.joined(wishes, smoothness_edges(scene.names, scene.animation))
-        found[horizon] = solve_causally(graph, scene.animation, Newton(), Objective.HALF_SQUARED).positions
-    for axis, horizon, title in ((axes[0, 0], 0, "Euclidean"), (axes[0, 1], 20, "interaction, horizon 20")):
-        draw.tracks(axis, found[horizon], [0, 1], 16)
-        draw.bare(axis, title, (-0.06, 1.06, -0.06, 1.06))
-    reaction, force = {}, {}
-    for horizon, color in zip(found, draw.shades(4), strict=True):
-        aside = np.abs(found[horizon][:, 0, 1] - scene.animation[:, 0, 1])
-        axes[0, 2].plot(
-            np.arange(1, len(aside) + 1),
-            aside,
-            color=color,
-            label="Euclidean" if horizon == 0 else f"horizon {horizon}",
-        )
-        reaction[horizon] = int(np.argmax(aside > 0.002))
-        force[horizon] = np.linalg.norm(np.diff(found[horizon], 2, axis=0), axis=-1).max()
-    axes[0, 2].set(xlabel="frame", title="way aside [m]", xlim=(0, 32), ylim=(0, 0.12))
-    axes[0, 2].legend(frameon=False)
-    draw.save(sheet, out / "dyndgp-interaction.png")
-    got = "; ".join(
-        f"horizon {horizon}: reacts at frame {reaction[horizon] + 1}, {reaction[0] - reaction[horizon]} ahead of Euclidean, "
-        f"greatest second difference {force[horizon]:.4f} (Euclidean {force[0]:.4f})"
-        for horizon in (5, 10, 20)
-    )
-    return [("dynDGP with D, frame by frame", "future work", got)]
 
 
 def formation(out: Path) -> list[Row]:
@@ -422,6 +315,7 @@ FIGURES: dict[str, Callable[[Path], list[Row]]] = {
     "interaction-fig3": two_constraints,
     "2017-postures": postures,
     "online": online,
+    "clap": clap,
     "formation": formation,
     "mesh": mesh,
     "networks": networks,

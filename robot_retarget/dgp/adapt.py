@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from robot_retarget.arrays import Floats
 from robot_retarget.dgp.build import empty, every_frame
 from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.interaction import Interaction, interaction_distance
 from robot_retarget.dgp.skeletal import SkeletalStructure, transfer_directions
-from robot_retarget.errors import GraphError, known
+from robot_retarget.errors import GraphError, UsageError, known
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,11 @@ def path_priorities(parents: ArrayLike) -> Floats:
 
 
 def adapt(
-    positions: ArrayLike, source: SkeletalStructure, target: SkeletalStructure, blend: Blend | None = None
+    positions: ArrayLike,
+    source: SkeletalStructure,
+    target: SkeletalStructure,
+    blend: Blend | None = None,
+    interaction: Interaction | None = None,
 ) -> Graph:
     """The instance whose solution is the posture of `source` on the body of `target`.
 
@@ -76,10 +81,15 @@ def adapt(
         source: its body; the displacements' lengths are read.
         target: a body with the same tree.
         blend: keep free limbs in their directions; None is the paper.
+        interaction: measure pairs that no bone joins by the interaction distance D from the second frame on, δ = τ^(2) D/τ^(1):
+            the dynDGP that [Mucherino2019] leaves to future work. Start its solver from the solution without.
 
     Raises:
         GraphError: the postures do not fit the body, or the bodies have different trees.
+        UsageError: a blend of interaction distances is asked for; it would mix two measures.
     """
+    if blend is not None and interaction is not None:
+        raise UsageError("adapt blends Euclidean distances only: give a blend or an interaction")
     if source.names != target.names or not np.array_equal(source.parents, target.parents):
         odd = [name for name in source.names if name not in target.names] or ["the order of the joints"]
         raise GraphError(f"both bodies need one tree; they differ in {odd[0]}; target {known(target.names)}")
@@ -96,6 +106,12 @@ def adapt(
         delta = near * delta + (1.0 - near) * apart
         priority = np.where(bone, priority, priority * (blend.base + blend.gain * near))
     i, j = every_frame(u, v, graph)
-    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE), graph.frames)
-    flat = delta.ravel()
-    return replace(graph, i=i, j=j, lower=flat, upper=flat, priority=priority.ravel(), kind=kind, give=np.inf)
+    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE), (graph.frames, 1))
+    if interaction is not None:
+        kind[1:, ~bone] = Kind.INTERACTION
+        measure = {"horizon": interaction.horizon, "dead_band": interaction.dead_band}
+        ahead = interaction_distance(x[:-1], x[1:], **measure)[0]
+        ratio = path_weights(target.parents, target.lengths)[u, v] / path_weights(source.parents, source.lengths)[u, v]
+        delta = np.concatenate([delta[:1], np.where(bone, delta[1:], ratio * ahead)])
+    flat, columns = delta.ravel(), {"priority": priority.ravel(), "kind": kind.ravel(), "give": np.inf}
+    return replace(graph, i=i, j=j, lower=flat, upper=flat, interaction=interaction or graph.interaction, **columns)

@@ -145,10 +145,12 @@ def team(frames: int = 40) -> Scene:
 def reaching(frames: int = 100) -> tuple[Floats, Floats]:
     """[Mucherino2019, Fig. 2]: a wrist swings from its side to the opposite, steady shoulder and stops just before it.
 
+    It rests in the last frame, where D and the Euclidean distance coincide.
+
     Returns:
         The positions of wrist and opposite shoulder, (T, 2, 2), and the shoulder of the arm that moves, (2,) [m].
     """
-    time = np.linspace(0.0, 1.0, frames)
+    time = np.minimum(np.arange(frames) / (frames - 2), 1.0)
     progress = 10.0 * time**3 - 15.0 * time**4 + 6.0 * time**5
     angle, radius = np.radians(-45.0 - 126.1 * progress), 0.5 - 0.176 * progress
     own, opposite = np.array([0.18, 1.4]), np.array([-0.18, 1.4])
