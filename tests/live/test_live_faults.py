@@ -247,7 +247,7 @@ def test_a_sender_twice_too_fast_builds_no_queue() -> None:
             assert frame is not None
             ages.append(time.monotonic() - frame.time)
         assert receiver.dropped > 30
-        assert np.median(ages[10:]) < 0.02, "the newest frame is a queue old"
+        assert np.median(ages[-10:]) < 0.15, "a queue would be 0.3 s old by now"
 
 
 def test_a_sender_that_is_killed_and_restarted_is_followed_again() -> None:
