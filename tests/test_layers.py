@@ -44,7 +44,7 @@ LIBRARIES = {
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("cli/",),
     "rich": ("cli/console.py",),
-    "pythonosc": ("live/",),
+    "pythonosc": ("live/protocols/osc.py", "live/send.py"),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/file.py",),
     "fast_simplification": ("view/web/",),

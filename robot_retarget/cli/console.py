@@ -43,6 +43,11 @@ def note(text: str) -> None:
     err.print(f"note: {in_options(text)}", markup=False, style="dim")
 
 
+def aside(text: str) -> None:
+    """Print a sentence on the side."""
+    err.print(text, markup=False)
+
+
 def in_options(text: str) -> str:
     """A sentence of the package in the words of the command line: its `legs 'stand'` is `--legs stand` here."""
     return _ARGUMENT.sub(r"--\1 \2", text)
@@ -188,9 +193,36 @@ def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> 
         table("", columns, rows)
 
 
-def dump(value: Any) -> None:
-    """Print a value as JSON."""
-    print(json.dumps(value, indent=1, ensure_ascii=False))
+STREAMED = {
+    "frames": ("frames solved", ""),
+    "seconds": ("from the first on", "s"),
+    "dropped": ("frames that gave way to newer ones", ""),
+    "late": ("frames that came late", ""),
+    "held": ("poses where no frame came", ""),
+    "latency_p50_ms": ("from a frame to its pose, half of them in", "ms"),
+    "latency_p99_ms": ("99 of 100 in", "ms"),
+    "latency_max_ms": ("the slowest", "ms"),
+    "tracking_rms_rad": ("tracking error of all joints (rms)", "rad"),
+    "fell_s": ("fell after", "s"),
+}
+"""Figures of a live stream that a person reads: words and unit."""
+
+
+def show_stream(figures: dict[str, Any]) -> None:
+    """Print on the side what went through a stream, and each kind of fault with its number."""
+    lines = [
+        f"{what}: {value:g} {unit}".rstrip()
+        for name, (what, unit) in STREAMED.items()
+        if (value := figures.get(name)) is not None
+    ]
+    lines += [f"{kind}: {times} times" for kind, times in figures["faults"].items()]
+    for line in lines:
+        aside(line)
+
+
+def dump(value: Any, side: bool = False) -> None:
+    """Print a value as JSON, on the side where what is piped on is something else."""
+    print(json.dumps(value, indent=1, ensure_ascii=False), file=sys.stderr if side else None)
 
 
 @contextmanager

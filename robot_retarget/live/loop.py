@@ -136,20 +136,23 @@ class Loop:
         self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
         self._skeleton: Skeleton | None = None
         self._interval = 1 / self._patience.rate
-        self._last: Frame | None = None
+        self.last: Frame | None = None
+        """That was answered."""
+        self.resting = False
+        """The latest pose answers to no frame."""
         self._silent = False
 
     def run(self, seconds: float = float("inf")) -> Tally:
         """Go on for so long after the first frame [s]."""
         if self.source.skeleton is not None and self.stream is None:
             self._begin(self.source.skeleton)
-        began = None if self._last is None else time.monotonic()
+        began = None if self.last is None else time.monotonic()
         while not self.stop.is_set() and not self.source.ended and self.tally.seconds < seconds:
             frame = self.source.newest(self._wait())
             if frame is not None:
                 self._answer(frame)
-            elif self._last is not None:
-                self._rest(self._last)
+            elif self.last is not None:
+                self._rest(self.last)
             now = time.monotonic()
             began = now if began is None and frame is not None else began
             self.tally.seconds = 0.0 if began is None else now - began
@@ -158,10 +161,10 @@ class Loop:
     def _wait(self) -> float:
         """How long the next frame is waited for [s]."""
         patience = self._patience
-        if self._last is None:
+        if self.last is None:
             return patience.said
         quiet = min(max(patience.intervals * self._interval, patience.least), patience.most)
-        since = time.monotonic() - self._last.arrived
+        since = time.monotonic() - self.last.arrived
         return 1 / patience.rate if since >= quiet else quiet - since
 
     def _answer(self, frame: Frame) -> None:
@@ -181,13 +184,13 @@ class Loop:
 
     def _gap(self, frame: Frame) -> None:
         """Learn the interval of the source; say where a silence ends."""
-        if self._last is not None:
-            gap = frame.arrived - self._last.arrived
+        if self.last is not None:
+            gap = frame.arrived - self.last.arrived
             if self._silent:
                 self._say(f"frames come again after {gap:.2f} s")
             else:
                 self._interval += 0.1 * (gap - self._interval)
-        self._last, self._silent = frame, False
+        self.last, self._silent, self.resting = frame, False, False
 
     def _rest(self, last: Frame) -> None:
         """No frame came: ease to a stop, on the clock of the frames."""
@@ -195,6 +198,7 @@ class Loop:
         if not self._silent and now - last.arrived >= self._patience.said:
             self._silent = True
             self.source.faults.note(Fault.SILENCE, f"no frame for {now - last.arrived:.1f} s, the robot is held")
+        self.resting = True
         if self.stream is not None:
             self.sink.show(self.stream.hold(now - last.arrived + last.time))
             self.tally.held += 1

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from robot_retarget.errors import UsageError
 from robot_retarget.live.faults import Faults
-from robot_retarget.live.floats import FloatDecoder
-from robot_retarget.live.lines import LineDecoder
 from robot_retarget.live.ports import Port, StdinPort, TcpPort, UdpPort
+from robot_retarget.live.protocols.floats import FloatDecoder
+from robot_retarget.live.protocols.lines import LineDecoder
 from robot_retarget.live.receiver import Receiver, Source
 from robot_retarget.live.replay import Replay
 from robot_retarget.motion import Skeleton, read_motion
@@ -47,7 +47,7 @@ def opened(
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
         require_osc()
-        from robot_retarget.live.vmc import PORT, VmcDecoder
+        from robot_retarget.live.protocols.vmc import PORT, VmcDecoder
 
         if tcp or known:
             raise UsageError("vmc is UDP and tells its bones itself: leave --tcp and --skeleton")

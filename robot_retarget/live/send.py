@@ -13,11 +13,11 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from robot_retarget.errors import UsageError, known
-from robot_retarget.live.bones import unity_place, unity_turn
-from robot_retarget.live.floats import packed
-from robot_retarget.live.humanoid import humanoid
-from robot_retarget.live.lines import line_of, told
-from robot_retarget.live.vmc import BONE, OK, PORT, ROOT, TIME
+from robot_retarget.live.protocols.bones import unity_place, unity_turn
+from robot_retarget.live.protocols.floats import packed
+from robot_retarget.live.protocols.humanoid import humanoid
+from robot_retarget.live.protocols.lines import line_of, told
+from robot_retarget.live.protocols.vmc import BONE, OK, PORT, ROOT, TIME
 from robot_retarget.motion import Motion
 
 Packets = Callable[[int, float], list[bytes]]
@@ -48,9 +48,16 @@ def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
 
 
 def send(
-    motion: Motion, target: str, speed: float = 1.0, seconds: float | None = None, stop: Event | None = None
+    motion: Motion,
+    target: str,
+    speed: float = 1.0,
+    seconds: float | None = None,
+    stop: Event | None = None,
+    began: float | None = None,
 ) -> dict[str, float]:
     """Send a motion over UDP in real time, once, or forth and back for so long [s].
+
+    Stamps count from now, or from a time of the monotonic clock that is given [s].
 
     Returns:
         how many frames were sent, in how many seconds.
@@ -61,12 +68,13 @@ def send(
     if not 0 < speed < float("inf"):
         raise UsageError(f"--speed must be positive, got {speed:g}")
     packets, address = sending(motion, target)
-    stop, period, began = stop or Event(), 1 / (motion.fps * speed), time.monotonic()
+    stop, period, start = stop or Event(), 1 / (motion.fps * speed), time.monotonic()
+    began = start if began is None else began
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         sent = 0
         for sent, t in enumerate(_order(len(motion), seconds is None)):
             now = time.monotonic()
-            if stop.wait(max(began + sent * period - now, 0.0)) or (seconds is not None and now - began >= seconds):
+            if stop.wait(max(start + sent * period - now, 0.0)) or (seconds is not None and now - start >= seconds):
                 break
             try:
                 for packet in packets(t, time.monotonic() - began):
@@ -77,7 +85,7 @@ def send(
                 raise UsageError(f"cannot send to {target}: {error}") from error
         else:
             sent += 1
-    return {"frames": sent, "seconds": round(time.monotonic() - began, 2)}
+    return {"frames": sent, "seconds": round(time.monotonic() - start, 2)}
 
 
 def _order(frames: int, once: bool) -> Iterator[int]:

@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
-from robot_retarget.live.clock import SenderClock
 from robot_retarget.live.faults import Fault, Faults, RefusedError
-from robot_retarget.live.floats import HEAD, MAGIC, FloatDecoder
-from robot_retarget.live.lines import LineDecoder, line_of, told
 from robot_retarget.live.loop import Loop, Patience
 from robot_retarget.live.ports import AT_ONCE, NEWEST, Packet, TcpPort, UdpPort
+from robot_retarget.live.protocols.clock import SenderClock
+from robot_retarget.live.protocols.floats import HEAD, MAGIC, FloatDecoder
+from robot_retarget.live.protocols.lines import LineDecoder, line_of, told
+from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import PROTOCOLS
-from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 
 MOTION = clip()

@@ -11,7 +11,9 @@ from performers import clip
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.errors import UsageError
-from robot_retarget.live.bones import (
+from robot_retarget.live.faults import Faults
+from robot_retarget.live.frame import Frame
+from robot_retarget.live.protocols.bones import (
     BONES,
     OPTIONAL,
     PASSED_OVER,
@@ -21,14 +23,12 @@ from robot_retarget.live.bones import (
     unity_place,
     unity_turn,
 )
-from robot_retarget.live.faults import Faults
-from robot_retarget.live.floats import FloatDecoder
-from robot_retarget.live.frame import Frame
-from robot_retarget.live.humanoid import humanoid
-from robot_retarget.live.lines import LineDecoder
+from robot_retarget.live.protocols.floats import FloatDecoder
+from robot_retarget.live.protocols.humanoid import humanoid
+from robot_retarget.live.protocols.lines import LineDecoder
+from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder
 from robot_retarget.live.send import PROTOCOLS, sending
-from robot_retarget.live.vmc import VmcDecoder
 from robot_retarget.motion import Motion, recognise
 
 numbers = st.floats(-3, 3)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.live.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of
-from robot_retarget.live.clock import SenderClock
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 from robot_retarget.live.frame import Frame
-from robot_retarget.live.osc import Message, messages
+from robot_retarget.live.protocols.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of
+from robot_retarget.live.protocols.clock import SenderClock
+from robot_retarget.live.protocols.osc import Message, messages
 from robot_retarget.motion import Skeleton
 from robot_retarget.motion.kinematics import forward
 
@@ -40,12 +40,12 @@ class VmcDecoder:
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
-        self._clock = SenderClock(faults)
+        self.clock = SenderClock(faults)
         self.skeleton: Skeleton | None = None
         self.restart()
 
     def restart(self) -> None:
-        self._clock.restart()
+        self.clock.restart()
         self._local: dict[str, tuple[Floats, Floats]] = {}
         self._root = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
         self._stamp: float | None = None
@@ -142,7 +142,7 @@ class VmcDecoder:
             np.concatenate([self._root[1][None], turns])[None],
         )
         frame = Frame(self.skeleton, self._arrived, self._arrived, positions[0, 1:], rotations[0, 1:])
-        return frame.at(self._clock.time(stamp, self._arrived))
+        return frame.at(self.clock.time(stamp, self._arrived))
 
     def _found(self) -> Skeleton:
         """The skeleton of the bones that came.

@@ -11,9 +11,9 @@ import struct
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.live.clock import SenderClock
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 from robot_retarget.live.frame import Frame
+from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.motion import Skeleton
 
 MAGIC = b"pose"
@@ -32,11 +32,11 @@ class FloatDecoder:
     def __init__(self, faults: Faults, skeleton: Skeleton, whole: bool = False) -> None:
         self._faults, self._joints, self._whole = faults, skeleton, whole
         self.skeleton: Skeleton | None = skeleton
-        self._clock = SenderClock(faults)
+        self.clock = SenderClock(faults)
         self._rest = b""
 
     def restart(self) -> None:
-        self._clock.restart()
+        self.clock.restart()
         self._rest = b""
 
     def frames(self, data: bytes, arrived: float) -> list[Frame]:
@@ -77,4 +77,4 @@ class FloatDecoder:
         if not np.isfinite(stamp):
             raise RefusedError(Fault.NOT_FINITE, "time")
         frame = Frame(self._joints, arrived, arrived, rows[:, :3], rows[:, 3:] if width > 3 else None)
-        return frame.at(self._clock.time(stamp, arrived))
+        return frame.at(self.clock.time(stamp, arrived))

@@ -14,9 +14,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
-from robot_retarget.live.clock import SenderClock
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 from robot_retarget.live.frame import Frame
+from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.motion import Skeleton
 from robot_retarget.motion.kinematics import backward
 
@@ -45,13 +45,13 @@ class LineDecoder:
 
     def __init__(self, faults: Faults, skeleton: Skeleton | None = None, whole: bool = False) -> None:
         self._faults, self._whole = faults, whole
-        self._clock = SenderClock(faults)
+        self.clock = SenderClock(faults)
         self.skeleton = skeleton
         self._told: dict[str, Any] | None = None
         self._rest = b""
 
     def restart(self) -> None:
-        self._clock.restart()
+        self.clock.restart()
         self._rest = b""
 
     def frames(self, data: bytes, arrived: float) -> list[Frame]:
@@ -87,7 +87,7 @@ class LineDecoder:
         if stamp is not None and not np.isfinite(stamp):
             raise RefusedError(Fault.NOT_FINITE, "time")
         frame = Frame(self.skeleton, arrived, arrived, said["positions"], said.get("rotations"))
-        return frame.at(self._clock.time(stamp, arrived))
+        return frame.at(self.clock.time(stamp, arrived))
 
 
 def _object(line: bytes) -> dict[str, Any]:

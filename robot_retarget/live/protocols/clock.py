@@ -18,7 +18,8 @@ class SenderClock:
 
     def restart(self) -> None:
         """Forget the offset: another clock follows."""
-        self._offset: float | None = None
+        self.offset: float | None = None
+        """Of this computer's clock from the sender's, with the delay of the quickest frame in it [s]."""
         self._stamp = self._arrived = float("-inf")
 
     def time(self, stamp: float | None, arrived: float) -> float:
@@ -40,14 +41,14 @@ class SenderClock:
             RefusedError: the stamp is not after the one before.
         """
         delay = arrived - stamp
-        if self._offset is None:
-            self._offset = delay
-        elif abs(delay - self._offset) > JUMP:
-            self._faults.note(Fault.CLOCK, f"by {self._offset - delay:.2f} s")
-            self._offset = delay
+        if self.offset is None:
+            self.offset = delay
+        elif abs(delay - self.offset) > JUMP:
+            self._faults.note(Fault.CLOCK, f"by {self.offset - delay:.2f} s")
+            self.offset = delay
         elif stamp <= self._stamp:
             raise RefusedError(Fault.BACKWARDS, f"by {1000 * (self._stamp - stamp):.1f} ms")
         else:
-            self._offset = min(delay, self._offset + LEAK * (arrived - self._arrived))
+            self.offset = min(delay, self.offset + LEAK * (arrived - self._arrived))
         self._stamp, self._arrived = stamp, arrived
-        return self._offset
+        return self.offset

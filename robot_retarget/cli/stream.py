@@ -1,0 +1,257 @@
+"""`stream`: a robot follows a performer now, and a sender to try that with."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from robot_retarget.cli import console
+from robot_retarget.cli.options import Json, Limits
+from robot_retarget.errors import UsageError, known
+
+if TYPE_CHECKING:
+    from robot_retarget.live.loop import Loop, Sink
+    from robot_retarget.live.receiver import Source
+    from robot_retarget.robot import Robot
+    from robot_retarget.servo.map import ServoMap
+
+commands = typer.Typer()
+
+SINKS = ("stdout", "view", "mujoco", "servos")
+EMULATED = "emulated"
+
+
+@commands.command(epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
+def stream(
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name."),
+    ] = None,
+    source: Annotated[
+        str, typer.Option("--from", help="vmc, json, floats, or a motion file, which is played in real time.")
+    ] = "vmc",
+    target: Annotated[
+        str,
+        typer.Option(
+            "--to", help="stdout, view, mujoco or servos; with --send vmc://HOST:PORT, json://… or floats://…."
+        ),
+    ] = "stdout",
+    port: Annotated[
+        int | None,
+        typer.Option(help="Where to listen: UDP; 39539 for vmc. json and floats come from stdin without."),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to listen at; 127.0.0.1 for this machine only.")] = "0.0.0.0",
+    tcp: Annotated[bool, typer.Option("--tcp", help="json and floats over TCP, not UDP.")] = False,
+    skeleton: Annotated[Path | None, typer.Option(help="A motion file whose joints those of floats are.")] = None,
+    servos: Annotated[
+        str | None,
+        typer.Option("--servos", "-s", help="Servo map (.toml) or a shipped robot's; by default the robot's own."),
+    ] = None,
+    serial: Annotated[
+        str, typer.Option(help="Serial port of the servos; `emulated` starts an emulated robot with physics.")
+    ] = "",
+    mode: Annotated[
+        Literal["pinned", "free"], typer.Option(help="With --to mujoco: pinned (the pelvis is held) or free.")
+    ] = "pinned",
+    window: Annotated[bool, typer.Option("--window", help="With --to mujoco: show it in a window.")] = False,
+    page: Annotated[int, typer.Option(help="With --to view: where to serve the page; 0 takes a free port.")] = 8410,
+    lag: Annotated[int, typer.Option(min=0, max=30, help="Frames of look-ahead: smoother, and so much later.")] = 0,
+    calibrate: Annotated[
+        Path | None,
+        typer.Option(help="Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="End after so long [s]; else at Ctrl-C.")] = None,
+    log: Annotated[Path, typer.Option(help="With --to servos: the log to write (.npz).")] = Path("play.npz"),
+    send: Annotated[Path | None, typer.Option(help="Send this motion file as a performer would, instead.")] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="With --send: frames a second; by default the motion's own.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Of a motion file: times its own speed.")] = 1.0,
+    limits: Limits = None,
+    json: Json = False,
+) -> None:
+    """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
+    if send is not None:
+        _send(send, target, fps, speed, seconds, json)
+        return
+    if robot is None:
+        raise UsageError("stream needs --robot, or --send and a target to send to")
+    if target not in SINKS:
+        raise UsageError(f"--to {target!r} is no place for poses; {known(SINKS)}; with --send it is vmc://HOST:PORT")
+    from robot_retarget.cli.stages import load
+
+    model = load(robot, limits, servos)
+    with _opened(Wanted(source, port, host, tcp, skeleton, speed)) as frames:
+        poses = Poses(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
+        figures, code = _SHOWN[target](poses, Place(servos, serial, mode, window, page, log))
+    _tell(figures, json, target)
+    raise typer.Exit(code)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Where frames come from."""
+
+    source: str
+    port: int | None
+    host: str
+    tcp: bool
+    skeleton: Path | None
+    speed: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """What poses are for."""
+
+    servos: str | None
+    serial: str
+    mode: str
+    window: bool
+    page: int
+    log: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """A robot that follows frames."""
+
+    robot: "Robot"
+    source: "Source"
+    lag: int
+    calibrate: Path | None
+    seconds: float
+
+    def loop(self, sink: "Sink") -> "Loop":
+        """The loop into a sink."""
+        from robot_retarget import public
+        from robot_retarget.live.loop import Loop
+
+        make = public("Stream")
+        return Loop(self.source, lambda skeleton: make(self.robot, skeleton, lag=self.lag), sink, console.aside)
+
+    def run(self, sink: "Sink") -> dict[str, Any]:
+        """The figures of a run in this thread, which Ctrl-C ends."""
+        loop = self.loop(sink)
+        with _asked_to_stop(loop.stop.set):
+            return loop.run(self.seconds).figures(self.source)
+
+
+@contextmanager
+def _opened(wanted: Wanted) -> "Iterator[Source]":
+    """A source, closed at the end."""
+    from robot_retarget.live.open import opened
+
+    source = opened(wanted.source, wanted.port, wanted.host, wanted.tcp, wanted.skeleton, wanted.speed, console.aside)
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+@contextmanager
+def _asked_to_stop(stop: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM ask; they do not kill."""
+    import signal
+
+    numbers = signal.SIGINT, signal.SIGTERM
+    before = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _to_stdout(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+    import sys
+
+    from robot_retarget.live.sinks.lines import LineSink
+
+    return poses.run(LineSink(sys.stdout)), 0
+
+
+def _to_page(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+    from threading import Thread
+
+    from robot_retarget.live.sinks.page import PageSink
+
+    sink = PageSink(poses.robot, place.page)
+    console.aside(f"{sink.served.address} shows it; from elsewhere first: {sink.served.way_in()}")
+    thread = Thread(target=sink.served.forever, daemon=True)
+    thread.start()
+    try:
+        return poses.run(sink), 0
+    finally:
+        sink.served.server.shutdown()
+        thread.join()
+
+
+def _to_physics(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+    from robot_retarget.live.sinks.physics import PhysicsSink
+
+    sink = PhysicsSink(poses.robot, place.mode, place.window)
+    try:
+        figures = poses.run(sink)
+    finally:
+        sink.close()
+    return figures | sink.figures(), 0
+
+
+def _to_servos(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+    from robot_retarget.files import require_writable
+    from robot_retarget.live.sinks.servos import ServoSink, moved
+    from robot_retarget.servo.emulated import emulator_process
+
+    servo_map = _map_of(poses.robot, place.servos)
+    if not place.serial:
+        raise UsageError(f"--to servos needs --serial PORT, or --serial {EMULATED}")
+    require_writable(place.log)
+    sink = ServoSink(poses.robot, servo_map)
+    emulated = place.serial == EMULATED
+    with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
+        outcome, tally = moved(poses.loop(sink), sink, servo_map, serial, poses.seconds, place.log, console.aside)
+    for sentence in outcome.warnings:
+        console.note(sentence)
+    console.aside(f"{outcome.sentence}; log in {place.log}")
+    return tally.figures(poses.source) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
+
+
+def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
+    from robot_retarget.servo.map import load_map
+
+    if servos is not None:
+        return load_map(servos)
+    if robot.servo_map is None:
+        raise UsageError(f"{robot.name} has no servo map of its own: --servos MAP.toml")
+    return robot.servo_map
+
+
+_SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos": _to_servos}
+
+
+def _send(clip: Path, target: str, fps: float | None, speed: float, seconds: float | None, json: bool) -> None:
+    from threading import Event
+
+    from robot_retarget.cli.stages import read_clip
+    from robot_retarget.live.open import require_osc
+    from robot_retarget.live.send import send
+
+    require_osc()
+    motion, stop = read_clip(clip, None), Event()
+    motion = motion if fps is None else motion.resample(fps)
+    console.aside(f"sending {motion.fps * speed:g} frames a second to {target}")
+    with _asked_to_stop(stop.set):
+        figures = send(motion, target, speed, seconds, stop)
+    console.dump(figures) if json else console.aside(f"sent {figures['frames']} frames in {figures['seconds']:g} s")
+
+
+def _tell(figures: dict[str, Any], json: bool, target: str) -> None:
+    """The summary: beside the poses where these go to stdout."""
+    if json:
+        console.dump(figures, side=target == "stdout")
+    else:
+        console.show_stream(figures)

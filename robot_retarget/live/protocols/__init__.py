@@ -1,0 +1,1 @@
+"""What performers speak: one file a protocol, each a decoder of bytes into frames."""

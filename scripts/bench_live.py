@@ -1,0 +1,91 @@
+"""How long it takes from a performer's frame to a robot's pose: over UDP on this machine, sender and receiver in processes of their own.
+
+    python scripts/bench_live.py --robot op3 --fps 60 --seconds 60
+
+Latency is from when the sender begins to put a frame together to when its pose is there. The second row is of a sender
+ten times as fast: its frames are dropped, not queued.
+"""
+
+import argparse
+import multiprocessing
+import time
+from pathlib import Path
+
+import numpy as np
+
+import robot_retarget as rr
+from robot_retarget.live.faults import Faults
+from robot_retarget.live.loop import Loop, Pose
+from robot_retarget.live.ports import UdpPort
+from robot_retarget.live.protocols.vmc import VmcDecoder
+from robot_retarget.live.receiver import Receiver
+from robot_retarget.live.send import send
+from robot_retarget.motion import Skeleton
+from robot_retarget.shipped import SAMPLES
+
+HOST = "127.0.0.1"
+WARM = 2.0
+"""What is not measured: the first frames build the stream [s]."""
+
+
+class Watch:
+    """A sink that looks at the clock when a pose is there."""
+
+    def __init__(self, decoder: VmcDecoder, began: float) -> None:
+        self.decoder, self.began = decoder, began
+        self.latencies: list[float] = []
+        self.loop: Loop | None = None
+
+    def show(self, pose: Pose) -> None:
+        offset, loop = self.decoder.clock.offset, self.loop
+        now = time.monotonic()
+        if offset is None or loop is None or loop.last is None or loop.resting or now - self.began < WARM:
+            return
+        self.latencies.append(now - (loop.last.time - offset + self.began))
+
+
+def measured(robot: rr.Robot, motion: rr.Motion, speed: float, seconds: float) -> tuple[Loop, Watch, Receiver]:
+    """A run of so long [s]."""
+    faults = Faults(print)
+    port, decoder = UdpPort(HOST, 0, faults), VmcDecoder(faults)
+    receiver, began = Receiver(port, decoder, faults), time.monotonic()
+    watch = Watch(decoder, began)
+    make = rr.public("Stream")
+
+    def stream_of(skeleton: Skeleton):
+        return make(robot, skeleton)
+
+    loop = watch.loop = Loop(receiver, stream_of, watch, print)
+    target = f"vmc://{HOST}:{port.address[1]}"
+    sender = multiprocessing.get_context("spawn").Process(
+        target=send, args=(motion, target, speed, seconds + WARM, None, began), daemon=True
+    )
+    sender.start()
+    loop.run(seconds)
+    sender.join()
+    receiver.close()
+    return loop, watch, receiver
+
+
+def main() -> None:
+    """Print a row for the performer and one for a sender ten times too fast."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
+    parser.add_argument("--robot", default="op3")
+    parser.add_argument("--clip", type=Path, default=SAMPLES / "walk.bvh")
+    parser.add_argument("--fps", type=float, default=60.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    args = parser.parse_args()
+    robot, motion = rr.load_robot(args.robot), rr.read_motion(args.clip).resample(args.fps)
+    print(f"{'sender':>12} {'frames':>7} {'dropped':>7} {'held':>5} {'p50 ms':>7} {'p99 ms':>7} {'max ms':>7}  faults")
+    for speed, seconds in ((1.0, args.seconds), (10.0, args.seconds / 4)):
+        loop, watch, receiver = measured(robot, motion, speed, seconds)
+        p50, p99, most = 1000 * np.quantile(watch.latencies, (0.5, 0.99, 1.0))
+        rate, tally = f"{args.fps * speed:g} Hz", loop.tally
+        print(
+            f"{rate:>12} {tally.frames:7} {receiver.dropped:7} {tally.held:5} {p50:7.2f} {p99:7.2f} {most:7.2f}  "
+            f"{dict(receiver.faults.counts) or 'none'}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""The command `stream` as a person types it: sources, places for poses, mistakes, Ctrl-C."""
+
+import json
+import socket
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from performers import HOST
+from shared_files import ROOT
+
+from robot_retarget.shipped import SAMPLES
+
+WAVE = str(SAMPLES / "wave.bvh")
+
+
+def run(*words: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robot_retarget", "stream", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=ROOT, **how)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "needs --robot"),
+        (("--robot", "op3", "--to", "mars"), "known: stdout, view, mujoco, servos"),
+        (("--robot", "op3", "--from", "nowhere.bvh"), "neither a motion file nor one of vmc, json, floats"),
+        (("--robot", "op3", "--from", WAVE, "--port", "9"), "--port is for what is received"),
+        (("--robot", "op3", "--from", "floats"), "--skeleton FILE"),
+        (("--robot", "op3", "--from", "vmc", "--tcp"), "vmc is UDP"),
+        (("--robot", "op3", "--from", "json", "--tcp"), "--tcp needs --port"),
+        (("--robot", "op3", "--from", WAVE, "--to", "servos"), "--serial"),
+        (("--robot", "nobody", "--from", WAVE), "nobody"),
+        (("--send", WAVE), "is no target"),
+        (("--send", WAVE, "--to", "vmc://127.0.0.1", "--speed", "0"), "--speed must be positive"),
+        (("--send", "nowhere.bvh", "--to", "vmc://127.0.0.1"), "no such file"),
+    ],
+)
+def test_a_mistake_is_named_and_ends_with_2(words: tuple[str, ...], said: str) -> None:
+    done = run(*words)
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    assert not done.stdout
+
+
+def test_a_port_that_is_taken_is_said() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind((HOST, 0))
+        done = run("--robot", "op3", "--host", HOST, "--port", str(taken.getsockname()[1]))
+    assert done.returncode == 2 and "--port takes another" in done.stderr
+
+
+def test_the_sender_sends_in_real_time_and_says_how_much() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind((HOST, 0))
+        target = f"json://{HOST}:{ear.getsockname()[1]}"
+        done = run("--send", WAVE, "--to", target, "--fps", "50", "--seconds", "1", "--json")
+        assert done.returncode == 0
+        figures = json.loads(done.stdout)
+        ear.settimeout(1.0)
+        assert b"skeleton" in ear.recv(1 << 16)
+    assert figures["frames"] == pytest.approx(50, abs=5) and figures["seconds"] == pytest.approx(1.0, abs=0.2)
