@@ -72,8 +72,8 @@ def _section(path: Path, robots: list[rr.Robot], seconds: float, target: Path) -
 
 
 def _figure(clip: str, result: rr.Result, target: Path) -> str:
-    human, name = result.match.human_positions(result.motion), result.robot.name
-    drawn = strip(result.robot, result.trajectory, human, result.match.bones, height=300)
+    figure, name = result.match.figure(result.motion), result.robot.name
+    drawn = strip(result.robot, result.trajectory, *figure, height=300)
     if not isinstance(drawn, Picture):
         return f"<figure><figcaption>{html.escape(f'{name}: {drawn.reason}')}</figcaption></figure>"
     picture = drawn.save(target / f"{clip}_{name}.png")

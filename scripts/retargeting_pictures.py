@@ -22,8 +22,8 @@ def draw(name: str, robot: rr.Robot, target: Path) -> Path:
     shown = replace(
         result.trajectory, qpos=result.trajectory.qpos[part], source_time=result.trajectory.source_time[part]
     )
-    human = result.match.human_positions(result.motion)[first:stop]
-    picture = strip(robot, shown, human, result.match.bones, count=count, height=HEIGHT)
+    human, bones = result.match.figure(result.motion)
+    picture = strip(robot, shown, human[first:stop], bones, count=count, height=HEIGHT)
     if not isinstance(picture, Picture):
         raise SystemExit(picture.reason)
     return picture.save(target / f"{name}.png")

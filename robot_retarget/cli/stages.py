@@ -138,7 +138,7 @@ def _shown(result: "Result", target: Path, film: bool, quiet: bool) -> tuple[Pat
     """Draw the strip and, if it is asked for, the film; what cannot be drawn is said. Returns their paths."""
     from robot_retarget.view import Picture, Unavailable, strip, video
 
-    robot, human, bones = result.robot, result.match.human_positions(result.motion), result.match.bones
+    robot, (human, bones) = result.robot, result.match.figure(result.motion)
     picture = strip(robot, result.trajectory, human, bones)
     drawn = target / "strip.png", target / "video.mp4" if film else None
     if isinstance(picture, Picture):

@@ -48,11 +48,11 @@ class Match:
         """(T, K, 3) of the human's keypoints [m]."""
         return _human_positions(motion, self.recognition, self.keypoints)
 
-    @property
-    def bones(self) -> Ints:
-        """(B, 2) keypoints that a bone joins, for drawing."""
-        children = np.flatnonzero(self.parents >= 0)
-        return np.stack([children, self.parents[children]], axis=1)
+    def figure(self, motion: Motion) -> tuple[Floats, Ints]:
+        """The human to be drawn, with what the robot lacks too: (T, H, 3) all its keypoints [m], (B, 2) which a bone joins."""
+        own = self.recognition.keypoints
+        bones = [(own.index(child), own.index(parent)) for child, parent in parents_within(own).items()]
+        return self.recognition.place(motion.positions), np.array(bones)
 
     def _leg(self, bones: Floats) -> float:
         """Thigh and shin of a body, the mean of both legs, or all its bones where one of the bodies has no legs [m]."""

@@ -62,7 +62,8 @@ def test_a_rebuilt_posture_has_the_robots_bones_and_the_humans_directions(script
     bench = script("bench_solve")
     case = bench["prepare"](clip(3), rr.load_robot("op3"))
     points, human, matched = bench["rebuilt"](case), case.match.human_positions(case.motion), case.match
-    children, parents = matched.bones.T
+    children = np.flatnonzero(matched.parents >= 0)
+    parents = matched.parents[children]
     bones, theirs = points[:, children] - points[:, parents], human[:, children] - human[:, parents]
     assert np.allclose(np.linalg.norm(bones, axis=2), matched.robot_bones[children], atol=1e-9)
     lengths = np.linalg.norm(bones, axis=2) * np.linalg.norm(theirs, axis=2)

@@ -1,6 +1,7 @@
 """Pictures show both bodies at the same time and size, wherever they go and whatever the machine can paint with."""
 
 import sys
+from dataclasses import replace
 
 import imageio_ffmpeg
 import numpy as np
@@ -8,8 +9,12 @@ import pytest
 from made_trajectories import RAIL, hold, robot_of, wander
 from PIL import Image
 
+from robot_retarget.describe.match import match_bodies
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
-from robot_retarget.robot import load_robot
+from robot_retarget.motion import read_motion
+from robot_retarget.motion import recognise as motion_map
+from robot_retarget.robot import load_robot, recognise
+from robot_retarget.shipped import SAMPLES
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.view import Film, Picture, Unavailable, strip, video
 from robot_retarget.view.draw import Sketch
@@ -72,6 +77,15 @@ def test_the_head_of_who_lies_on_the_back_is_the_head_and_no_raised_hand() -> No
     lying[:, 3, 2] += 1.0  # a hand is stretched up
     staging = arrange(OP3, hold(OP3), lying, arms_on_the_chest, np.array([0.0, 0.5]))
     assert figure(staging).limbs[-1].tolist() == [2, 2]
+
+
+def test_a_robot_without_a_head_leaves_the_human_its_own():
+    motion, whole = read_motion(SAMPLES / "wave.bvh"), recognise(OP3)
+    headless = replace(whole, spots={k: spot for k, spot in whole.spots.items() if k not in ("neck", "head")})
+    matched = match_bodies(motion, OP3, motion_map(motion.skeleton, motion.positions), headless)
+    staging = arrange(OP3, hold(OP3), *matched.figure(motion), np.linspace(0, 1, 3))
+    head = matched.recognition.keypoints.index("head")
+    assert figure(staging).limbs[-1].tolist() == [head, head]
 
 
 def test_who_walks_away_stays_in_the_picture():

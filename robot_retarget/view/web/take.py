@@ -58,8 +58,8 @@ class Take:
 
 
 def human_of(match: Match, motion: Motion) -> Human:
-    """The human of a motion, in the keypoints of its match."""
-    return Human(match.human_positions(motion), match.bones, match.keypoints)
+    """The human of a motion, in all its keypoints."""
+    return Human(*match.figure(motion), match.recognition.keypoints)
 
 
 def take_of(
