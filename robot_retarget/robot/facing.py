@@ -64,11 +64,15 @@ def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, told
     pair = legs or arms
     assert pair is not None
     across = np.cross(pair.lateral, [0.0, 0.0, 1.0])
+    votes = _votes(links, flat, legs, arms, across)
+    count = sum(vote.sign * vote.weight for vote in votes)
     if told is not None:
-        sign, notes = _as_told(told, across), ()
+        sign = _as_told(told, across)
+        against = [vote.witness for vote in votes if vote.sign == -sign] if count * sign <= -SURE else []
+        notes = (
+            (f"it looks where it is told to; {_listed(against)} say that it looks the other way",) if against else ()
+        )
     else:
-        votes = _votes(links, flat, legs, arms, across)
-        count = sum(vote.sign * vote.weight for vote in votes)
         sign = int(np.sign(count)) or (1 if across[0] >= 0 else -1)
         notes = _notes(votes, count, sign)
     return Facing(sign * across, sign * pair.lateral, notes)

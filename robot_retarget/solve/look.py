@@ -19,11 +19,13 @@ AGAINST = -0.5
 """A direction with a smaller cosine with the human's goes the other way: it is more than 120° off."""
 BENT = 0.4
 """Knees and elbows of a human are seen to bend where the sine of the angle is larger: 24° and more."""
-STRAIGHT = {"knee": 0.1, "elbow": -0.2}
-"""Of that bend the robot has less than such a share: a knee is straight or bends back, an elbow bends away. Arms of few
-hinges leave an elbow straight where a human bends it aside."""
+STRAIGHT = {"knee": 0.5, "elbow": -0.2}
+"""Of that bend the robot has less than such a share: a knee comes to its stop, for it is the back of it that is bent, an
+elbow bends away. Arms of few hinges leave an elbow straight where a human bends it aside."""
 LEVEL = 0.5
 """A left that points up or down by a larger cosine has no heading."""
+APART = 0.5
+"""Hands that are this far aside of each other, in widths of the shoulders, are on two sides."""
 SHOWN = 0.2
 """A look needs this share of the frames to show something ..."""
 FEWEST = 10
@@ -70,7 +72,7 @@ def glances(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[Gl
     """All that is looked at."""
     human = _named(match, match.human_positions(motion))
     own = _named(match, world_points(robot, match.points, qpos))
-    return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human)]
+    return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human, own)]
 
 
 def _named(match: Match, places: Floats) -> dict[str, Floats]:
@@ -108,7 +110,9 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glanc
         yield _glance(f"its {top} is where the human's feet are", there, here, np.ones(len(there), bool), cause)
 
 
-def _sides(robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats]) -> Iterator[Glance]:
+def _sides(
+    robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats], own: dict[str, Floats]
+) -> Iterator[Glance]:
     """Pelvis and chest face where the human's do; hands are on their own sides."""
     rotations = body_frames(robot, qpos)[1]
     cause = (
@@ -122,6 +126,21 @@ def _sides(robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats]) -
             there, here = unit(human[keys[0]] - human[keys[1]]), rotations[:, body] @ axes[:, 1]
             shown = (np.abs(there[:, 2]) < LEVEL) & (np.abs(here[:, 2]) < LEVEL)
             yield _glance(f"its {segment} faces the other way", there, here, shown, cause)
+            if segment == "chest":
+                yield _hands(human, own, there, here, cause)
+
+
+def _hands(human: dict[str, Floats], own: dict[str, Floats], there: Floats, here: Floats, cause: str) -> Glance:
+    """The left hand is to the left of the right one, seen from the chests with such lefts (T, 3), or arms are crossed."""
+    apart = [
+        ((body["l_hand"] - body["r_hand"]) * left).sum(axis=1)
+        / np.linalg.norm(body["l_shoulder"] - body["r_shoulder"], axis=1)
+        if {"l_hand", "r_hand"} <= body.keys()
+        else np.zeros(len(left))
+        for body, left in ((human, there), (own, here))
+    ]
+    what = "its left hand is where the human's right one is"
+    return _share(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 
 def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> Glance:

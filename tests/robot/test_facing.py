@@ -78,6 +78,8 @@ def test_a_map_file_has_the_last_word(tmp_path: Path) -> None:
     anatomy = recognise_with(robot, {"forward": [-1, 0, 0]})
     assert anatomy.forward == pytest.approx([-1, 0, 0], abs=1e-9)
     assert robot.model.body(anatomy.spots["l_knee"].body).name == "right_shin"
+    assert anatomy.notes[0].endswith("names, feet and knees say that it looks the other way")
+    assert not recognise_with(robot, {"forward": [1, 0, 0]}).notes[0].startswith("it looks where")
     for line, message in (("back", "must be \\[x, y, z\\]"), ([0, 0, 1], "straight up"), ([0.1, 1, 0], "not across")):
         with pytest.raises(MatchError, match=message):
             recognise_with(robot, {"forward": line})

@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
+from robot_retarget.arrays import unit
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.look import glances, mismatch
+from robot_retarget.solve.look import _hands, glances, mismatch
 from robot_retarget.transfer import Result, retarget
 
 
@@ -57,19 +58,40 @@ def test_knees_that_bend_the_other_way_are_seen() -> None:
     assert {f"its {side} knee does not bend that way" for side in ("left", "right")} <= wrong(result, bent)
 
 
+def test_hands_that_have_changed_places_are_seen() -> None:
+    result = solved("squat")
+    match, human = result.match, result.match.human_positions(result.motion)
+    swapped = human.copy()
+    for part in ("shoulder", "elbow", "hand"):
+        left, right = match.index(f"l_{part}"), match.index(f"r_{part}")
+        if part != "shoulder":
+            swapped[:, [left, right]] = human[:, [right, left]]
+    own = {k: human[:, i] for i, k in enumerate(match.keypoints)}
+    there = {k: swapped[:, i] for i, k in enumerate(match.keypoints)}
+    line = unit(own["l_shoulder"] - own["r_shoulder"])
+    assert _hands(there, own, line, line, "").wrong
+    assert not _hands(own, own, line, line, "").wrong
+
+
+ROBOTS = {
+    "op3": Path("op3"),
+    "g1": SHARED / "robots/unitree_g1/unitree_g1.xml",
+    "t1": SHARED / "robots/booster_t1/booster_t1.xml",
+}
+
+
 @needs_shared
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("clip", ["walk", "squat"])
 def test_a_robot_taken_back_to_front_is_refused_unless_the_map_insists(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, clip: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The T1's knees do not bend back: it cannot squat facing away."""
-    robot, clip = (
-        load_robot(SHARED / "robots/booster_t1/booster_t1.xml"),
-        read_motion(SAMPLES / "squat.bvh").resample(10),
-    )
+    """Its knees come to their stops: it can neither walk nor squat facing away."""
+    robot, motion = load_robot(ROBOTS[name]), read_motion(SAMPLES / f"{clip}.bvh").resample(10)
     turned = tmp_path / "map.toml"
     turned.write_text("[robot]\nforward = [-1, 0, 0]\n")
-    result = retarget(clip, robot, overrides=turned)
+    result = retarget(motion, robot, overrides=turned)
     assert "knee does not bend that way" in result.notes[0] and "forward = [x, y, z]" in result.notes[0]
-    monkeypatch.setattr("robot_retarget.describe.graph.match", lambda motion, *_: result.match)
+    monkeypatch.setattr("robot_retarget.describe.graph.match", lambda *_: result.match)
     with pytest.raises(MatchError, match=r"does not do what .* shows"):
-        retarget(clip, robot)
+        retarget(motion, robot)
