@@ -1,34 +1,94 @@
-"""Calibration frames: a clip may start with a T-pose or at the origin and jump into the motion.
+"""Calibration frames: a clip may start or end with a T-pose, or at the origin, and jump into the motion or out of it.
 
-A retargeter that starts there sends the robot across the room.
+A retargeter that starts there sends the robot across the room. What jumps is dropped; a T- or A-pose that leads smoothly into
+the motion may be meant, and is only said.
 """
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.keypoints import ARM, LEG, SIDES
 from robot_retarget.motion.recognise import Recognition
+from robot_retarget.motion.repair.sentences import span
 
 WINDOW = 10
-"""Frames at the start in which the jump is looked for, and after it with which it is compared."""
+"""Frames at an end in which the jump is looked for, and beside it with which it is compared."""
 JUMP = 0.1
 """Least mean step of the keypoints that counts as a jump, in leg lengths."""
 SPEED = 8.0
 """Least speed of that step, in leg lengths per second."""
 TIMES = 4.0
 """The jump over the largest step that follows (clean clips: at most 2; clips with calibration frames: 6.6 and more)."""
+HELD = 0.3
+"""A pose for calibration is held for so long at least [s] ..."""
+STILL = 0.03
+"""... with every keypoint this near to where it is first, in leg lengths ..."""
+STRAIGHT = 0.35
+"""... knees and elbows bent by so much at most [rad] ..."""
+RAISED = {"T-pose": (-0.35, 0.35), "A-pose": (0.6, 0.9)}
+"""... and the cosines of both upper arms with the way down the trunk within these."""
 
 
-def calibration_frames(recognition: Recognition, positions: Floats, fps: float) -> tuple[int, tuple[str, ...]]:
-    """The first frame of the motion proper, and a sentence about those before it."""
+def calibration_frames(recognition: Recognition, positions: Floats, fps: float) -> tuple[slice, tuple[str, ...]]:
+    """The frames of the motion proper, and a sentence about those before and after it."""
+    notes = []
+    start, size = _jumped(recognition, positions, fps)
+    if start:
+        notes.append(_dropped("first", start, size, "the next"))
+    end, size = _jumped(recognition, positions[:start:-1] if start else positions[::-1], fps)
+    if end:
+        notes.append(_dropped("last", end, size, "the one before"))
+    return slice(start, len(positions) - end), tuple(notes)
+
+
+def _dropped(which: str, count: int, size: float, beside: str) -> str:
+    what = f"The {which} frame is" if count == 1 else f"The {which} {count} frames are"
+    return f"{what} a calibration pose, {size:.1f} leg lengths from {beside}: dropped."
+
+
+def _jumped(recognition: Recognition, positions: Floats, fps: float) -> tuple[int, float]:
+    """How many frames lie before the jump at the start, and how far it goes, in leg lengths."""
     x = recognition.place(positions[: 2 * WINDOW + 2])
-    at = recognition.keypoints.index
-    leg = np.linalg.norm(x[:, at("l_hip")] - x[:, at("l_knee")], axis=1) + np.linalg.norm(
-        x[:, at("l_knee")] - x[:, at("l_ankle")], axis=1
-    )
-    steps = np.linalg.norm(np.diff(x, axis=0), axis=2).mean(axis=1) / np.median(leg)
+    steps = np.linalg.norm(np.diff(x, axis=0), axis=2).mean(axis=1) / _leg(recognition, x)
     for last in range(min(WINDOW, len(steps) - 3) - 1, -1, -1):
         if steps[last] > max(JUMP, SPEED / fps, TIMES * steps[last + 1 : last + 1 + WINDOW].max()):
-            count = last + 1
-            what = "The first frame is" if count == 1 else f"The first {count} frames are"
-            return count, (f"{what} a calibration pose, {steps[last]:.1f} leg lengths from the next: dropped.",)
-    return 0, ()
+            return last + 1, float(steps[last])
+    return 0, 0.0
+
+
+def _leg(recognition: Recognition, x: Floats) -> float:
+    at = recognition.keypoints.index
+    hip, knee, ankle = (x[:, at(f"l_{part}")] for part in LEG[:3])
+    return float(np.median(np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)))
+
+
+def posed(recognition: Recognition, positions: Floats, fps: float) -> tuple[str, ...]:
+    """A sentence for each end of a clip that is a T- or an A-pose, held still before or after a motion."""
+    x, notes, count = recognition.place(positions), [], len(positions)
+    for which, seen in (("starts", x), ("ends", x[::-1])):
+        pose, held = _pose(recognition, seen), _held(recognition, seen)
+        if pose and HELD * fps <= held < count / 2:
+            first, last = (0, held - 1) if which == "starts" else (count - held, count - 1)
+            kept = f"{held}:" if which == "starts" else f":{count - held}"
+            where = span(first, last, fps)
+            notes.append(f"It {which} in a {pose}, {where}: --frames {kept} leaves it out.")
+    return tuple(notes)
+
+
+def _held(recognition: Recognition, x: Floats) -> int:
+    """For how many frames the first pose is held."""
+    moved = np.linalg.norm(x - x[:1], axis=2).max(axis=1) > STILL * _leg(recognition, x[:1])
+    return int(moved.argmax()) if moved.any() else len(x)
+
+
+def _pose(recognition: Recognition, x: Floats) -> str:
+    """Which pose for calibration the first frame is; empty where it is none."""
+    at = {keypoint: x[0, k] for k, keypoint in enumerate(recognition.keypoints)}
+    limbs = [[at[f"{side}_{part}"] for part in parts[:3]] for side in SIDES for parts in (ARM, LEG)]
+    bends = [np.arccos(np.clip(unit(b - a) @ unit(c - b), -1, 1)) for a, b, c in limbs]
+    if max(bends) > STRAIGHT:
+        return ""
+    shoulders = (at["l_shoulder"] + at["r_shoulder"]) / 2
+    down = unit(at["pelvis"] - shoulders)
+    raised = [float(unit(at[f"{s}_elbow"] - at[f"{s}_shoulder"]) @ down) for s in SIDES]
+    return next((pose for pose, (low, high) in RAISED.items() if all(low < r < high for r in raised)), "")

@@ -33,7 +33,7 @@ class Capture:
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
 
-    def since(self, first: int) -> "Capture":
-        """The frames from one on."""
-        rotations, contacts = (None if v is None else v[first:] for v in (self.rotations, self.contacts))
-        return replace(self, positions=self.positions[first:], rotations=rotations, contacts=contacts)
+    def part(self, frames: slice) -> "Capture":
+        """Some of the frames."""
+        rotations, contacts = (None if v is None else v[frames] for v in (self.rotations, self.contacts))
+        return replace(self, positions=self.positions[frames], rotations=rotations, contacts=contacts)

@@ -6,10 +6,10 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
-from robot_retarget.motion.calibration import calibration_frames
+from robot_retarget.motion.calibration import calibration_frames, posed
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition, recognise
-from robot_retarget.motion.repair import RepairRule, look_over
+from robot_retarget.motion.repair import FootingRule, RepairRule, footing, look_over
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
 from robot_retarget.motion.vertical import AXES, VerticalRule, find_vertical
@@ -28,7 +28,7 @@ STATURES = (1.2, 2.1)
 
 
 def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Motion:
-    """A motion in metres, z up, of what a file says; calibration frames at its start are dropped.
+    """A motion in metres, z up, of what a file says; calibration frames at its ends are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
     nothing else is moved. A body that is not human keeps y up, its unit guessed from its size.
@@ -46,12 +46,15 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:
         return _stranger(capture, told, str(error))
-    first, calibration = calibration_frames(recognition, capture.positions, capture.fps)
-    capture = capture.since(first)
+    proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
+    capture = capture.part(proper)
     metres, unit_note = unit_of(recognition, capture.positions)
     capture, broken = look_over(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, metres) if told is None else (told, ())
-    notes = (*axis_notes, *broken, *recognition.notes, *calibration, unit_note)
+    level = metres * capture.positions @ turn_to_z(axis).T
+    feet = footing(recognition, level, capture.fps, FootingRule())
+    ends = posed(recognition, level, capture.fps)
+    notes = (*axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
     return _motion(capture, metres, axis, notes)

@@ -1,5 +1,6 @@
 """What is broken in a capture is found with its frames, mended where that is safe, and said."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,55 @@ def test_a_pose_held_before_the_motion_is_dropped_however_long():
     assert any("The first 45 frames (1.50 s) are one pose" in note for note in motion.notes)
 
 
+@pytest.mark.parametrize("count", [1, 4, 45])
+def test_a_pose_held_after_the_motion_is_dropped_however_long(count):
+    capture, leg = walk()
+    held = np.repeat(capture.positions[-1:] + leg * np.array([2.0, 0.0, 1.0]), count, axis=0)
+    motion = upright(replace(capture, positions=np.concatenate([capture.positions, held]), rotations=None))
+    assert motion.positions == pytest.approx(upright(replace(capture, rotations=None)).positions)
+    assert any(note.startswith("The last") and note.endswith("dropped.") for note in motion.notes)
+
+
+@pytest.mark.parametrize(("way", "kept"), [(1, r"--frames 4[0-2]: "), (-1, r"--frames :(198|199|200) ")])
+def test_a_t_pose_that_leads_into_the_motion_or_out_of_it_is_said(way, kept):
+    """Arms and legs laid out straight by hand, held for 40 frames, and led on in a second."""
+    capture, leg = walk()
+    found = recognise(capture.skeleton, capture.positions)
+    x = capture.positions[:40].copy()
+    x[:] = x[:1]
+    for side, sign in (("l", 1), ("r", -1)):
+        hip, shoulder = (x[0, found.marks[f"{side}_{part}"].joints[0]] for part in ("hip", "shoulder"))
+        across = x[0, found.marks["l_hip"].joints[0]] - x[0, found.marks["r_hip"].joints[0]]
+        across = sign * np.array([across[0], 0, across[2]]) / np.linalg.norm(across)
+        for part, (start, step) in {
+            "knee": (hip, [0, -leg / 2, 0]), "ankle": (hip, [0, -leg, 0]), "toe": (hip, [0, -leg, leg / 9]),
+            "elbow": (shoulder, leg / 3 * across), "hand": (shoulder, leg / 1.6 * across),
+        }.items():  # fmt: skip
+            x[:, found.marks[f"{side}_{part}"].joints[0]] = start + np.array(step)
+    share = np.linspace(0, 1, 30)[:, None, None]
+    posed = np.concatenate([x, x[-1:] + share * (capture.positions[:1] - x[-1:]), capture.positions[:170]])
+    notes = upright(replace(capture, positions=posed[::way], rotations=None)).notes
+    assert any("in a T-pose" in note and re.search(kept, note) for note in notes)
+
+
+def test_feet_that_skate_throughout_are_said_with_how_fast_and_when():
+    capture = capture_of("mixamo/test_freebvh_walk")
+    still = upright(capture)
+    moved = np.arange(len(capture.positions))[:, None, None] / capture.fps * np.array([0.0, 0.0, -120.0])
+    motion = upright(replace(capture, positions=capture.positions + moved))
+    (note,) = [note for note in motion.notes if "The feet skate" in note]
+    assert float(re.findall(r"at ([\d.]+) m/s", note)[0]) == pytest.approx(1.2, abs=0.15)
+    assert not any("skate" in note for note in still.notes)
+
+
+def test_a_body_that_rises_throughout_is_said_to_float():
+    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54")
+    rise = np.arange(len(capture.positions))[:, None, None] / capture.fps * np.array([0.0, 10.0, 0.0])
+    notes = upright(replace(capture, positions=capture.positions + rise, up="+y")).notes
+    assert any(note.startswith("The body floats in") for note in notes)
+    assert not any("floats" in note for note in upright(capture).notes)
+
+
 @pytest.mark.parametrize("size", [0.003, 0.01])
 def test_noise_is_measured_as_it_was_made_and_taken_away(size):
     capture, _ = walk()
@@ -88,7 +138,7 @@ def test_noise_is_measured_as_it_was_made_and_taken_away(size):
 
 
 def test_smoothing_keeps_bones_as_long_as_they_are():
-    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54").since(1)
+    capture = capture_of("xsens_mvn/BVH2SMPL_Sit54").part(slice(1, None))
     parents = capture.skeleton.parents
     bones = [
         np.linalg.norm(c.positions[:, 1:] - c.positions[:, parents[1:]], axis=2)

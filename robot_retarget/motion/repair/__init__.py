@@ -2,3 +2,5 @@
 
 from robot_retarget.motion.repair.door import RepairRule as RepairRule
 from robot_retarget.motion.repair.door import look_over as look_over
+from robot_retarget.motion.repair.footing import FootingRule as FootingRule
+from robot_retarget.motion.repair.footing import footing as footing

@@ -46,7 +46,7 @@ def look_over(
     if len(capture.positions) < 2:
         return capture, ()
     leg = leg_length(recognition, capture.positions)
-    capture, still = _started(capture, recognition, leg, rule)
+    capture, still = _settled(capture, recognition, leg, rule)
     capture, body = _rooted(capture, recognition, leg, rule)
     capture, limbs = _limbs(capture, recognition, leg, rule)
     capture, noise = _quiet(capture, recognition, metres, rule)
@@ -62,18 +62,24 @@ def _sparse(capture: Capture) -> tuple[str, ...]:
     )
 
 
-def _started(
+def _settled(
     capture: Capture, recognition: Recognition, leg: float, rule: RepairRule
 ) -> tuple[Capture, tuple[str, ...]]:
-    """Without the pose that it stands still in before its first jump."""
+    """Without the poses that it stands still in before its first jump and after its last."""
     points = recognition.place(capture.positions) / leg
-    jumps = np.flatnonzero(body_jumps(_trunk(recognition, points), capture.fps, rule.steps).any(axis=1))
-    first = int(jumps[0]) + 1 if jumps.size else 0
-    if not first or len(points) - first < 2 or np.ptp(points[:first], axis=0).max() > rule.still:
-        return capture, ()
+    jumps = np.flatnonzero(body_jumps(_trunk(recognition, points), capture.fps, rule.steps).any(axis=1)) + 1
+    start, stop, notes = 0, len(points), []
     done = "dropped" if rule.mend else LEFT
-    note = f"The first {first} frames ({first / capture.fps:.2f} s) are one pose, from which the body jumps: {done}."
-    return (capture.since(first) if rule.mend else capture), (note,)
+    if jumps.size and stop - jumps[0] > 1 and np.ptp(points[: jumps[0]], axis=0).max() < rule.still:
+        start = int(jumps[0])
+        told = f"({start / capture.fps:.2f} s) are one pose, from which the body jumps"
+        notes.append(f"The first {start} frames {told}: {done}.")
+    if jumps.size and jumps[-1] - start > 1 and np.ptp(points[jumps[-1] :], axis=0).max() < rule.still:
+        stop = int(jumps[-1])
+        count = len(points) - stop
+        told = f"({count / capture.fps:.2f} s) are one pose, to which the body jumps"
+        notes.append(f"The last {count} frames {told}: {done}.")
+    return (capture.part(slice(start, stop)) if rule.mend else capture), tuple(notes)
 
 
 def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:

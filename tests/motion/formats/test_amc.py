@@ -1,6 +1,7 @@
 """ASF/AMC: bones where a second kinematics, written on the text of the files, puts them."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_a_take_of_the_library_has_all_keypoints_at_a_humans_size():
 
 @needs_shared
 def test_the_same_take_as_bvh_gives_the_same_trajectory(tmp_path):
-    motion = read_motion(FOLDER / "02_01.amc").frames(0, 120)
+    motion = replace(read_motion(FOLDER / "02_01.amc").frames(0, 120), whole=None)
     write_bvh(motion, tmp_path / "take.bvh")
     robot = rr.load_robot("op3")
     both = [rr.retarget(one, robot, fps=15).trajectory.qpos for one in (motion, read_motion(tmp_path / "take.bvh"))]
