@@ -1,0 +1,82 @@
+"""Poses become lines, goals of simulated servos, wishes of emulated ones: nothing beyond a limit, no jump over the cap."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from performers import Answer, Swing, clip
+
+from robot_retarget.errors import ServoError
+from robot_retarget.live.faults import Faults
+from robot_retarget.live.loop import Loop
+from robot_retarget.live.replay import Replay
+from robot_retarget.live.sinks.lines import LineSink
+from robot_retarget.live.sinks.physics import PhysicsSink
+from robot_retarget.live.sinks.servos import ServoSink, moved
+from robot_retarget.robot import load_robot
+from robot_retarget.servo.emulated import emulator_process
+from robot_retarget.servo.map import Servo, ServoMap, load_map
+
+OP3 = load_robot("op3")
+
+
+def test_a_line_holds_the_pose_and_whose_it_is() -> None:
+    out = io.StringIO()
+    LineSink(out).show(Answer(OP3.standing(), 1.25, "converged", 0.004))
+    row = json.loads(out.getvalue())
+    assert row["time"] == 1.25 and row["status"] == "converged" and row["age"] == 0.004
+    assert np.allclose(row["qpos"], OP3.standing(), atol=1e-6)
+
+
+def test_a_motion_file_goes_by_in_real_time_and_frames_overdue_are_dropped() -> None:
+    motion = clip(fps=60).frames(0, 60)
+    source, times = Replay(motion, Faults(), speed=2.0), []
+    import time
+
+    began = time.monotonic()
+    while not source.ended:
+        frame = source.newest(0.1)
+        if frame is not None:
+            times.append(frame.time)
+            assert np.allclose(frame.positions, motion.positions[round((frame.time - times[0]) * 120)])
+        if len(times) == 10:
+            time.sleep(0.1)
+    assert 0.45 < time.monotonic() - began < 0.8
+    assert source.dropped >= 10 and len(times) + source.dropped == 60
+
+
+@pytest.mark.parametrize("mode", ["pinned", "free"])
+def test_simulated_servos_follow_in_real_time(mode: str) -> None:
+    sink = PhysicsSink(OP3, mode)
+    source = Replay(clip(), Faults())
+    Loop(source, lambda skeleton: Swing(OP3, skeleton), sink).run(1.5)
+    figures = sink.figures()
+    assert figures["simulated_s"] + figures["left_out_s"] == pytest.approx(1.5, abs=0.1)
+    assert figures["tracking_rms_rad"] < 0.08 and figures["fell_s"] is None
+
+
+def test_a_map_of_other_joints_is_refused_with_their_names() -> None:
+    with pytest.raises(ServoError, match="does not cover head_pan"):
+        ServoSink(OP3, ServoMap("x", (Servo("l_el", 1, "XM430-W350"),)))
+    with pytest.raises(ServoError, match="tail"):
+        ServoSink(OP3, replace(load_map("op3"), servos=(*load_map("op3").servos, Servo("tail", 99, "XM430-W350"))))
+
+
+def test_the_emulated_robot_with_its_weight_is_moved_within_every_limit(tmp_path: Path) -> None:
+    servo_map = load_map("op3")
+    servo_map = replace(servo_map, limits=replace(servo_map.limits, approach_time=0.6, approach_speed=3.0))
+    sink, source, log = ServoSink(OP3, servo_map), Replay(clip(), Faults()), tmp_path / "play.npz"
+    loop = Loop(source, lambda skeleton: Swing(OP3, skeleton), sink)
+    with emulator_process(servo_map, "--physics") as port:
+        outcome, tally = moved(loop, sink, servo_map, port, 3.0, log, lambda text: None)
+    assert outcome.exit_code == 0 and outcome.state == "hold" and tally.frames > 60
+    with np.load(log) as found:
+        goal, present = found["goal"], found["present"]
+        assert "play" in found["phases"][found["phase"]]
+        low, high = np.array([servo.reach for servo in servo_map.servos]).T
+        assert (goal >= low - 1e-9).all() and (goal <= high + 1e-9).all()
+        assert np.abs(np.diff(goal, axis=0)).max() <= servo_map.limits.speed / 125 + 1e-9
+        assert np.abs(goal[1:] - present[:-1]).max() <= servo_map.limits.jump + 1e-9
