@@ -210,6 +210,7 @@ def _to_servos(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
     if not place.serial:
         raise UsageError(f"--to servos needs --serial PORT, or --serial {EMULATED}")
     require_writable(place.log)
+    console.note("live poses are not judged beforehand: hang the robot up, and keep the switch of its supply in reach")
     sink = ServoSink(poses.robot, servo_map)
     emulated = place.serial == EMULATED
     with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
