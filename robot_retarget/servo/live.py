@@ -14,6 +14,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
 from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.map import Limits, ServoMap
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import approach_time, eased
@@ -29,7 +30,10 @@ LOGGED = 60.0
 
 
 class Wishes:
-    """The latest wish of another thread, joined straight to the one before: goals go on between two of them."""
+    """The latest wish of another thread, joined straight to the one before: goals go on between two of them.
+
+    After a silence nothing is joined: what comes then is approached.
+    """
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -42,12 +46,14 @@ class Wishes:
     def give(self, angles: Floats, now: float | None = None) -> None:
         """A wish (n,) [rad] in the order of the map; numbers that are none are no wish."""
         now = time.monotonic() if now is None else now
-        if not np.isfinite(angles).all():
+        wish = np.array(angles, dtype=float)
+        if not np.isfinite(wish).all():
             return
         with self._lock:
-            self._from = angles if self._from is None else self._between(now)
+            joined = self._from is not None and now - self._given <= SILENCE
+            self._from = self._between(now) if joined else wish
             self._span = min(max(now - self._given, 1e-3), LONGEST)
-            self._to, self._given = np.array(angles, dtype=float), now
+            self._to, self._given = wish, now
 
     def at(self, now: float) -> Floats | None:
         """The wish (n,) at a time [s], None before the first."""
@@ -83,8 +89,8 @@ class Approach:
 class Follower:
     """What to go towards at each tick."""
 
-    def __init__(self, wishes: Wishes, cycle: Cycle, limits: Limits, say: Callable[[str], None]) -> None:
-        self._wishes, self._guard, self._limits, self._say = wishes, cycle.guard, limits, say
+    def __init__(self, wishes: Wishes, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
+        self._wishes, self._guard, self._limits, self._say = wishes, guard, limits, say
         self._approach: Approach | None = None
         self._silent = True
         self.approaches = 0
@@ -139,7 +145,7 @@ def follow(
 
     def act(player: Player) -> Outcome:
         def tick(cycle: Cycle) -> str:
-            follower = Follower(wishes, cycle, servo_map.limits, say)
+            follower = Follower(wishes, cycle.guard, servo_map.limits, say)
             player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
             player.end_softly(cycle)
             return Ended.FINISHED.value

@@ -33,7 +33,7 @@ def decoder_of(protocol: str, faults: Faults) -> Decoder:
 
 
 def packets_of(protocol: str, t: int) -> list[bytes]:
-    return PROTOCOLS[protocol](MOTION)(t, t / 60)
+    return PROTOCOLS[protocol](MOTION)(t % len(MOTION), t / 60)
 
 
 class Heard:
@@ -182,6 +182,12 @@ def test_two_senders_are_not_mixed_and_the_other_takes_over_once_the_first_is_si
     heard.now += 1.5
     assert sum(heard.frame(t, "b") for t in range(0, 4)) >= 3  # its clock begins anew, too
     assert heard.faults.counts[Fault.RESTARTED] == 1
+
+
+def test_after_ten_seconds_of_silence_the_same_sender_goes_on(heard: Heard) -> None:
+    heard.now += 10.0
+    assert sum(heard.frame(t) for t in range(604, 608)) >= 3
+    assert not heard.faults.counts
 
 
 def test_a_performer_who_does_not_trust_what_it_sees_is_not_followed() -> None:

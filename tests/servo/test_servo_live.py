@@ -15,9 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_retarget.arrays import Floats
-from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Wishes, follow
+from robot_retarget.servo.guard import Guard
+from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Follower, Wishes, follow
 from robot_retarget.servo.map import Limits
 from robot_retarget.servo.outcome import Ended, Options, Outcome
+from robot_retarget.servo.scale import Scale
 
 RATE = 125.0
 
@@ -129,6 +131,36 @@ def test_a_wish_that_jumps_or_leaves_every_range_is_approached_and_clamped(tmp_p
     assert outcome.ended is Ended.FINISHED
     assert log["plan"].max() > 2 and log["goal"].max() <= 1.5 + 1e-9
     require_gentle(log, QUICK)
+
+
+@pytest.mark.parametrize("silence", [0.1, 1.0, 10.0])
+def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
+    guard, wishes, said = Guard(Scale(ARM), QUICK, np.zeros(4)), Wishes(), []
+    follower = Follower(wishes, guard, QUICK, said.append)
+    now, goals, phases = 50.0, [], []
+
+    def go(seconds: float, pose: Callable[[float], Floats] | None) -> None:
+        nonlocal now
+        for k in range(round(seconds * RATE)):
+            now += 1 / RATE
+            if pose is not None and k % 2 == 0:
+                wishes.give(pose(now), now)
+            step = follower.step(now)
+            assert step is not None
+            goal = guard.aim(step.wish, 1 / RATE)
+            guard.keep(goal, step.wish)
+            goals.append(goal)
+            phases.append(step.phase)
+
+    go(2.0, swinging)
+    go(silence, None)
+    go(3.0, lambda now: swinging(now) + 0.5)
+    assert len(said) == (1 if silence < SILENCE else 2)
+    assert np.abs(np.diff(goals, axis=0)).max() <= QUICK.speed / RATE + 1e-9
+    after = np.array(goals[round((2 + silence) * RATE) :])
+    if silence > SILENCE:
+        assert phases[-1] == "play" and "hold" in phases
+        assert np.abs(np.diff(after, axis=0)).max() * RATE <= QUICK.approach_speed + 0.7, "the swing itself takes 0.6"
 
 
 def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebody_asks(tmp_path: Path) -> None:

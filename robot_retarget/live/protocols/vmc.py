@@ -95,6 +95,7 @@ class VmcDecoder:
         name = values[0] if values and isinstance(values[0], str) else ""
         if not name:
             raise RefusedError(Fault.MALFORMED, f"{address} without a name")
+        name = name[0].upper() + name[1:]  # VRM 1.0 writes leftHand
         if address == BONE and name not in BONES:
             if name not in PASSED_OVER:
                 raise RefusedError(Fault.UNKNOWN_BONE, name[:40])
