@@ -136,7 +136,7 @@ function replaced(k, take) {
 
 const touch = document.body.dataset.touchable === "yes" ? new Touch({ stage, player, panel, casts, replaced }) : null;
 
-const live = document.body.dataset.live === "yes" ? new Live(takes[0], () => player.seek(0)) : null;
+const live = document.body.dataset.live === "yes" ? new Live(casts[0], () => player.seek(0)) : null;
 
 window.viewer = { stage, player, panel, casts, charts, takes, touch, live };
 document.documentElement.dataset.ready = "yes";
