@@ -162,6 +162,27 @@ def test_jitter_of_the_network_is_taken_off_the_stamps() -> None:
     assert np.abs(np.diff(times[60:]) - 1 / 60).max() < 1e-3
 
 
+def test_frames_that_waited_and_come_all_at_once_are_no_time_backwards(heard: Heard) -> None:
+    heard.now += 1.0
+    heard.port.packets = [
+        Packet(packet, "a", heard.now) for t in range(4, 34) for packet in packets_of(heard.protocol, t)
+    ]
+    frame = heard.receiver.newest(0.0)
+    assert frame is not None and heard.receiver.dropped == 29 and not heard.faults.counts
+    assert frame.time == pytest.approx(100 + 34 / 60, abs=0.01), "when it was made, not when it came"
+    joints = [name.lower() for name in frame.skeleton.names]
+    assert np.allclose(
+        frame.positions[joints.index("head")], MOTION.positions[33, SKELETON.names.index("Head")], atol=1e-3
+    )
+    heard.well(start=64)
+
+
+def test_a_clock_is_not_fooled_by_a_first_frame_that_was_slow() -> None:
+    clock = SenderClock(Faults())
+    times = [clock.time(k / 60, 100 + k / 60 + (0.2 if k == 0 else 0.0)) for k in range(60)]
+    assert (np.diff(times) > 0).all() and times[-1] == pytest.approx(100 + 59 / 60, abs=0.01)
+
+
 def test_a_clock_that_runs_slow_is_followed() -> None:
     clock = SenderClock(Faults())
     behind = [100 + k / 60 - clock.time(k / 60 * (1 - 2e-4), 100 + k / 60) for k in range(60 * 600)]

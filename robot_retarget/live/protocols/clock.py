@@ -7,6 +7,9 @@ JUMP = 1.0
 LEAK = 1e-3
 """By so much a second the offset follows a growing delay: quartz drifts by a tenth of it."""
 
+LEAST = 1e-3
+"""Between two frames, where several come at once, or the one before took longer on its way than anything since [s]."""
+
 
 class SenderClock:
     """t = stamp + offset, with the smallest arrival − stamp of late as offset: what the network adds in jitter is off."""
@@ -26,13 +29,11 @@ class SenderClock:
         """When a frame was made; without a stamp, when it arrived.
 
         Raises:
-            RefusedError: it is not after the frame before.
+            RefusedError: its stamp is not after the one before.
         """
         made = arrived if stamp is None else stamp + self._follow(stamp, arrived)
-        if made <= self._last:
-            raise RefusedError(Fault.BACKWARDS, f"by {1000 * (self._last - made):.1f} ms")
-        self._last = made
-        return made
+        self._last = max(made, self._last + LEAST)
+        return self._last
 
     def _follow(self, stamp: float, arrived: float) -> float:
         """The offset of now.

@@ -1,0 +1,127 @@
+"""The command `stream` with the solver at work: from stdin, over UDP, from a file; to lines and to an emulated robot; Ctrl-C."""
+
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from performers import HOST, clip
+from shared_files import ROOT
+
+import robot_retarget
+from robot_retarget.live.protocols.lines import line_of, told
+from robot_retarget.robot import load_robot
+from robot_retarget.servo.map import load_map
+from robot_retarget.shipped import SAMPLES
+
+pytestmark = pytest.mark.skipif("Stream" not in dir(robot_retarget), reason="needs rr.Stream, the solver of a stream")
+WAVE = str(SAMPLES / "wave.bvh")
+COMMAND = [sys.executable, "-m", "robot_retarget", "stream", "--robot", "op3"]
+OP3 = load_robot("op3")
+
+
+def run(*words: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=120, cwd=ROOT, **how)
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+
+
+def summary(said: str) -> dict[str, Any]:
+    """The JSON at the end of what was said."""
+    found = re.search(r"^\{\n.*^\}", said, re.S | re.M)
+    assert found, said
+    return json.loads(found[0])
+
+
+def require_limits(rows: Sequence[dict[str, Any]]) -> None:
+    """Ranges and joint speeds between poses, by their own times."""
+    qpos = np.array([row["qpos"] for row in rows])[:, OP3.qpos_index]
+    assert np.isfinite(qpos).all()
+    assert (qpos >= OP3.lower - 1e-6).all() and (qpos <= OP3.upper + 1e-6).all()
+    assert len(rows) > 10
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind((HOST, 0))
+        return found.getsockname()[1]
+
+
+def test_lines_in_are_lines_out_and_what_is_wrong_is_said_on_the_side() -> None:
+    motion = clip(fps=30)
+    lines = [told(motion.skeleton), *(line_of(t / 30, motion.positions[t]) for t in range(30))]
+    lines[10:10] = [b"nonsense\n", b'{"time": 0.1, "positions": [[1, 2, 3]]}\n']
+    process = subprocess.Popen(
+        [*COMMAND, "--from", "json", "--json"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=ROOT,
+    )
+    assert process.stdin and process.stdout
+    process.stdin.write(lines[0])
+    process.stdin.flush()
+    for line in lines[1:]:
+        time.sleep(1 / 30)
+        process.stdin.write(line)
+        process.stdin.flush()
+    time.sleep(3.0)  # the solver is built while the first frames come; what it missed is dropped, not queued
+    out, err = process.communicate(b"".join(line_of(8 + t / 30, motion.positions[t]) for t in range(3)), timeout=60)
+    rows = [json.loads(row) for row in out.decode().splitlines()]
+    figures = summary(err.decode())
+    assert process.returncode == 0 and rows and figures["frames"] + figures["dropped"] >= 31
+    assert figures["faults"]["malformed packet"] == 2 and "malformed packet" in err.decode()
+    assert set(rows[0]) == {"time", "qpos", "status", "age"} and len(rows[0]["qpos"]) == OP3.model.nq
+
+
+def test_over_udp_at_60_hz_frames_are_answered_within_milliseconds() -> None:
+    port = free_port()
+    receiver = started("--host", HOST, "--port", str(port), "--seconds", "3", "--json")
+    sender = subprocess.Popen(
+        [sys.executable, "-m", "robot_retarget", "stream", "--send", str(SAMPLES / "walk.bvh"), "--to", f"vmc://{HOST}:{port}",
+         "--fps", "60", "--seconds", "60"], cwd=ROOT, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        out, err = receiver.communicate(timeout=90)
+    finally:
+        sender.terminate()
+        sender.wait()
+    rows, figures = [json.loads(row) for row in out.splitlines()], summary(err)
+    assert receiver.returncode == 0 and figures["frames"] > 100
+    assert figures["latency_p50_ms"] < 20, "four on a machine that does nothing else"
+    require_limits(rows)
+    times = np.array([row["time"] for row in rows if row["status"] != "held"])
+    assert (np.diff(times) >= 0).all()
+
+
+def test_ctrl_c_ends_a_stream_with_its_summary() -> None:
+    process = started("--from", WAVE)
+    assert process.stdout
+    process.stdout.readline()
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 0 and "frames solved" in err and "Traceback" not in err
+
+
+def test_the_emulated_op3_follows_a_performer_within_every_limit(tmp_path: Path) -> None:
+    log, servo_map = tmp_path / "play.npz", load_map("op3")
+    done = run("--from", WAVE, "--to", "servos", "--serial", "emulated", "--log", str(log), "--seconds", "5", "--json")
+    assert done.returncode == 0, done.stderr
+    with np.load(log) as found:
+        goal, present = found["goal"], found["present"]
+        assert "play" in found["phases"][found["phase"]]
+    low, high = np.array([servo.reach for servo in servo_map.servos]).T
+    assert (goal >= low - 1e-9).all() and (goal <= high + 1e-9).all()
+    assert np.abs(np.diff(goal, axis=0)).max() <= servo_map.limits.speed / 125 + 1e-9
+    assert np.abs(goal[1:] - present[:-1]).max() <= servo_map.limits.jump + 1e-9
