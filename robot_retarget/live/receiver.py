@@ -43,8 +43,20 @@ class Decoder(Protocol):
 
     skeleton: Skeleton | None
 
-    def frames(self, data: bytes, arrived: float) -> list[Frame]:
-        """The frames that some bytes complete; what is wrong with them is noted, not raised."""
+    def feed(self, data: bytes, arrived: float) -> int:
+        """How many whole frames some bytes complete; what is wrong with them is noted.
+
+        Raises:
+            RefusedError: nothing of them can be used.
+        """
+        ...
+
+    def newest(self) -> Frame:
+        """The last whole one: frames that gave way to it cost no more than their bytes.
+
+        Raises:
+            RefusedError: it is none.
+        """
         ...
 
     def restart(self) -> None:
@@ -71,24 +83,28 @@ class Receiver:
     def newest(self, timeout: float) -> Frame | None:
         until = time.monotonic() + timeout
         while True:
-            frames = self._frames(self.port.receive(until - time.monotonic()))
-            self.dropped += max(len(frames) - 1, 0)
-            if frames:
-                return frames[-1]
+            count = self._fed(self.port.receive(until - time.monotonic()))
+            self.dropped += max(count - 1, 0)
+            if count:
+                try:
+                    return self.decoder.newest()
+                except RefusedError as error:
+                    self.faults.refused(error)
             if self.ended or time.monotonic() >= until:
                 return None
 
-    def _frames(self, packets: list[Packet]) -> list[Frame]:
-        frames: list[Frame] = []
+    def _fed(self, packets: list[Packet]) -> int:
+        """How many whole frames were in the packets."""
+        count = 0
         for packet in packets:
             if not self._followed(packet):
                 self.faults.note(Fault.OTHER_SENDER, f"{packet.sender}; {self._sender} is followed")
                 continue
             try:
-                frames += self.decoder.frames(packet.data, packet.arrived)
+                count += self.decoder.feed(packet.data, packet.arrived)
             except RefusedError as error:
                 self.faults.refused(error)
-        return frames
+        return count
 
     def _followed(self, packet: Packet) -> bool:
         if packet.sender != self._sender:

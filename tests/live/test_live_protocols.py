@@ -34,12 +34,17 @@ from robot_retarget.motion import Motion, recognise
 numbers = st.floats(-3, 3)
 
 
+def fed(decoder: Decoder, packet: bytes, arrived: float) -> list[Frame]:
+    """The frame that a packet completes, if it does."""
+    return [decoder.newest()] if decoder.feed(packet, arrived) else []
+
+
 def sent(decoder: Decoder, motion: Motion, protocol: str, frames: int = 10) -> list[Frame]:
     """The frames that a decoder makes of a motion's packets, 1/60 s apart."""
     packets, found = PROTOCOLS[protocol](motion), []
     for t in range(frames):
         for packet in packets(t, t / 60):
-            found += decoder.frames(packet, 100 + t / 60)
+            found += fed(decoder, packet, 100 + t / 60)
     return found
 
 
@@ -109,7 +114,7 @@ def test_a_bone_s_pose_is_in_its_carrier_and_that_of_the_hips_in_the_root() -> N
     said = [message("/VMC/Ext/Root/Pos", "root", 1.0, 0.0, 2.0, *quarter)]
     said += [message("/VMC/Ext/Bone/Pos", bone, *unity_place(at), 0.0, 0.0, 0.0, 1.0) for bone, at in bones.items()]
     decoder = VmcDecoder(Faults())
-    frames = [frame for t in range(4) for packet in said for frame in decoder.frames(packet, t / 60)]
+    frames = [frame for t in range(4) for packet in said for frame in fed(decoder, packet, t / 60)]
     frame = frames[-1]
     hips, toes = (frame.positions[frame.skeleton.names.index(bone)] for bone in ("Hips", "LeftToes"))
     x, _, z = unity_place(bones["Hips"])
@@ -121,7 +126,7 @@ def test_a_bone_s_pose_is_in_its_carrier_and_that_of_the_hips_in_the_root() -> N
 def test_bones_whose_lengths_are_not_sent_are_those_of_the_mean_body() -> None:
     said = [message("/VMC/Ext/Bone/Pos", bone, *[0.0] * 6, 1.0) for bone in BONES]
     decoder = VmcDecoder(Faults())
-    frames = [frame for t in range(4) for packet in said for frame in decoder.frames(packet, t / 60)]
+    frames = [frame for t in range(4) for packet in said for frame in fed(decoder, packet, t / 60)]
     at = dict(zip(frames[-1].skeleton.names, frames[-1].positions, strict=True))
     assert 0.7 < np.linalg.norm(at["LeftUpperLeg"] - at["LeftFoot"]) < 0.9
     assert 0.4 < np.linalg.norm(at["LeftUpperArm"] - at["LeftHand"]) < 0.6
@@ -140,7 +145,7 @@ def test_a_frame_in_one_packet_and_in_many_is_the_same() -> None:
             for k, name in enumerate(bones.names)
         ]
         for packet in (*said, message("/VMC/Ext/T", t / 60)):
-            found += decoder.frames(packet, 100 + t / 60)
+            found += fed(decoder, packet, 100 + t / 60)
     assert len(found) == len(at_once)
     assert all(np.allclose(a.positions, b.positions, atol=1e-6) for a, b in zip(found, at_once, strict=True))
 
@@ -150,7 +155,7 @@ def test_who_comes_in_the_middle_of_a_frame_does_not_mix_two() -> None:
     packets, decoder, found = PROTOCOLS["vmc"](motion), VmcDecoder(faults), []
     for t in range(10):
         for packet in packets(t, t / 60)[(t == 0) :]:  # the first packet of the first frame was missed
-            found += decoder.frames(packet, 100 + t / 60)
+            found += fed(decoder, packet, 100 + t / 60)
     whole = sent(VmcDecoder(Faults()), motion, "vmc")
     assert len(found) >= 7
     assert all(np.allclose(a.positions, b.positions) for a, b in zip(found[::-1], whole[::-1], strict=False))
@@ -183,7 +188,7 @@ def test_lines_may_come_in_pieces_and_a_skeleton_without_offsets() -> None:
         + b"\n"
         for t in range(3)
     )
-    found = [frame for k in range(0, len(text), 1000) for frame in decoder.frames(text[k : k + 1000], 10 + k / 1e5)]
+    found = [frame for k in range(0, len(text), 1000) for frame in fed(decoder, text[k : k + 1000], 10 + k / 1e5)]
     assert len(found) == 3 and len({id(frame.skeleton) for frame in found}) == 1
     assert np.allclose(
         found[0].skeleton.rest()[1:] - found[0].skeleton.rest()[0], motion.positions[0, 1:] - motion.positions[0, 0]

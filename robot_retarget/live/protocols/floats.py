@@ -34,24 +34,22 @@ class FloatDecoder:
         self.skeleton: Skeleton | None = skeleton
         self.clock = SenderClock(faults)
         self._rest = b""
+        self._newest = b"", 0.0
 
     def restart(self) -> None:
         self.clock.restart()
         self._rest = b""
 
-    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+    def feed(self, data: bytes, arrived: float) -> int:
         self._rest += data
-        found = []
+        count = 0
         while (size := self._size()) is not None and len(self._rest) >= size:
-            frame, self._rest = self._rest[:size], self._rest[size:]
-            try:
-                found.append(self._frame(frame, arrived))
-            except RefusedError as error:
-                self._faults.refused(error)
+            self._newest, self._rest = (self._rest[:size], arrived), self._rest[size:]
+            count += 1
         if self._whole and self._rest:
             self._faults.note(Fault.MALFORMED, f"a frame cut off at {len(self._rest)} bytes")
             self._rest = b""
-        return found
+        return count
 
     def _size(self) -> int | None:
         """Bytes of the frame that begins what is left, once that is known; what is none is thrown away before."""
@@ -71,7 +69,8 @@ class FloatDecoder:
         self._rest = self._rest[len(MAGIC) :]
         return self._size()
 
-    def _frame(self, data: bytes, arrived: float) -> Frame:
+    def newest(self) -> Frame:
+        data, arrived = self._newest
         _, joints, width, stamp = HEAD.unpack_from(data)
         rows = np.frombuffer(data, "<f4", offset=HEAD.size).reshape(joints, width).astype(float)
         if not np.isfinite(stamp):

@@ -49,12 +49,13 @@ class LineDecoder:
         self.skeleton = skeleton
         self._told: dict[str, Any] | None = None
         self._rest = b""
+        self._newest: tuple[dict[str, Any], float] = {}, 0.0
 
     def restart(self) -> None:
         self.clock.restart()
         self._rest = b""
 
-    def frames(self, data: bytes, arrived: float) -> list[Frame]:
+    def feed(self, data: bytes, arrived: float) -> int:
         *lines, rest = (self._rest + data).split(b"\n")
         if self._whole:
             lines, rest = [*lines, rest], b""
@@ -62,15 +63,16 @@ class LineDecoder:
             self._faults.note(Fault.MALFORMED, f"{len(rest)} bytes without the end of a line")
             rest = b""
         self._rest = rest
-        found = []
+        count = 0
         for line in filter(bytes.strip, lines):
             try:
-                found.append(self._frame(line, arrived))
+                count += self._read(line, arrived)
             except RefusedError as error:
                 self._faults.refused(error)
-        return [frame for frame in found if frame is not None]
+        return count
 
-    def _frame(self, line: bytes, arrived: float) -> Frame | None:
+    def _read(self, line: bytes, arrived: float) -> int:
+        """Take a line in; whether it is a frame."""
         said = _object(line)
         told = said.get("skeleton")
         if told is not None and told != self._told:
@@ -78,7 +80,12 @@ class LineDecoder:
         if "positions" not in said:
             if told is None:
                 raise RefusedError(Fault.MALFORMED, f"a line without positions: {line[:60].decode(errors='replace')}")
-            return None
+            return 0
+        self._newest = said, arrived
+        return 1
+
+    def newest(self) -> Frame:
+        said, arrived = self._newest
         if self.skeleton is None:
             raise RefusedError(Fault.MALFORMED, "positions before a skeleton")
         stamp = said.get("time")

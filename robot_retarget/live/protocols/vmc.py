@@ -5,7 +5,7 @@ bone that comes twice, or a pause, ends it as well. Sources: protocol.vmc.info, 
 """
 
 from math import isfinite, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,21 @@ TRACKING = 3
 """Where a message of `OK` says whether the performer is tracked, since version 2.7."""
 
 
+Local = tuple[Floats, Floats]
+"""A place (3,) [m] and a turn (4,) w x y z."""
+STILL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class _Whole(NamedTuple):
+    """A whole frame as it came."""
+
+    bones: dict[str, Local]
+    root: Local
+    stamp: float | None
+    arrived: float
+    tracked: bool
+
+
 class VmcDecoder:
     """Frames of the bones that say how a body stands. The skeleton is that of the first whole frame.
 
@@ -46,8 +61,9 @@ class VmcDecoder:
 
     def restart(self) -> None:
         self.clock.restart()
-        self._local: dict[str, tuple[Floats, Floats]] = {}
-        self._root = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        self._local: dict[str, Local] = {}
+        self._root: Local = np.zeros(3), STILL
+        self._newest: _Whole | None = None
         self._stamp: float | None = None
         self._tracked = True
         self._there: set[str] = set()
@@ -55,26 +71,26 @@ class VmcDecoder:
         self._before: set[str] = set()
         self._arrived = float("-inf")
 
-    def frames(self, data: bytes, arrived: float) -> list[Frame]:
-        found = [] if arrived - self._arrived < PAUSE or not self._there else [self._ended(early=True)]
+    def feed(self, data: bytes, arrived: float) -> int:
+        count = 0 if arrived - self._arrived < PAUSE or not self._there else self._ended(early=True)
         self._arrived = arrived
         for message in messages(data, ADDRESSES):
             try:
-                found.append(self._after(message))
+                count += self._after(message)
             except RefusedError as error:
                 self._faults.refused(error)
-        return [frame for frame in found if frame is not None]
+        return count
 
-    def _after(self, message: Message) -> Frame | None:
-        """Take a message in; the frame that it completes."""
+    def _after(self, message: Message) -> int:
+        """Take a message in; whether a frame is whole by it."""
         address, values = message
         if address == OK:
             self._tracked = bool(values[TRACKING]) if len(values) > TRACKING else self._tracked
-            return None
+            return 0
         key, taken = self._read(address, values)
         if not key:
-            return None
-        frame = self._ended(early=True) if key in self._there else None
+            return 0
+        count = self._ended(early=True) if key in self._there else 0
         if address == TIME:
             self._stamp = taken
         elif address == ROOT:
@@ -82,7 +98,7 @@ class VmcDecoder:
         else:
             self._local[key] = taken
         self._there.add(key)
-        return self._ended(early=False) if self._expected and self._expected <= self._there else frame
+        return self._ended(early=False) if self._expected and self._expected <= self._there else count
 
     def _read(self, address: str, values: list[Any]) -> tuple[str, Any]:
         """What a message is about, and its value in our axes; no name for what is passed over.
@@ -108,58 +124,59 @@ class VmcDecoder:
             raise RefusedError(Fault.MALFORMED, f"{name} is {sqrt(float(p @ p)):.3g} m long")
         return name if address == BONE else ROOT, (place_of(p), turn_of(q / length))
 
-    def _ended(self, early: bool) -> Frame | None:
-        """A frame of what is there, if that is one."""
+    def _ended(self, early: bool) -> int:
+        """Keep what is there as the newest frame; whether it is one."""
         there, self._there = self._there, set()
         if there.isdisjoint(BONES):
-            return None
+            return 0
         known = bool(self._expected)
         if there == self._before or not known:
             self._expected = there
         self._before = there
         if early and not known:
-            return None  # it may have begun before we listened
+            return 0  # it may have begun before we listened
         if early and not self._expected <= there:
             self._faults.note(Fault.INCOMPLETE, f"without {', '.join(sorted(self._expected - there)[:4])}")
-        try:
-            return self._frame(self._stamp if TIME in there else None)
-        except RefusedError as error:
-            self._faults.refused(error)
-            return None
+        stamp = self._stamp if TIME in there else None
+        self._newest = _Whole(dict(self._local), self._root, stamp, self._arrived, self._tracked)
+        return 1
 
-    def _frame(self, stamp: float | None) -> Frame:
-        if not self._tracked:
+    def newest(self) -> Frame:
+        whole = self._newest
+        assert whole is not None
+        if not whole.tracked:
             raise RefusedError(Fault.NOT_TRACKED)
-        self.skeleton = self.skeleton or self._found()
+        self.skeleton = self.skeleton or _skeleton(whole.bones)
         names, offsets = self.skeleton.names, self.skeleton.offsets
-        local = [self._local.get(name, (offsets[k], np.array([1.0, 0, 0, 0]))) for k, name in enumerate(names)]
+        local = [whole.bones.get(name, (offsets[k], STILL)) for k, name in enumerate(names)]
         sent = np.array([place for place, _ in local])
         places = np.where((np.linalg.norm(sent, axis=1) < NO_BONE)[:, None], offsets, sent)
         turns = np.array([turn for _, turn in local])
         parents = np.concatenate([[-1], self.skeleton.parents + 1])
         positions, rotations = forward(
             parents,
-            np.concatenate([self._root[0][None], places])[None],
-            np.concatenate([self._root[1][None], turns])[None],
+            np.concatenate([whole.root[0][None], places])[None],
+            np.concatenate([whole.root[1][None], turns])[None],
         )
-        frame = Frame(self.skeleton, self._arrived, self._arrived, positions[0, 1:], rotations[0, 1:])
-        return frame.at(self.clock.time(stamp, self._arrived))
+        frame = Frame(self.skeleton, whole.arrived, whole.arrived, positions[0, 1:], rotations[0, 1:])
+        return frame.at(self.clock.time(whole.stamp, whole.arrived))
 
-    def _found(self) -> Skeleton:
-        """The skeleton of the bones that came.
 
-        Raises:
-            RefusedError: one that a VRM must have is not among them.
-        """
-        lacking = [bone for bone in BONES if bone not in self._local and bone not in OPTIONAL]
-        if lacking:
-            raise RefusedError(Fault.INCOMPLETE, f"no body without {', '.join(lacking[:4])}")
-        above, mean = carriers(self._local), mean_offsets(self._local)
-        names = tuple(above)
-        parents = np.array([names.index(above[name]) if above[name] else -1 for name in names])
-        sent = {name: self._local[name][0] for name in names}
-        offsets = [sent[name] if np.linalg.norm(sent[name]) >= NO_BONE else mean[name] for name in names]
-        return Skeleton(names, parents, np.array(offsets))
+def _skeleton(bones: dict[str, Local]) -> Skeleton:
+    """The skeleton of the bones that came.
+
+    Raises:
+        RefusedError: one that a VRM must have is not among them.
+    """
+    lacking = [bone for bone in BONES if bone not in bones and bone not in OPTIONAL]
+    if lacking:
+        raise RefusedError(Fault.INCOMPLETE, f"no body without {', '.join(lacking[:4])}")
+    above, mean = carriers(bones), mean_offsets(bones)
+    names = tuple(above)
+    parents = np.array([names.index(above[name]) if above[name] else -1 for name in names])
+    sent = {name: bones[name][0] for name in names}
+    offsets = [sent[name] if np.linalg.norm(sent[name]) >= NO_BONE else mean[name] for name in names]
+    return Skeleton(names, parents, np.array(offsets))
 
 
 def _numbers(values: list[Any], count: int, what: str) -> list[float]:
