@@ -74,11 +74,16 @@ def stream(
     json: Json = False,
 ) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
+    from robot_retarget.files import require_suffix, require_writable
+
     if send is not None:
         _send(send, target, fps, speed, seconds, json)
         return
     if robot is None:
         raise UsageError("stream needs --robot, or --send and a target to send to")
+    if calibrate is not None:
+        require_suffix(calibrate, ".npz", "calibrations are arrays")
+        require_writable(calibrate)
     if target not in SINKS:
         raise UsageError(f"--to {target!r} is no place for poses; {known(SINKS)}; with --send it is vmc://HOST:PORT")
     from robot_retarget.cli.stages import load
@@ -128,16 +133,30 @@ class Poses:
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
         from robot_retarget import public
+        from robot_retarget.live.calibration import kept
         from robot_retarget.live.loop import Loop
 
-        make = public("Stream")
-        return Loop(self.source, lambda skeleton: make(self.robot, skeleton, lag=self.lag), sink, console.aside)
+        make, known = public("Stream"), self.calibrate is not None and self.calibrate.exists()
+        how: dict[str, Any] = {"calibration": kept(self.calibrate)} if known else {}
+        how |= {"lag": self.lag} if self.lag else {}
+        return Loop(self.source, lambda skeleton: make(self.robot, skeleton, **how), sink, console.aside)
 
     def run(self, sink: "Sink") -> dict[str, Any]:
         """The figures of a run in this thread, which Ctrl-C ends."""
         loop = self.loop(sink)
         with _asked_to_stop(loop.stop.set):
-            return loop.run(self.seconds).figures(self.source)
+            tally = loop.run(self.seconds)
+        self.keep(loop)
+        return tally.figures(self.source)
+
+    def keep(self, loop: "Loop") -> None:
+        """Keep what was learnt of the performer, where that is wished."""
+        from robot_retarget.live.calibration import keep
+
+        learnt = getattr(loop.stream, "calibration", None)
+        if self.calibrate is not None and learnt is not None:
+            keep(learnt, self.calibrate)
+            console.aside(f"kept what the performer is like in {self.calibrate}")
 
 
 @contextmanager
@@ -214,7 +233,9 @@ def _to_servos(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
     sink = ServoSink(poses.robot, servo_map)
     emulated = place.serial == EMULATED
     with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
-        outcome, tally = moved(poses.loop(sink), sink, servo_map, serial, poses.seconds, place.log, console.aside)
+        loop = poses.loop(sink)
+        outcome, tally = moved(loop, sink, servo_map, serial, poses.seconds, place.log, console.aside)
+    poses.keep(loop)
     for sentence in outcome.warnings:
         console.note(sentence)
     console.aside(f"{outcome.sentence}; log in {place.log}")

@@ -22,6 +22,7 @@ class Fault(StrEnum):
     FLOOD = "packet thrown away unread"
     INCOMPLETE = "frame without all its bones"
     NOT_TRACKED = "frame that the performer does not trust"
+    NO_HUMAN = "no human in what was watched"
     SILENCE = "silence"
 
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.errors import MatchError
 from robot_retarget.live.faults import Fault
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.receiver import Source
@@ -46,7 +47,7 @@ def said_of(status: Any) -> str:
 
 
 class Stream(Protocol):
-    """What makes poses of frames (`solve.live.Stream`)."""
+    """What makes poses of frames (`rr.Stream`)."""
 
     def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> Pose:
         """The pose that answers to a frame."""
@@ -173,7 +174,12 @@ class Loop:
             stream = self._begin(frame.skeleton)
             frame = self.source.newest(0.0) or frame  # it took its time
         self._gap(frame)
-        pose = stream.push(frame.positions, frame.rotations, time=frame.time)
+        try:
+            pose = stream.push(frame.positions, frame.rotations, time=frame.time)
+        except MatchError as error:
+            self.source.faults.note(Fault.NO_HUMAN, str(error))
+            self._skeleton = None  # it is watched anew
+            return
         self.sink.show(pose)
         self.tally.note(frame, pose)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from performers import Answer, Swing, clip
 
-from robot_retarget.errors import ServoError
+from robot_retarget.errors import MotionError, ServoError
+from robot_retarget.live.calibration import keep, kept
 from robot_retarget.live.faults import Faults
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.replay import Replay
@@ -80,3 +81,21 @@ def test_the_emulated_robot_with_its_weight_is_moved_within_every_limit(tmp_path
         assert (goal >= low - 1e-9).all() and (goal <= high + 1e-9).all()
         assert np.abs(np.diff(goal, axis=0)).max() <= servo_map.limits.speed / 125 + 1e-9
         assert np.abs(goal[1:] - present[:-1]).max() <= servo_map.limits.jump + 1e-9
+
+
+def test_a_calibration_is_read_as_it_was_kept(tmp_path: Path) -> None:
+    motion = clip().frames(0, 60)
+    for turned in (motion, replace(motion, rotations=None)):
+        keep(turned, tmp_path / "me.npz")
+        found = kept(tmp_path / "me.npz")
+        assert found.skeleton.names == motion.skeleton.names and found.fps == motion.fps
+        assert np.array_equal(found.positions, motion.positions)
+        assert (found.rotations is None) == (turned.rotations is None)
+
+
+def test_what_is_no_calibration_is_named(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    (tmp_path / "junk.npz").write_bytes(b"junk")
+    for name in ("other.npz", "junk.npz", "nowhere.npz"):
+        with pytest.raises(MotionError, match=name):
+            kept(tmp_path / name)
