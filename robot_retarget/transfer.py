@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from robot_retarget.balance.balance import Balanced, balance_of, in_balance
+from robot_retarget.balance.balance import balance_of, in_balance
 from robot_retarget.balance.planter import PlantOptions
+from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.likeness import Likeness, likeness_of
@@ -14,10 +15,10 @@ from robot_retarget.describe.match import Match
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion
+from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
 from robot_retarget.solve.look import mismatch
 from robot_retarget.solve.options import Options, Search, Smoothing
-from robot_retarget.solve.progress import Progress
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
@@ -106,7 +107,7 @@ def solve(
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point; the motion
             then begins and ends in a balanced stand and is slowed down where it has to be. `off` leaves it as it is;
             `auto` is static for robots with a `servos.toml` beside their MJCF and for legs that stand, else off.
-        progress: called with (frames done, frames in all).
+        progress: told (steps done, steps in all), draft and balance together; more steps may turn out to be left.
 
     Raises:
         MatchError: what was solved as a whole does not look like what the human does (`look.mismatch`), and no map file
@@ -117,14 +118,17 @@ def solve(
     mode = balance_of(graph.robot, legs, balance)
     if mode != "off":  # balance plays no faster: what its draft does at full speed would come too late
         options = replace(options or Options(), speed=PlantOptions().speed)
-    solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=progress)
+    draft, planting = progress, None
+    if mode != "off" and progress:
+        draft, planting = one_after_another(progress, expected_steps(graph))
+    solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.motion, graph.robot, graph.match, solution.trajectory.qpos)
     if doubt and not graph.mapped and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
     if mode == "off":
         return Result(solution.graph, solution, doubt=doubt)
     began = time.perf_counter()
-    balanced, graph, solution = in_balance(solution.graph, solution, legs, mode)
+    balanced, graph, solution = in_balance(solution.graph, solution, legs, mode, planting)
     timings = {**solution.timings, "balance": time.perf_counter() - began}
     return Result(graph, replace(solution, timings=timings), balanced, doubt=doubt)
 

@@ -3,12 +3,10 @@
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -19,6 +17,14 @@ _WIDTH = None if sys.stdout.isatty() else 200
 out = Console(highlight=False, width=_WIDTH)
 _ARGUMENT = re.compile(r"\b(legs|balance|mode|format|fps) '([^']+)'")
 err = Console(stderr=True, highlight=False, soft_wrap=True)
+"""Errors."""
+side = Console(stderr=True, highlight=False, soft_wrap=True)
+"""Remarks and progress."""
+
+
+def hush(quiet: bool) -> None:
+    """Say nothing but errors, and what `--json` asks for."""
+    out.quiet = side.quiet = quiet
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -40,12 +46,12 @@ def say(text: str) -> None:
 
 def note(text: str) -> None:
     """Print a remark on the side, where it does not disturb what is piped on."""
-    err.print(f"note: {in_options(text)}", markup=False, style="dim")
+    side.print(f"note: {in_options(text)}", markup=False, style="dim")
 
 
 def aside(text: str) -> None:
     """Print a sentence on the side."""
-    err.print(text, markup=False)
+    side.print(text, markup=False)
 
 
 def in_options(text: str) -> str:
@@ -220,18 +226,17 @@ def show_stream(figures: dict[str, Any]) -> None:
         aside(line)
 
 
+def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
+    """Print what was done: as JSON, or in a sentence."""
+    if json:
+        dump(facts)
+    else:
+        say(sentence)
+
+
 def dump(value: Any, side: bool = False) -> None:
     """Print a value as JSON, on the side where what is piped on is something else."""
     print(json.dumps(value, indent=1, ensure_ascii=False), file=sys.stderr if side else None)
-
-
-@contextmanager
-def progress(label: str, quiet: bool = False) -> Iterator[Any]:
-    """A progress bar on stderr; yields what is called with (done, in all)."""
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=err, transient=True, disable=quiet or not err.is_terminal) as bar:
-        task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _missing(facts: dict[str, Any]) -> None:

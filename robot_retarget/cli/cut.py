@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Limits, RobotName
+from robot_retarget.cli.options import Json, Limits, Quiet, RobotName
 from robot_retarget.cli.stages import load
 from robot_retarget.errors import UsageError
 
@@ -23,6 +23,8 @@ def cut(
     repeat: Annotated[int, typer.Option(help="So many times in a row.")] = 1,
     seam: Annotated[float, typer.Option(help="Time over which the difference at a seam fades [s].")] = 0.4,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Trim, mirror, join and repeat trajectories; seams are smooth. What comes out was not simulated yet."""
     from robot_retarget import edit
@@ -39,7 +41,8 @@ def cut(
     made = parts[0] if len(parts) == 1 else edit.joined(parts, model, seam)
     made = made if repeat == 1 else edit.repeated(made, model, repeat, seam)
     made.save(output)
-    console.say(f"wrote {output}, {made.duration:.3g} s")
+    facts = {"output": str(output), "frames": len(made), "fps": made.fps, "duration_s": round(made.duration, 4)}
+    console.tell(facts, f"wrote {output}, {made.duration:.3g} s", json)
 
 
 def _span(text: str, duration: float) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Limits, RobotName, TrajectoryFile
+from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, TrajectoryFile
 from robot_retarget.cli.stages import load
 
 if TYPE_CHECKING:
@@ -55,6 +55,8 @@ def export(
     joints: Joints = None,
     servos: Servos = None,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
     list: List = False,
 ) -> None:
     """Write a trajectory in a format that others read."""
@@ -63,7 +65,7 @@ def export(
 
     options = _options(joints, fps, servos)
     write(load_trajectory(trajectory), load(robot, limits), format, output, options)
-    console.say(f"wrote {output}")
+    console.tell({"output": str(output), "format": format}, f"wrote {output}", json)
 
 
 @commands.command(
@@ -80,6 +82,8 @@ def import_(
     quaternion: Quaternion = None,
     servos: Servos = None,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Read the motion of a robot that others made, for warn, simulate, view and play."""
     from robot_retarget.formats import import_motion
@@ -88,7 +92,8 @@ def import_(
     for note in trajectory.notes:
         console.note(note)
     trajectory.save(output)
-    console.say(f"wrote {output}: {len(trajectory)} frames at {trajectory.fps:g} frames per second")
+    facts = {"output": str(output), "frames": len(trajectory), "fps": trajectory.fps, "notes": list(trajectory.notes)}
+    console.tell(facts, f"wrote {output}: {len(trajectory)} frames at {trajectory.fps:g} frames per second", json)
 
 
 @commands.command(
@@ -107,6 +112,8 @@ def convert(
     to_joints: Annotated[str | None, typer.Option(help="As --joints, of what is written.")] = None,
     servos: Servos = None,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Read a motion in one format and write it in another."""
     from robot_retarget.formats import export as write
@@ -117,7 +124,8 @@ def convert(
     for note in trajectory.notes:
         console.note(note)
     write(trajectory, model, to, output, _options(to_joints, fps, servos))
-    console.say(f"wrote {output}")
+    facts = {"output": str(output), "format": to, "frames": len(trajectory), "notes": list(trajectory.notes)}
+    console.tell(facts, f"wrote {output}", json)
 
 
 def _options(

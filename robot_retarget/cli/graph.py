@@ -5,8 +5,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Edges, Favour, Fps, Frames, Json, Limits, MotionFile, Overrides, RobotName, Up
-from robot_retarget.cli.stages import described, load, read_clip
+from robot_retarget.cli.bars import progress
+from robot_retarget.cli.options import (
+    Edges,
+    Favour,
+    Fps,
+    Frames,
+    Json,
+    Limits,
+    MotionFile,
+    Overrides,
+    Quiet,
+    RobotName,
+    Up,
+)
+from robot_retarget.cli.stages import described, load, read_clip, retarget_cost
 
 if TYPE_CHECKING:
     pass
@@ -27,15 +40,18 @@ def graph(
     favour: Favour = "balanced",
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Show the edges of a motion on a robot: kinds, counts, intervals, priorities, stress."""
     from robot_retarget.summary import describe_graph, describe_stress
     from robot_retarget.transfer import solve as solved
 
-    found = described(read_clip(motion, frames, up=up), load(robot, limits), fps, map_file, edges, favour)
+    clip = read_clip(motion, frames, up=up)
+    found = described(clip, load(robot, limits), fps, map_file, edges, favour)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
-        facts |= describe_stress(solved(found).solution)
+        with progress({"retarget": retarget_cost(clip)}) as stages:
+            facts |= describe_stress(solved(found, progress=stages.begin("retarget")).solution)
     if json:
         console.dump(facts)
     else:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import BodyModel, Json, Limits, Repair, SourceFps, Up
+from robot_retarget.cli.options import BodyModel, Json, Limits, Quiet, Repair, SourceFps, Up
 from robot_retarget.cli.stages import load, names_robot, read_clip
 from robot_retarget.errors import UsageError
 
@@ -25,6 +25,7 @@ def info(
     repair: Repair = True,
     limits: Limits = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Say what a motion or a robot is, and what was recognised in it."""
     from robot_retarget.summary import describe_motion, describe_robot

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Frames, Limits, Overrides, RobotName, TrajectoryFile, Up
+from robot_retarget.cli.options import Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
 from robot_retarget.cli.stages import load, read_clip
 
 commands = typer.Typer()
@@ -25,6 +25,8 @@ def mend(
     up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Solve the frames around each edit again, the rest as it is: what `view` does, to the same bytes."""
     from robot_retarget.describe.edits import read_edits
@@ -37,4 +39,4 @@ def mend(
     model, edits = load(robot, limits), read_edits(edges)
     played = load_trajectory(trajectory, model)
     all_mended(graph_of(read_clip(motion, frames, up=up), model, played, map_file), played, edits).save(output)
-    console.say(f"wrote {output}, {len(edits)} edits")
+    console.tell({"output": str(output), "edits": len(edits)}, f"wrote {output}, {len(edits)} edits", json)

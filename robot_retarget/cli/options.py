@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from robot_retarget.cli import console
+
 MotionFile = Annotated[
     Path,
     typer.Argument(
@@ -21,6 +23,17 @@ RobotName = Annotated[
     str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        callback=console.hush,
+        is_eager=True,
+        help="Say nothing but errors, and what --json prints.",
+    ),
+]
+"""Has done its work when the command begins."""
 Frames = Annotated[
     str | None, typer.Option(help="Part of the clip, START:STOP in frames, those left aside that reading drops.")
 ]

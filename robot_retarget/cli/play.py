@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Baud, Json, Port, TrajectoryFile
+from robot_retarget.cli.options import Baud, Json, Port, Quiet, TrajectoryFile
 from robot_retarget.cli.stages import judged_plain, load
 from robot_retarget.errors import UsageError
 
@@ -51,6 +51,7 @@ def play(
     ] = 10.0,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.files import require_writable

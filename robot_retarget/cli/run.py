@@ -18,6 +18,7 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Quiet,
     Repair,
     RobotName,
     Servos,
@@ -50,6 +51,7 @@ def run(
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
     draws: Draws = 10,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     wishes = Wishes(fps, map_file, legs, balance, favour=favour)
@@ -60,6 +62,7 @@ def run(
         wishes,
         video,
         json,
+        draws,
     )
     raise typer.Exit(0 if verdict == "pass" else 1)
 
@@ -72,11 +75,13 @@ def demo(
     legs: Legs = "auto",
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option(help="Make a film as well.")] = True,
+    draws: Draws = 10,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
     wishes = Wishes(None, None, legs, balance)
-    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, video, json)
+    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, video, json, draws)
     if json or not (MODELS / robot / "servos.toml").is_file():
         return
     if verdict == "pass":

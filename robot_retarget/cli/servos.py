@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Baud, Json, Port
+from robot_retarget.cli.options import Baud, Json, Port, Quiet
 from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def scan(
     baud: Annotated[list[int] | None, typer.Option(help="Baud rates to try; the usual ones by default.")] = None,
     last: Annotated[int, typer.Option(min=0, max=252, help="Highest id to try.")] = 252,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find the servos on a port, at every baud rate."""
     from robot_retarget.servo.bus import Bus
@@ -86,6 +87,7 @@ def check(
     baud: Baud = None,
     fix: Annotated[bool, typer.Option("--fix", help="Write what can be put right, where torque is off.")] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Compare the servos with the map; every difference at once. Exit code 1 when playing would be refused."""
     from robot_retarget.servo.bus import Bus
@@ -118,6 +120,8 @@ def calibrate(
     output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
     baud: Baud = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
     from robot_retarget.servo.bus import Bus
@@ -128,10 +132,9 @@ def calibrate(
     with Bus(port, baud or servo_map.baud) as bus:
         new = record_zeros(bus, servo_map, joint or servo_map.joints)
     _write(output, dump_map(new))
-    for old, now in zip(servo_map.servos, new.servos, strict=True):
-        if old.zero != now.zero:
-            console.say(f"{now.joint}: zero {old.zero} -> {now.zero}")
-    console.say(f"wrote {output}")
+    moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
+    lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
+    console.tell({"output": str(output), "zeros": moved}, "\n".join([*lines, f"wrote {output}"]), json)
 
 
 @servos.command("import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
@@ -140,6 +143,8 @@ def import_map(
     output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
     offsets: Annotated[Path | None, typer.Option(help="offset.yaml beside an OP3.robot.")] = None,
     model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Make a servo map from another project's configuration."""
     from robot_retarget.servo.foreign import read_foreign
@@ -147,8 +152,12 @@ def import_map(
 
     servo_map = read_foreign(file, offsets, model)
     _write(output, dump_map(servo_map))
-    console.say(f"wrote {output}: {len(servo_map.servos)} servos; look over signs, zeros and ranges before playing")
-    cut = [servo.joint for servo in servo_map.servos if servo.cut]
+    cut, count = [servo.joint for servo in servo_map.servos if servo.cut], len(servo_map.servos)
+    console.tell(
+        {"output": str(output), "servos": count, "cut": cut},
+        f"wrote {output}: {count} servos; look over signs, zeros and ranges before playing",
+        json,
+    )
     if cut:
         console.note(f"The one turn of position mode cuts the range of {', '.join(cut)}.")
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, RobotName, Servos, Thresholds, TrajectoryFile
+from robot_retarget.cli.options import Draws, Json, Limits, Quiet, RobotName, Servos, Thresholds, TrajectoryFile
 from robot_retarget.cli.stages import foreseen, judged, keep, load, write_page
 
 commands = typer.Typer()
@@ -30,10 +30,12 @@ def simulate(
     report_file: Annotated[
         Path | None, typer.Option("--report", help="The report to write; report.json beside the trajectory by default.")
     ] = None,
+    draws: Draws = 10,
     thresholds: Thresholds = None,
     page: Annotated[Path | None, typer.Option(help="A page with charts to write (.html).")] = None,
     limits: Limits = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
     from robot_retarget.files import require_suffix, require_writable
@@ -46,7 +48,7 @@ def simulate(
         require_writable(path)
     model, played = load(robot, limits, servos), load_trajectory(trajectory)
     warnings = foreseen(played, model)
-    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings)
+    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws)
     if store:
         keep(report, trajectory, where)
     if page is not None:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
+from robot_retarget.cli.bars import progress
 from robot_retarget.cli.options import (
     Balance,
     BodyModel,
@@ -18,12 +19,13 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Quiet,
     Repair,
     RobotName,
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip
+from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip, retarget_cost
 
 commands = typer.Typer()
 
@@ -47,6 +49,7 @@ def solve(
     balance: Balance = "auto",
     explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Retarget a motion: the trajectory only."""
     from robot_retarget.files import require_suffix, require_writable
@@ -55,9 +58,9 @@ def solve(
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
     wishes = Wishes(fps, map_file, legs, balance, edges, favour)
-    result = carried_over(
-        read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits), wishes, quiet=json
-    )
+    clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits)
+    with progress({"retarget": retarget_cost(clip)}) as stages:
+        result = carried_over(clip, model, wishes, stages.begin("retarget"))
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:

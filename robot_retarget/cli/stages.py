@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_retarget.cli import console
+from robot_retarget.cli.bars import Stages, progress
 from robot_retarget.cli.ending import filling
 from robot_retarget.errors import UsageError
 
@@ -12,10 +13,17 @@ if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
     from robot_retarget.describe.graph import Graph
     from robot_retarget.motion import Motion
+    from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
     from robot_retarget.simulate.report import Report
     from robot_retarget.trajectory import Trajectory
     from robot_retarget.transfer import Result
+
+
+STANDS = 4.0
+"""Of a balanced playback before and after the clip [s], about."""
+FILM_COST = 2.2
+"""About how long a second of film takes [s]."""
 
 
 @dataclass(frozen=True)
@@ -30,16 +38,14 @@ class Wishes:
     favour: str = "balanced"
 
 
-def fill_folder(
-    motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int = 10
-) -> str:
+def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int) -> str:
     """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
     from robot_retarget.summary import describe_solution
 
-    with filling(out) as target:
-        result = carried_over(motion, robot, wishes, quiet=json)
-        report, warnings = _tried(result, target, draws)
-        pictures = _shown(result, target, film, quiet=json)
+    with filling(out) as target, progress(costs_of(motion, robot, film, draws)) as stages:
+        result = carried_over(motion, robot, wishes, stages.begin(f"retarget to {robot.name}"))
+        report, warnings = _tried(result, target, draws, stages.begin("simulate"))
+        pictures = _shown(result, target, film, stages)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
     solved = describe_solution(result.solution, result.notes)
@@ -53,7 +59,28 @@ def fill_folder(
     return report.verdict
 
 
-def _tried(result: "Result", target: Path, draws: int) -> tuple["Report", "Warnings | None"]:
+def costs_of(motion: "Motion", robot: "Robot", film: bool, draws: int) -> dict[str, float]:
+    """About how long the stages of `run` take, measured on the sample clips [s]."""
+    length = len(motion) / motion.fps + STANDS
+    return {
+        f"retarget to {robot.name}": retarget_cost(motion),
+        "simulate": simulation_cost(length, draws),
+        **({"film": FILM_COST * length} if film else {}),
+        "pictures": 2.0,
+    }
+
+
+def retarget_cost(motion: "Motion") -> float:
+    """About how long retargeting takes [s]."""
+    return 0.5 + 0.5 * len(motion) / motion.fps
+
+
+def simulation_cost(length: float, draws: int) -> float:
+    """About how long it takes to simulate so many seconds [s]."""
+    return 1.0 + (0.1 + 0.03 * draws) * length
+
+
+def _tried(result: "Result", target: Path, draws: int, progress: "Progress") -> tuple["Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -61,7 +88,13 @@ def _tried(result: "Result", target: Path, draws: int) -> tuple["Report", "Warni
     warnings = result.warnings if len(result.trajectory) > 1 else None
     mode = "free" if result.balance else "pinned"
     report = roll_out(
-        result.trajectory, result.robot, mode=mode, warnings=warnings, likeness=result.likeness, draws=draws
+        result.trajectory,
+        result.robot,
+        mode=mode,
+        warnings=warnings,
+        likeness=result.likeness,
+        draws=draws,
+        progress=progress,
     )
     keep(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
@@ -101,6 +134,7 @@ def judged(
     servos: bool,
     thresholds: Path | None,
     warnings: "Warnings | None",
+    draws: int,
 ) -> "Report":
     """A trajectory played on simulated servos, or on the MJCF's own actuators."""
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -108,9 +142,18 @@ def judged(
 
     most = None if thresholds is None else read_thresholds(thresholds)
     drives = "auto" if servos else None
-    return roll_out(
-        trajectory, robot, mode=mode, drives=drives, compensate=compensate, thresholds=most, warnings=warnings
-    )
+    with progress({"simulate": simulation_cost(trajectory.duration, draws)}) as stages:
+        return roll_out(
+            trajectory,
+            robot,
+            mode=mode,
+            drives=drives,
+            compensate=compensate,
+            thresholds=most,
+            warnings=warnings,
+            draws=draws,
+            progress=stages.begin("simulate"),
+        )
 
 
 def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
@@ -134,20 +177,20 @@ def play_on_emulated(robot: str, folder: Path) -> None:
     console.say(outcome.sentence)
 
 
-def _shown(result: "Result", target: Path, film: bool, quiet: bool) -> tuple[Path, Path | None]:
-    """Draw the strip and, if it is asked for, the film; what cannot be drawn is said. Returns their paths."""
+def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> tuple[Path, Path | None]:
+    """Draw the film, if it is asked for, and the strip; what cannot be drawn is said. Returns their paths."""
     from robot_retarget.view import Picture, Unavailable, strip, video
 
     robot, (human, bones) = result.robot, result.match.figure(result.motion)
+    drawn, told = (target / "strip.png", target / "video.mp4" if film else None), set[str]()
+    if drawn[1] is not None:
+        filmed = video(robot, result.trajectory, drawn[1], human, bones, progress=stages.begin("film"))
+        told.add(filmed.reason if isinstance(filmed, Unavailable) else filmed.note)
+    stages.begin("pictures")
     picture = strip(robot, result.trajectory, human, bones)
-    drawn = target / "strip.png", target / "video.mp4" if film else None
     if isinstance(picture, Picture):
         picture.save(drawn[0])
-    told = {picture.reason if isinstance(picture, Unavailable) else picture.note}
-    if drawn[1] is not None:
-        with console.progress("film", quiet) as advance:
-            filmed = video(robot, result.trajectory, drawn[1], human, bones, progress=advance)
-        told.add(filmed.reason if isinstance(filmed, Unavailable) else filmed.note)
+    told.add(picture.reason if isinstance(picture, Unavailable) else picture.note)
     for sentence in told - {""}:
         console.note(sentence)
     return drawn
@@ -203,13 +246,12 @@ def described(
     return edited(describe(motion, robot, fps=fps, overrides=map_file, favour=favour), edits, edges or "")
 
 
-def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, quiet: bool) -> "Result":
-    """The motion on the robot, with progress unless it is to be quiet."""
+def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, progress: "Progress") -> "Result":
+    """The motion on the robot."""
     from robot_retarget.transfer import solve
 
     graph = described(motion, robot, wishes.fps, wishes.map_file, wishes.edges, wishes.favour)
-    with console.progress(f"retarget to {robot.name}", quiet) as advance:
-        return solve(graph, legs=wishes.legs, balance=wishes.balance, progress=advance)
+    return solve(graph, legs=wishes.legs, balance=wishes.balance, progress=progress)
 
 
 def read_clip(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits
+from robot_retarget.cli.options import Json, Limits, Quiet
 from robot_retarget.errors import UsageError, known
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def stream(
     speed: Annotated[float, typer.Option(help="Of a motion file: times its own speed.")] = 1.0,
     limits: Limits = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.files import require_suffix, require_writable

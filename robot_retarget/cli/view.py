@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Frames, Limits, Overrides, Up
-from robot_retarget.cli.stages import load, read_clip
+from robot_retarget.cli.bars import progress
+from robot_retarget.cli.options import Frames, Json, Limits, Overrides, Quiet, Up
+from robot_retarget.cli.stages import FILM_COST, load, read_clip
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def view(
     port: Annotated[int, typer.Option(help="Where to serve the page; 0 takes a free port.")] = 8410,
     browser: Annotated[bool, typer.Option(help="Open a browser on it, where there is a screen.")] = True,
     limits: Limits = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
     from robot_retarget.files import require_writable
@@ -59,10 +62,12 @@ def view(
     _draw(takes[0], video, gif, strip)
     if static is not None:
         page = Viewer(takes).save(static)
-        console.say(f"wrote {page}, {page.stat().st_size / 1e6:.1f} MB")
-    if not any((static, video, gif, strip)):
+        console.note(f"{page} has {page.stat().st_size / 1e6:.1f} MB")
+    if written := [str(path) for path in (strip, video, gif, static) if path is not None]:
+        console.tell({"files": written}, f"wrote {', '.join(written)}", json)
+    else:
         editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
-        _serve(Viewer(takes), port, browser, editor)
+        _serve(Viewer(takes), port, browser, editor, json)
 
 
 def _takes(
@@ -99,25 +104,24 @@ def _draw(take: "Take", video: Output, gif: Output, strip: Output) -> None:
     what = take.robot, take.trajectory
     if strip is not None:
         drawn = draw_strip(*what, *shown)
-        _tell(drawn if isinstance(drawn, Unavailable) else drawn.save(strip), strip)
+        _require_drawn(drawn if isinstance(drawn, Unavailable) else drawn.save(strip), strip)
     if video is not None:
-        with console.progress("film", False) as advance:
-            film = write_video(*what, video, *shown, progress=advance)
-        _tell(film, video)
+        with progress({"film": FILM_COST * take.trajectory.duration}) as stages:
+            film = write_video(*what, video, *shown, progress=stages.begin("film"))
+        _require_drawn(film, video)
     if gif is not None:
-        with console.progress("gif", False) as advance:
-            film = write_gif(*what, gif, *shown, progress=advance)
-        _tell(film, gif)
+        with progress({"gif": take.trajectory.duration}) as stages:
+            film = write_gif(*what, gif, *shown, progress=stages.begin("gif"))
+        _require_drawn(film, gif)
 
 
-def _tell(outcome: object, path: Path) -> None:
+def _require_drawn(outcome: object, path: Path) -> None:
     from robot_retarget.view import Film, Unavailable
 
     if isinstance(outcome, Unavailable):
         raise UsageError(f"cannot draw {path}: {outcome.reason}")
     if isinstance(outcome, Film) and outcome.note:
         console.note(outcome.note)
-    console.say(f"wrote {path}")
 
 
 def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) -> "Editor":
@@ -128,7 +132,7 @@ def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) 
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
 
 
-def _serve(viewer: "Viewer", port: int, browser: bool, editor: "Editor | None") -> None:
+def _serve(viewer: "Viewer", port: int, browser: bool, editor: "Editor | None", json: bool) -> None:
     import os
     import sys
     import webbrowser
@@ -136,7 +140,8 @@ def _serve(viewer: "Viewer", port: int, browser: bool, editor: "Editor | None") 
     from robot_retarget.view.web.serve import serve
 
     served = serve(viewer, port, editor)
-    console.say(f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends.")
+    sentence = f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends."
+    console.tell({"address": served.address}, sentence, json)
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)
     served.forever()

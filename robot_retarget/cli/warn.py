@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, RobotName, TrajectoryFile
+from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, TrajectoryFile
 from robot_retarget.cli.stages import draw_warnings, load
 
 commands = typer.Typer()
@@ -23,6 +23,7 @@ def warn(
     plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
     limits: Limits = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
     from robot_retarget.collision.events import figures_of, write_csv

@@ -14,11 +14,11 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.edits import Edit, edited
 from robot_retarget.describe.graph import Graph
+from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import Clip, clip_passes, renewed_tracks, smoothness
 from robot_retarget.solve.options import Options, Smoothing
 from robot_retarget.solve.problem import build_problem, wishes_of
-from robot_retarget.solve.progress import Count
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.trajectory import Trajectory
 

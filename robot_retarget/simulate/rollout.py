@@ -11,6 +11,7 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.describe.likeness import Likeness
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
+from robot_retarget.progress import Count, Progress
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.compensate import compensated
@@ -26,6 +27,11 @@ from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
+COMPENSATION = 2
+"""Making up for lag and load takes about as long as playing so many times."""
+SIMULATED = 2 + COMPENSATION
+"""Steps of the progress of a simulation without drawn worlds."""
+
 
 def simulate(
     trajectory: Trajectory | str | Path,
@@ -39,6 +45,7 @@ def simulate(
     warnings: Warnings | None = None,
     likeness: Likeness | None = None,
     draws: int = 0,
+    progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
 
@@ -61,6 +68,7 @@ def simulate(
 
         likeness: to the human's motion; the report then says in what it is unlike.
         draws: in mode `free`, so many drawn worlds are tried as well (`domain.draws`), if it stays up in this one.
+        progress: told (steps done, steps in all), a step for each time that it is played.
 
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
@@ -69,23 +77,29 @@ def simulate(
     """
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     require_same_robot(played, robot)
-    plant = plant_of(robot, mode, drives)
+    plant, count = plant_of(robot, mode, drives), Count(progress, SIMULATED + (draws if mode == "free" else 0))
     replayed = replay_contacts(robot, played.qpos)
     plain = roll_out(plant, played, cast(Mode, mode), playback)
+    count.one()
     goals, rollout = plain_goals(plant, played, playback), plain
     if compensate:
         goals = compensated(plant, played, cast(Mode, mode), playback)
+        count.one(COMPENSATION)
         rollout = roll_out(plant, played, cast(Mode, mode), playback, goals)
+    count.one()
     told = replace(played, goals=goals)
-    fallen = _fallen(plant, told, playback, draws) if mode == "free" and not _fell(rollout, robot, told) else ()
+    fallen = _fallen(plant, told, playback, draws, count) if mode == "free" and not _fell(rollout, robot, told) else ()
     outcome = Played(told, plant, cast(Mode, mode), replayed, rollout, plain, warnings, likeness, fallen)
     return build_report(outcome, fingerprint(told), thresholds or Thresholds())
 
 
-def _fallen(plant: Plant, trajectory: Trajectory, playback: Playback | None, count: int) -> tuple[bool, ...]:
+def _fallen(
+    plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, count: Count
+) -> tuple[bool, ...]:
     """Whether it falls in each of so many drawn worlds, told what was judged."""
-    worlds = rollouts(plant, trajectory, drawn_worlds(count), playback=playback, command=trajectory.goals)
-    return tuple(_fell(world, plant.robot, trajectory) for world in worlds)
+    command, draws = trajectory.goals, drawn_worlds(worlds)
+    found = rollouts(plant, trajectory, draws, playback=playback, command=command, count=count)
+    return tuple(_fell(world, plant.robot, trajectory) for world in found)
 
 
 def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
@@ -115,6 +129,7 @@ def rollouts(
     playback: Playback | None = None,
     command: Goals | None = None,
     threads: int | None = None,
+    count: Count | None = None,
 ) -> list[Rollout]:
     """The same trajectory in many worlds at once, in the order of the draws.
 
@@ -123,6 +138,7 @@ def rollouts(
         draws: see `domain.draws`.
         command: what the servos are told in place of the trajectory.
         threads: at once; by default one for each processor. The physics runs without Python's lock.
+        count: of the progress, a step for each world.
     """
 
     def play(draw: Draw) -> Rollout:
@@ -130,4 +146,9 @@ def rollouts(
         return roll_out(world, trajectory, cast(Mode, mode), how, command)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        return list(pool.map(play, draws))
+        found = []
+        for world in pool.map(play, draws):
+            found.append(world)
+            if count:
+                count.one()
+        return found

@@ -9,13 +9,13 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Renewable
 from robot_retarget.describe.track import Track, joined
+from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.between import Between, on_the_way
 from robot_retarget.solve.candidates import coarse_path
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import Wishes, wishes_of
-from robot_retarget.solve.progress import Count
 from robot_retarget.solve.quadratic import Interaction, Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.solution import Status
@@ -24,6 +24,9 @@ from robot_retarget.solve.sqp import FrameSolver, Pose
 
 ROUNDS = 3
 """So often frames whose links interpenetrate are solved anew: what makes way at one side may meet another link."""
+
+COARSE = 4
+"""The coarse path takes about as long as so many passes: steps of the progress that it counts for."""
 
 LOOSE = 5e-4
 """A hard edge that misses its interval by more is sought again [m]."""
@@ -52,9 +55,12 @@ def clip_poses(
     poses: list[Pose] = []
     asked: list[list[Track]] = []
     smooth = smoothness(solver.robot, graph.weights.smooth, graph.weights.smooth_root, graph.fps)
-    for window in smoothing.windows.cut(len(graph), graph.fps):
+    windows = list(smoothing.windows.cut(len(graph), graph.fps))
+    count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
+    for window in windows:
         part, known = graph.frames(window.first, window.last), poses[window.first :]
         coarse = coarse_path(solver, part, wishes_of(coarse_tracks(part)), search, [pose.qpos for pose in known])
+        count.one(COARSE * (len(part) - window.fixed))
         tracks = renewed_tracks(solver, part, coarse, window.fixed)
         clip = Clip(solver, wishes_of(tracks), smoothing, smooth, graph.fps, window.fixed)
         kept = slice(window.fixed, window.final - window.first)

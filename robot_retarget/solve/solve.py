@@ -8,11 +8,11 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
+from robot_retarget.progress import Count, Progress
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.clip import clip_poses, smoothness
 from robot_retarget.solve.options import Options, Search, Smoothing
 from robot_retarget.solve.problem import Problem, build_problem, stresses, wishes_of
-from robot_retarget.solve.progress import Count, Progress
 from robot_retarget.solve.solution import Solution, Status, unreached
 from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.solve.stream import causal_poses
@@ -36,13 +36,13 @@ def solve_graph(
     Args:
         problem: as `problem_of` builds it, if it is there already.
         smoothing: of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
-        progress: called with (frames done, frames in all), all passes counted.
+        progress: told how far it has come (`progress.Progress`).
     """
     began = time.perf_counter()
     chosen, smoothly = search or Search(), smoothing or Smoothing()
     problem = problem or problem_of(graph)
     solver, built = FrameSolver(problem, options), time.perf_counter()
-    count = Count(progress, len(graph) * max(smoothly.passes, 1))
+    count = Count(progress, len(graph))
     if smoothly.passes == 0 or len(graph) < 3:
         poses = causal_poses(solver, graph, chosen, count)
     else:

@@ -1,0 +1,193 @@
+"""The playback of a clip in balance: planted, and slowed down round by round until joints, soles and weight can follow."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.balance.outline import Clip, Outline, outlined
+from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
+from robot_retarget.balance.zmp import Plan, Steadiness
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.track import Track
+from robot_retarget.errors import BalanceError
+from robot_retarget.progress import Count
+from robot_retarget.robot import Robot
+from robot_retarget.robot.dynamics import joint_torques, tread
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.timing import sample
+from robot_retarget.solve.clip import Clip as SolverClip
+from robot_retarget.solve.clip import clip_passes, smoothness
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.problem import wishes_of
+from robot_retarget.solve.sqp import Pose
+from robot_retarget.trajectory import Trajectory
+
+QUICK = 0.04
+"""Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
+IN_TURN = 3
+"""Frame after frame, planting takes about as long as so many passes over all frames: steps of the progress."""
+ROUNDS = 1.5
+"""So many rounds of planting are expected, of which the one that begins is the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A playback that stands, as far as it was planned."""
+
+    poses: tuple[Pose, ...]
+    """K frames."""
+    tracks: tuple[Track, ...]
+    """What was asked of them."""
+    timeline: Timeline
+    places: Floats
+    """(K, F, 4, 3) of the soles [m]."""
+    plan: Plan
+    slowdown: float
+    """Duration within the clip over the clip's own."""
+    stride: float
+    """Length of the steps over the clip's own."""
+    legs: str
+    """`follow` or `stand`."""
+    zmp: Floats
+    """(K, 2) [m]."""
+    margin: Floats
+    """(K,) of the zero moment point inside the full support polygon [m]."""
+    friction: Floats
+    """(K,) coefficient of the floor that the soles need."""
+    instead: str = ""
+    """Why both feet stay in place though they were to follow if they can."""
+
+    @property
+    def qpos(self) -> Floats:
+        """(K, nq)."""
+        return np.array([pose.qpos for pose in self.poses])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the clip, a sentence each."""
+        slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
+        shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
+        feet = ", both feet in place" if self.legs == "stand" else ""
+        why = (f"both feet stay in place: {self.instead}",) if self.instead else ()
+        return (f"balanced: {slower}{shorter}{feet}, with a stand before and after", *why)
+
+
+def expected_steps(graph: Graph) -> int:
+    """Of the progress of `in_balance`, before anything is known: the playback is about twice as long as the clip."""
+    return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
+
+
+def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: float) -> Balanced:
+    """The clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs the time.
+
+    Raises:
+        BalanceError: it needs more than `slowest` times the human's time.
+    """
+    chosen = Pacing()
+    stretch = unhurried(clip.planted, clip.fps, chosen)
+    outline = outlined(planter, clip, stretch, how)
+    for _ in range(chosen.shifts):
+        late = outline.plan.excess > chosen.excess
+        if not late.any() or stretch.mean() >= chosen.slowest - 1e-3:
+            break
+        stretch = stretched(stretch, outline.timeline, shift_needs(late, outline.timeline, chosen), chosen)
+        _require_pace(stretch, slowest)
+        outline = outlined(planter, clip, stretch, how)
+        count.one(len(outline.wished))
+    found = played(planter, clip, outline, count)
+    for _ in range(chosen.rounds):
+        loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
+        inside = found.margin / outline.reach
+        needs = motion_needs(planter.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
+        if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
+            break
+        stretch = stretched(stretch, outline.timeline, needs, chosen)
+        _require_pace(stretch, slowest)
+        clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
+        outline = outlined(planter, clip, stretch, how)
+        found = played(planter, clip, outline, count, near=True)
+    return found
+
+
+def _require_pace(stretch: Floats, slowest: float) -> None:
+    if stretch.mean() > slowest:
+        raise BalanceError(f"stepping would take over {slowest:g} times as long as the human")
+
+
+def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: bool = False) -> Balanced:
+    """The configurations that follow an outline; `near` where the clip's configurations have been planted before."""
+    tracks = asked(planter, clip, outline)
+    wishes, graph, robot = wishes_of(tracks), clip.graph, planter.robot
+    smooth = smoothness(robot, graph.weights.smooth, graph.weights.smooth_root, clip.fps)
+    solver_clip = SolverClip(planter.solver, wishes, Smoothing(), smooth, clip.fps)
+    count.expect(round(ROUNDS * len(outline.wished) * ((0 if near else IN_TURN) + Smoothing().passes)))
+    start = list(outline.wished) if near else _in_turn(planter, outline, solver_clip, count)
+    poses = clip_passes(solver_clip, start, count)
+    qpos, timeline = np.array([pose.qpos for pose in poses]), outline.timeline
+    pressed = tread(robot, qpos, timeline.fps, QUICK)
+    margin = np.array([p.margin(x) for p, x in zip(outline.supports, pressed.point, strict=True)])
+    standing = [spots[down].reshape(-1, 3) for spots, down in zip(outline.places, timeline.planted, strict=True)]
+    return Balanced(
+        tuple(poses),
+        tuple(tracks),
+        timeline,
+        outline.places,
+        outline.plan,
+        outline.slowdown,
+        outline.stride,
+        "follow",
+        pressed.point,
+        margin,
+        pressed.friction(standing),
+    )
+
+
+def asked(planter: Planter, clip: Clip, outline: Outline) -> list[Track]:
+    """What is asked of a playback: the human's edges at its pace, fading into the stands, feet and mass as outlined."""
+    timeline, tracks = outline.timeline, []
+    share, first = timeline.share[:, None], np.arange(len(timeline.share)) < len(timeline.share) // 2
+    for track in clip.graph.tracks:
+        own = track.resampled(timeline.at)
+        stand = np.where(first[:, None], *(planter.measured(track.name, stand)[None] for stand in outline.stands))
+        if track.name == "rest":
+            own = replace(
+                own,
+                lower=np.where(share < 1, stand, own.lower),
+                upper=np.where(share < 1, stand, own.upper),
+                priority=own.priority + (1 - share) * planter.options.standing,
+            )
+        elif track.name == "path":
+            height = share * np.minimum(own.lower, stand) + (1 - share) * stand
+            weight = np.where([axis == "z" for axis in own.axes], planter.options.height, 0.0)
+            own = replace(own, lower=height, upper=height, priority=np.broadcast_to(weight, height.shape))
+        else:
+            own = replace(own, priority=own.priority * share)
+        tracks.append(own)
+    return planter.planted(tracks, outline.places, timeline.planted, outline.plan.centre)
+
+
+def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count) -> list[Floats]:
+    """(K, nq) each frame from the correction of root and legs in the one before: where the passes over all frames begin.
+
+    Arms and head begin as they are wished: one that came to another basin would not leave it again.
+    """
+    robot, solver, found = planter.robot, planter.solver, []
+    carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
+    correction = np.zeros(robot.model.nv)
+    for k, wish in enumerate(outline.wished):
+        start = integrate(robot, wish, correction)
+        pose = solver.descend(start, clip.wishes.at(k), iterations=8, tolerance=1e-4)
+        correction = np.where(carried, difference(robot, wish, pose.qpos), 0.0)
+        found.append(pose.qpos)
+        count.one(IN_TURN)
+    return found
+
+
+def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
+    """(T, nq) what a playback does at the clip's own frames."""
+    inside = np.flatnonzero(found.timeline.share >= 1)
+    inside = inside[np.unique(found.timeline.at[inside], return_index=True)[1]]
+    times = np.interp(np.arange(len(clip.qpos)), found.timeline.at[inside], inside / clip.fps)
+    return sample(Trajectory(found.qpos, clip.fps, robot.joint_names, robot.name), robot, times)

@@ -1,0 +1,60 @@
+"""A progress bar with the time left."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from time import monotonic
+
+from rich.progress import BarColumn, ProgressColumn, Task, TaskProgressColumn, TextColumn
+from rich.progress import Progress as Bars
+from rich.text import Text
+
+from robot_retarget.cli.console import side
+from robot_retarget.progress import Progress
+
+
+class TimeLeft(ProgressColumn):
+    """The time until the end that `Stages` expects."""
+
+    def render(self, task: Task) -> Text:
+        """Minutes and seconds."""
+        left = max(round(task.fields["ends"] - monotonic()), 0)
+        return Text(f"{left // 60}:{left % 60:02d} left", style="progress.remaining")
+
+
+class Stages:
+    """A progress bar over stages that follow each other.
+
+    What is left is the rest of the stage that runs, at its pace so far, and what those after it usually take. A pace of
+    which little is known yet is taken to be the usual one: it counts like the first `PRIOR` of the stage.
+    """
+
+    PRIOR = 0.1
+
+    def __init__(self, bars: Bars, costs: Mapping[str, float]):
+        self._bars, self._costs, self._began = bars, costs, monotonic()
+        self._task = bars.add_task("", ends=self._began + sum(costs.values()))
+
+    def begin(self, stage: str) -> Progress:
+        """A stage begins, those before it are done; told how far it has come, the bar goes on."""
+        names, cost, began = list(self._costs), self._costs[stage], monotonic()
+        later = sum(self._costs[name] for name in names[names.index(stage) + 1 :])
+
+        def told(done: int, total: int) -> None:
+            share, usual = done / max(total, 1), self.PRIOR * cost
+            self._expect((1 - share) * (monotonic() - began + usual) / (share + self.PRIOR) + later)
+
+        self._bars.update(self._task, description=stage)
+        told(0, 1)
+        return told
+
+    def _expect(self, left: float) -> None:
+        now = monotonic()
+        self._bars.update(self._task, completed=now - self._began, total=now - self._began + left, ends=now + left)
+
+
+@contextmanager
+def progress(costs: Mapping[str, float]) -> Iterator[Stages]:
+    """A bar with the time left over stages that usually take so long [s]; on stderr, where that is a terminal."""
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
+    with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
+        yield Stages(bars, costs)

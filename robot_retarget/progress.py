@@ -1,0 +1,35 @@
+"""How far a long computation has come."""
+
+from collections.abc import Callable
+
+Progress = Callable[[int, int], None]
+"""Told (steps done, steps in all) in steps that take about the same time; more may turn out to be left."""
+
+
+class Count:
+    """Counts steps towards a progress report."""
+
+    def __init__(self, progress: Progress | None, total: int):
+        self.progress, self.total, self.done = progress, total, 0
+
+    def one(self, steps: int = 1) -> None:
+        """One more step is done, or so many."""
+        self.done += steps
+        if self.progress:
+            self.progress(min(self.done, self.total), self.total)
+
+    def expect(self, left: int) -> None:
+        """So many steps are left, as far as is known now."""
+        self.total = self.done + left
+
+
+def one_after_another(progress: Progress, left: int) -> tuple[Progress, Progress]:
+    """The progress of two computations that follow each other, the second expected to take so many steps."""
+    before = 0
+
+    def first(done: int, total: int) -> None:
+        nonlocal before
+        before = total
+        progress(done, total + left)
+
+    return first, lambda done, total: progress(before + done, before + total)
