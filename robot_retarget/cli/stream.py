@@ -137,8 +137,8 @@ class Poses:
         from robot_retarget.live.calibration import kept
         from robot_retarget.live.loop import Loop
 
-        make, known = public("Stream"), self.calibrate is not None and self.calibrate.exists()
-        how: dict[str, Any] = {"calibration": kept(self.calibrate)} if known else {}
+        make, path = public("Stream"), self.calibrate
+        how: dict[str, Any] = {} if path is None or not path.exists() else {"calibration": kept(path)}
         how |= {"lag": self.lag} if self.lag else {}
         return Loop(self.source, lambda skeleton: make(self.robot, skeleton, **how), sink, console.aside)
 

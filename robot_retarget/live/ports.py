@@ -11,8 +11,9 @@ from typing import NamedTuple, Protocol
 from robot_retarget.errors import UsageError
 from robot_retarget.live.faults import Fault, Faults
 
-NEWEST = 64
-"""Of the datagrams that wait, so many of the latest are looked at: a performer sends a frame in one to a dozen."""
+NEWEST = 16_384
+"""Of the datagrams that wait, the latest are looked at that hold so many bytes: two frames with every bone and a face, in
+one datagram or in a hundred."""
 AT_ONCE = 4096
 """So many are fetched at once; a flood of more does not keep the robot waiting."""
 CHUNK = 65536
@@ -64,9 +65,9 @@ class UdpPort:
     def receive(self, timeout: float) -> list[Packet]:
         if not select.select([self._socket], [], [], max(timeout, 0))[0]:
             return []
-        waiting: deque[Packet] = deque(maxlen=NEWEST)
-        count = 0
-        while count < AT_ONCE:
+        waiting: deque[Packet] = deque()
+        size = left_out = 0
+        while len(waiting) + left_out < AT_ONCE:
             try:
                 data, (host, port) = self._socket.recvfrom(CHUNK)
             except BlockingIOError:
@@ -74,9 +75,12 @@ class UdpPort:
             except OSError:  # an answer of the system to something that was never sent
                 continue
             waiting.append(Packet(data, f"{host}:{port}", time.monotonic()))
-            count += 1
-        if count > NEWEST:
-            self._faults.note(Fault.FLOOD, f"{count} at once", count - NEWEST)
+            size += len(data)
+            while size - len(waiting[0].data) >= NEWEST:
+                size -= len(waiting.popleft().data)
+                left_out += 1
+        if left_out:
+            self._faults.note(Fault.FLOOD, f"{left_out + len(waiting)} at once", left_out)
         return list(waiting)
 
     def close(self) -> None:
