@@ -21,7 +21,8 @@ class Replay:
             raise UsageError(f"--speed must be positive, got {speed:g}")
         self.motion, self.faults, self.dropped = motion, faults, 0
         self._rate, self._next = motion.fps * speed, 0
-        self._began: float | None = None
+        self.began: float | None = None
+        """When the first frame was due [s]."""
 
     @property
     def skeleton(self) -> Skeleton:
@@ -34,18 +35,18 @@ class Replay:
     def newest(self, timeout: float) -> Frame | None:
         if self.ended:
             return None
-        if self._began is None:
-            self._began = time.monotonic()
-        ahead = self._began + self._next / self._rate - time.monotonic()
+        if self.began is None:
+            self.began = time.monotonic()
+        ahead = self.began + self._next / self._rate - time.monotonic()
         if ahead > timeout:
             time.sleep(max(timeout, 0.0))
             return None
         time.sleep(max(ahead, 0.0))
-        due = min(floor((time.monotonic() - self._began) * self._rate + 1e-6), len(self.motion) - 1)
+        due = min(floor((time.monotonic() - self.began) * self._rate + 1e-6), len(self.motion) - 1)
         t = max(due, self._next)
         self.dropped += t - self._next
         self._next = t + 1
-        made, motion = self._began + t / self._rate, self.motion
+        made, motion = self.began + t / self._rate, self.motion
         turns = None if motion.rotations is None else motion.rotations[t]
         return Frame(motion.skeleton, made, max(time.monotonic(), made), motion.positions[t], turns)
 

