@@ -53,7 +53,7 @@ def again(clip: str, folder: Path, order: str, unit: str, up: str) -> Motion:
     return read_motion(path, repair=False)
 
 
-@pytest.mark.parametrize(("order", "unit"), zip(ORDERS, itertools.cycle(UNITS)))
+@pytest.mark.parametrize(("order", "unit"), list(zip(ORDERS, itertools.cycle(UNITS))))
 @pytest.mark.parametrize("clip", CLIPS)
 @pytest.mark.parametrize("up", ["+y", "+z"])
 def test_order_unit_and_up_axis_change_nothing(clip: str, order: str, unit: str, up: str, tmp_path: Path) -> None:
