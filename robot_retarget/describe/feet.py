@@ -83,11 +83,15 @@ def _foot(
     motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats, flat: np.ndarray
 ) -> Floats:
     """A foot's frame; it is level, and its toes lie straight ahead, in the frames (T,) in which it is flat."""
-    along, shin = toe - ankle, knee - ankle
-    y = unit(np.cross(shin, along))
-    raw = np.stack([unit(along), y, np.cross(unit(along), y)], axis=2)
+    along = toe - ankle
     ahead = unit(along[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
     own = own_rotation(motion, match, f"{side}_ankle")
-    seen = raw if own is None else own
+    seen = seen_foot(knee, ankle, toe) if own is None else own
     return seen @ constant_between(seen[flat], level)
+
+
+def seen_foot(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
+    """(T, 3, 3) along the foot, across shin and foot, and square to both."""
+    along, y = unit(toe - ankle), unit(np.cross(knee - ankle, toe - ankle))
+    return np.stack([along, y, np.cross(along, y)], axis=2)

@@ -13,7 +13,7 @@ from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.describe.contacts import intervals
 from robot_retarget.describe.human import Human
 from robot_retarget.describe.match import Match
-from robot_retarget.describe.path import pelvis_path
+from robot_retarget.describe.path import Carriage, carriage_of
 from robot_retarget.describe.segments import heading
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.robot import Points, Robot, world_points
@@ -37,33 +37,53 @@ class Footholds:
 
 def footholds_of(human: Human, match: Match, robot: Robot) -> Footholds:
     """The footholds of the matched feet; none of a robot that is bolted to the world."""
-    feet = tuple(foot for foot in match.anatomy.soles if _placed(foot, match)) if robot.root_joints.size else ()
+    feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
-        places[:, k] = settled(held[:, k], _carried_over(human, match, robot, foot))
+        places[:, k] = settled(held[:, k], sole_of(human, match, robot, foot).places(human))
     stands = np.asarray(held.any(axis=2))
     return Footholds(feet, held, places, nearing(stands, round(LANDING * human.fps)))
 
 
-def _placed(foot: str, match: Match) -> bool:
-    """Whether both bodies have what tells where a foot is."""
-    return {"l_hip", "r_hip", f"{foot}_ankle"} <= set(match.keypoints)
+def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
+    """The feet of which both bodies have what tells where they are; none of a robot that is bolted to the world."""
+    known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
+    return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
 
 
-def _carried_over(human: Human, match: Match, robot: Robot, foot: str) -> Floats:
-    """(T, 4, 3) corners of a sole, turned as the human's foot [m]."""
-    left, right, ankle = (human.positions[:, match.index(k)] for k in ("l_hip", "r_hip", f"{foot}_ankle"))
-    pelvis = (left + right) / 2
-    hip, sole = _hip_and_sole(robot, match, foot)
-    outward = leftward(heading(human.facing)) * (1 if foot == "l" else -1)
-    wider = hip - match.leg_ratio * float(np.median(np.linalg.norm((left - right), axis=1))) / 2
-    places = pelvis_path(human, match) + match.leg_ratio * (ankle - pelvis)
-    places[:, :2] += wider * outward
-    turn = human.segments.get(f"{foot}_foot", human.facing)
-    return places[:, None] + sole @ turn.swapaxes(1, 2)
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """How the sole of one foot is carried over: its ankle by the leg, further out by as much as the robot's hips are wider."""
+
+    foot: str
+    carriage: Carriage
+    hips: tuple[int, int]
+    ankle: int
+    wider: float
+    """[m]"""
+    corners: Floats
+    """(4, 3) ahead of the ankle, to its left and up [m]."""
+
+    def places(self, human: Human) -> Floats:
+        """(T, 4, 3) corners, turned as the human's foot [m]."""
+        left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
+        outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
+        places = self.carriage.path(human) + self.carriage.ratio * (ankle - (left + right) / 2)
+        places[:, :2] += self.wider * outward
+        turn = human.segments.get(f"{self.foot}_foot", human.facing)
+        return places[:, None] + self.corners @ turn.swapaxes(1, 2)
+
+
+def sole_of(human: Human, match: Match, robot: Robot, foot: str) -> Sole:
+    """What the whole of a motion tells of that."""
+    left, right = (match.index(f"{side}_hip") for side in "lr")
+    hip, corners = _hip_and_sole(robot, match, foot)
+    apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
+    wider = hip - match.leg_ratio * float(np.median(apart)) / 2
+    return Sole(foot, carriage_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners)
 
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:

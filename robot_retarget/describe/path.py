@@ -1,15 +1,42 @@
 """The path of the pelvis, carried over by the length of the leg."""
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.human import Human
 from robot_retarget.describe.match import Match
 
 
+@dataclass(frozen=True, eq=False)
+class Carriage:
+    """How places of the human become places of the robot:  y = r (x − o),  with the heights of the ankles made to fit."""
+
+    ratio: float
+    """r, robot leg over human leg [-]."""
+    origin: Floats
+    """(3,) o, what becomes the origin [m]: the human's first place, at the height that puts ankles at the robot's."""
+    pelvis: int | None
+    """Which keypoint is the pelvis; None takes the middle of all."""
+
+    def path(self, human: Human) -> Floats:
+        """(T, 3) where the pelvis should be [m]."""
+        x = human.positions
+        where = x.mean(axis=1) if self.pelvis is None else x[:, self.pelvis]
+        return (where - self.origin) * self.ratio
+
+
+def carriage_of(human: Human, match: Match) -> Carriage:
+    """The carriage that starts above the origin."""
+    x, ratio = human.positions, match.leg_ratio
+    pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
+    first = x[0].mean(axis=0) if pelvis is None else x[0, pelvis]
+    ankles = {"l_ankle", "r_ankle"} & set(match.keypoints)
+    low = human.ankle_height - match.ankle_height / ratio if ankles else 0.0
+    return Carriage(ratio, np.array([*first[:2], low]), pelvis)
+
+
 def pelvis_path(human: Human, match: Match) -> Floats:
     """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m]."""
-    x = human.positions
-    pelvis = x[:, match.index("pelvis")] if "pelvis" in match.keypoints else x.mean(axis=1)
-    path = (pelvis - [*pelvis[0, :2], 0.0]) * match.leg_ratio
-    if {"l_ankle", "r_ankle"} & set(match.keypoints):
-        path[:, 2] += match.ankle_height - human.ankle_height * match.leg_ratio
-    return path
+    return carriage_of(human, match).path(human)

@@ -33,7 +33,7 @@ LEANT = 0.2
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
     """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
-    frames, leans = _trunk_frames(x), _leans(match)
+    frames, leans = trunk_frames(x), _leans(match)
     for segment in leans:
         frames[segment] = _turned(motion, match, segment, frames, leans)
     feet = feet_frames(motion, match, x)
@@ -56,7 +56,7 @@ def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats
     return own @ levelled(constant, LEVEL[segment])
 
 
-def _trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
+def trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
     """(T, 3, 3) of pelvis, chest and head as their keypoints (T, 3) show them, of either body."""
     frames: dict[str, Floats] = {}
     if {"pelvis", "chest", "l_hip", "r_hip"} <= x.keys():
@@ -73,7 +73,7 @@ def _leans(match: Match) -> dict[str, Floats]:
     """(3, 3) that turns a frame built of the robot's keypoints in its reference pose upright: a head may sit before its neck."""
     forward = match.anatomy.forward
     upright = np.stack([forward, np.cross(UP, forward), UP], axis=1)
-    built = _trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
+    built = trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
     return {segment: frames[0].T @ upright for segment, frames in built.items()}
 
 
@@ -121,7 +121,7 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
 def _resting(motion: Motion, match: Match) -> dict[str, Floats]:
     """(1, 3, 3) of pelvis, chest and head as the keypoints of the rest pose show them; zeros where the file has none."""
     rest = match.recognition.place(motion.skeleton.rest()[None])
-    return _trunk_frames({k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints})
+    return trunk_frames({k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints})
 
 
 def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:

@@ -44,9 +44,13 @@ def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, tu
 
 def raised(robot: Robot, qpos: Floats, height: float) -> Floats:
     """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward."""
+    if robot.floating:
+        moved = np.array(qpos)
+        moved[robot.root_address + 2] += height
+        return moved
     kinds = robot.model.jnt_type
     slides = [d for d in root_dofs(robot) if kinds[robot.model.dof_jntid[d]] == SLIDE]
-    dofs = root_dofs(robot)[:3] if robot.floating else np.array(slides, dtype=np.int64)
+    dofs = np.array(slides, dtype=np.int64)
     data, velocity, rows = mujoco.MjData(robot.model), np.zeros(robot.model.nv), np.zeros((3, robot.model.nv))
     data.qpos[:] = qpos
     mujoco.mj_kinematics(robot.model, data)

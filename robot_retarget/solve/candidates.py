@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.graph import Graph
-from robot_retarget.robot import Robot
+from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.mirror import mirror_of
@@ -229,11 +229,15 @@ def _left(robot: Robot, forward: Floats) -> Floats:
 
 def place_root(graph: Graph, qpos: Floats, frame: int) -> Floats:
     """A pose with its root turned and moved so that the pelvis is where and as it is wished."""
-    robot, anatomy = graph.robot, graph.match.anatomy
+    return rooted(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
+
+
+def rooted(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
+    """A pose with its root moved so that the pelvis is at a place (3,) [m] and turned so (3, 3)."""
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
     spot = anatomy.spots.get("pelvis")
     offset = spot.offset if spot is not None and spot.body == body else np.zeros(3)
-    return put(robot, qpos, body, offset, graph.pelvis[frame], graph.human.facing[frame] @ axes.T)
+    return put(robot, qpos, body, offset, pelvis, facing @ axes.T)
 
 
 def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:

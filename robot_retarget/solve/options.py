@@ -80,6 +80,38 @@ class Search:
 
 
 @dataclass(frozen=True)
+class RealTime:
+    """Of a stream: one frame after the other, as they come."""
+
+    steps: int = 2
+    """Of the quadratic program, per frame."""
+    frequency: float = 3.3
+    """What π = 1/rad² pulls follows like a mass on a spring of this natural frequency [1/s] ..."""
+    damping: float = 0.5
+    """... and this damping ratio [-]; stronger edges are followed the more closely."""
+    root_speed: float = 6.0
+    """The root moves at most so fast [m/s] ..."""
+    root_turn: float = 25.0
+    """... and turns at most so fast [rad/s]."""
+    gap: float = 0.1
+    """After a longer time without a frame [s] ..."""
+    ease: float = 0.5
+    """... joints gather their speed anew within this one [s]."""
+    start: int = 32
+    """Steps at most to the first pose, from the standing one."""
+    looks: float = 30.0
+    """Steps per second that another pose takes from the standing one on [1/s] ..."""
+    home_steps: int = 16
+    """... until it has taken so many and is compared."""
+    same: float = 1.0
+    """Poses whose hinges all lie nearer than this are in one basin: one lags behind the other [rad]."""
+    worth: float = 0.8
+    """It is gone over to what costs less than this share [-] ..."""
+    unhurried: float = 0.4
+    """... with this share of the joints' speeds on the mean [-]."""
+
+
+@dataclass(frozen=True)
 class Smoothing:
     """Of a whole clip: the alternating direction method of multipliers between frames and a smooth path."""
 

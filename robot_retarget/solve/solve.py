@@ -10,12 +10,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot.kinematics import difference
+from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, smoothness
 from robot_retarget.solve.options import Options, Search, Smoothing
 from robot_retarget.solve.problem import Problem, build_problem, stresses, wishes_of
 from robot_retarget.solve.solution import Solution, Status, unreached
 from robot_retarget.solve.sqp import FrameSolver, Pose
-from robot_retarget.solve.stream import causal_poses
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60

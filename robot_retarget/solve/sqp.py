@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raised
 from robot_retarget.solve.between import Between, on_the_way
@@ -27,6 +28,8 @@ class Box:
 
     lower: Floats
     upper: Floats
+    root: tuple[Floats, Floats] | None = None
+    """A configuration (nq,), and how far the root may be from it (R,) by its tangent [m, rad]; None leaves it free."""
 
     def around(self, neighbours: list[Floats], reach: Floats) -> "Box":
         """Angles within `reach` of every neighbour (n,); where two are too far apart, halfway between them."""
@@ -78,7 +81,7 @@ class FrameSolver:
 
     def __init__(self, problem: Problem, options: Options | None = None):
         self.problem, self.options, self.robot = problem, options or Options(), problem.robot
-        self.hinges, self.leg = self.robot.dof_index, problem.leg
+        self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
         self.ranges = Box(self.robot.lower, self.robot.upper)
         self.speed = self.options.speed * self.robot.max_speed
         """(n,) of the joints between frames, at most [rad/s]."""
@@ -133,6 +136,19 @@ class FrameSolver:
                 region.refuse(step)
         return self._left(q, Status.OUT_OF_ITERATIONS, base, region, between)
 
+    def advance(self, start: Floats, wish: Wish, proximal: Proximal | None, box: Box, steps: int) -> Pose:
+        """So many steps without a look back: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
+        q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
+        for taken in range(steps):
+            base = self.costs.linearize(q, wish)
+            step, _ = self._step(q, self.costs.with_proximal(base, q, proximal), region, box)
+            if step is None:
+                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, missing=base.missing))
+            q = integrate(self.robot, q, step)
+            status = Status.CONVERGED if float(np.abs(step[self.hinges]).max()) < UNSEEN else Status.OUT_OF_ITERATIONS
+        assert base is not None
+        return self._closed(Pose(q, status, base.cost, steps, missing=base.missing))
+
     def _left(
         self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
     ) -> Pose:
@@ -150,6 +166,11 @@ class FrameSolver:
         program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
         program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)
         program.upper[self.hinges] = (box.upper - angle).clip(-radius, radius)
+        if box.root is not None:
+            anchor, reach = box.root
+            moved = difference(self.robot, anchor, q)[self.roots]
+            program.lower[self.roots] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
+            program.upper[self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
         program.hessian[:nv, :nv] = here.normal
         program.hessian[self.diagonal] += region.damping
         program.gradient[:nv] = here.gradient

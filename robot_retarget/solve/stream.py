@@ -1,45 +1,269 @@
-"""Frame by frame, as they come: each from where the last two lead to."""
+"""A live stream: a frame of the human in, a configuration out, within a millisecond."""
 
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import repeat
+from typing import Any
+
+import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
-from robot_retarget.progress import Count
-from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.candidates import seek
-from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import wishes_of
-from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+from robot_retarget.describe.causal.calibration import calibration_of
+from robot_retarget.describe.causal.human import CausalHuman
+from robot_retarget.describe.causal.wishes import CausalWishes
+from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.human import Human
+from robot_retarget.describe.path import carriage_of
+from robot_retarget.describe.soles import CORNERS, sole_corners
+from robot_retarget.describe.weights import Weights
+from robot_retarget.errors import UsageError
+from robot_retarget.motion import Motion, Skeleton
+from robot_retarget.robot import Points, Robot
+from robot_retarget.robot.kinematics import Bodies
+from robot_retarget.solve.candidates import rooted
+from robot_retarget.solve.clip import smoothness
+from robot_retarget.solve.compiled import Compiled
+from robot_retarget.solve.lag import FixedLag, Solved
+from robot_retarget.solve.options import RealTime, Smoothing
+from robot_retarget.solve.problem import Wish, build_problem
+from robot_retarget.solve.realtime import RealTimeSolver
+from robot_retarget.solve.solution import Status
+from robot_retarget.solve.sqp import FrameSolver, Pose
+
+CALIBRATED = 1.0
+"""A performer who is not known is watched for so long before the robot follows [s]."""
+LEAST = 12
+"""Frames at least that a performer is watched for."""
+FARTHEST = 1000.0
+"""A joint farther away is no place [m]."""
+FIRST = 1 / 30
+"""What a first frame is taken to last [s]."""
 
 
-def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count) -> list[Pose]:
-    """Each frame from the ones before, no farther than joints turn; the first from several starts."""
-    wishes, poses = wishes_of(graph.tracks), []
-    before = seek(solver, graph, wishes, 0, search)[0].qpos
-    for t in range(len(graph)):
-        box = solver.reachable([before] if t else [], 1 / graph.fps)
-        start = predicted(solver.robot, poses, box) if t > 2 else before
-        pose = solver.descend(start, wishes.at(t), box=box)
-        if t > 2 and pose.missing > 0:  # links may have gone around each other on the wrong side
-            pose = min(pose, solver.descend(before, wishes.at(t), box=box), key=lambda end: end.cost)
-        if pose.missing > 0:
-            pose = solver.held_back(before, pose)
-        poses.append(solver.lifted(pose))
-        before = poses[-1].qpos
-        count.one()
-    return poses
+@dataclass(frozen=True, eq=False)
+class StreamPose:
+    """What a stream answers with."""
+
+    qpos: Floats
+    """(nq,)."""
+    time: float
+    """Of the newest frame, by the source's clock [s]."""
+    status: Status
+    age: float = 0.0
+    """Of the frame that it answers to: how much earlier that was [s]."""
 
 
-def predicted(robot: Robot, poses: list[Pose], box: Box) -> Floats:
-    """Where the last three poses lead to by the next frame, as far as the box allows.
+class Stream:
+    """A robot that follows a performer, causal and in bounded memory.
 
-    By the smaller of the last two steps where they agree in their sense, else not at all: what a pose is off its optimum
-    goes to and fro, and would grow from frame to frame.
+    The first second tells the performer's bones, floor and axes; the robot stands meanwhile, and eases into the motion.
     """
-    first, before, last = (pose.qpos for pose in poses[-3:])
-    earlier, later = difference(robot, first, before), difference(robot, before, last)
-    agreed = np.where(earlier * later > 0, np.sign(later) * np.minimum(np.abs(earlier), np.abs(later)), 0.0)
-    start = integrate(robot, last, agreed)
-    start[robot.qpos_index] = np.clip(start[robot.qpos_index], box.lower, box.upper)
-    return start
+
+    def __init__(
+        self,
+        robot: Robot,
+        skeleton: Skeleton,
+        *,
+        calibration: Motion | None = None,
+        lag: int = 0,
+        options: RealTime | None = None,
+        weights: Weights | None = None,
+        native: bool = True,
+    ):
+        """Begin with a robot and the performer's joints.
+
+        Args:
+            calibration: a motion of the same skeleton that tells what the first second would: then the robot follows at
+                once.
+            lag: frames that are waited for before a pose is given out: smoother, and so much later.
+            native: take machine code as soon as it can be had.
+
+        Raises:
+            MatchError: the calibration is no human, or the robot no humanoid.
+            UsageError: the calibration is of another skeleton, or the lag is below 0.
+        """
+        if lag < 0:
+            raise UsageError(f"a stream lags by 0 frames or more, got {lag}")
+        self.lag = lag
+        self.robot, self.skeleton, self.options = robot, skeleton, options or RealTime()
+        self.weights, self.native = weights, native
+        self.faults: dict[str, int] = {}
+        """What frames were not followed, by kind."""
+        self.performer: _Follower | None = None
+        self._watched: list[tuple[Floats, Floats | None, float]] = []
+        self._last: StreamPose | None = None
+        if calibration is not None:
+            if calibration.skeleton.names != skeleton.names:
+                raise UsageError("the calibration is of another skeleton: its joints have other names")
+            self.performer = self._calibrated(calibration)
+
+    @property
+    def calibration(self) -> Motion | None:
+        """The frames that told what the performer is like; keep them to follow at once the next time."""
+        return self.performer.graph.motion if self.performer else None
+
+    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> StreamPose:
+        """The configuration that answers to a frame.
+
+        Args:
+            positions: (J, 3) of the joints, z up [m].
+            rotations: (J, 4) of the joints in the world, w x y z; None where they are not known.
+            time: of the frame, by the source's clock [s].
+
+        Raises:
+            UsageError: the shapes are not the skeleton's.
+            MatchError: the frames watched so far show no human.
+        """
+        fault = self._fault(positions, rotations, time)
+        if fault:
+            self.faults[fault] = self.faults.get(fault, 0) + 1
+            return self._standing(time) if self._last is None else self._last
+        if self.performer is None:
+            self._watched.append((np.array(positions), None if rotations is None else np.array(rotations), time))
+            first = self._watched[0][2]
+            if time - first < CALIBRATED or len(self._watched) < LEAST:
+                return self._standing(time)
+            self.performer = self._calibrated(_motion_of(self.skeleton, self._watched))
+            self._watched.clear()
+        if self.performer.asked is None or self._last is None:
+            self._last = self.performer.begin(positions, rotations, time, standing=self._last is not None)
+        else:
+            self._last = self.performer.follow(positions, rotations, time, time - self._last.time)
+        return self._last
+
+    def hold(self, time: float) -> StreamPose:
+        """The configuration when no frame came: what was asked last is asked on, and the robot comes to rest."""
+        if self._last is None:
+            return self._standing(time)
+        if self.performer is None or self.performer.asked is None or time <= self._last.time:
+            return self._last
+        self._last = self.performer.rest(time, time - self._last.time)
+        return self._last
+
+    def _calibrated(self, motion: Motion) -> "_Follower":
+        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights)
+        return _Follower(graph, self.options, self.lag, self.native)
+
+    def _standing(self, time: float) -> StreamPose:
+        self._last = StreamPose(self.robot.standing(), time, Status.CALIBRATING)
+        return self._last
+
+    def _fault(self, positions: Floats, rotations: Floats | None, time: float) -> str | None:
+        joints = len(self.skeleton)
+        if np.shape(positions) != (joints, 3) or (rotations is not None and np.shape(rotations) != (joints, 4)):
+            raise UsageError(
+                f"a frame of {joints} joints has positions ({joints}, 3) and rotations ({joints}, 4) or None"
+            )
+        if not (np.isfinite(positions).all() and np.isfinite(time) and np.abs(positions).max() < FARTHEST):
+            return "not finite"
+        if rotations is not None and not (np.isfinite(rotations).all() and np.abs(rotations).max(axis=1).min() > 1e-6):
+            return "not finite"
+        if self._last is not None and time <= self._last.time:
+            return "not after the one before"
+        return None
+
+
+class _Follower:
+    """One performer and one robot, calibrated."""
+
+    def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
+        match, w = graph.match, graph.weights
+        self.graph, self.human, self.wishes = graph, CausalHuman(calibration_of(graph)), CausalWishes(graph)
+        self.carriage = carriage_of(graph.human, match)
+        problem = build_problem(graph.robot, match, graph.tracks, native=native)
+        frames = FrameSolver(problem)
+        self.solver = RealTimeSolver(frames, options, w.smooth_root)
+        smooth = smoothness(graph.robot, w.smooth, w.smooth_root, graph.fps)
+        self.lag = FixedLag(frames, lag, smooth, Smoothing()) if lag else None
+        self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
+        self.asked: Wish | None = None
+        self.latest: Human | None = None
+
+    def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
+        """The first pose: the performer's, or the standing one, which then eases into the motion."""
+        human = self.human.at(positions, rotations, FIRST)
+        start = self._standing(human)
+        self.asked, self.latest = self._asked(human, start, FIRST), human
+        pose = self.solver.stand(start, self.asked) if standing else self.solver.begin(start, self.asked)
+        return self._given(pose, time, FIRST)
+
+    def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
+        """The pose that answers to a frame, so long after the one before [s]."""
+        self.latest = self.human.at(positions, rotations, since)
+        self.asked = self._asked(self.latest, self.solver.qpos, since)
+        return self._given(self._stepped(since), time, since)
+
+    def rest(self, time: float, since: float) -> StreamPose:
+        """The pose when nothing new is asked."""
+        return replace(self._given(self._stepped(since), time, since), status=Status.HELD)
+
+    def _stepped(self, since: float) -> Pose:
+        assert self.asked is not None and self.latest is not None
+        human = self.latest
+        return self.solver.step(self.asked, since, lambda: self._standing(human))
+
+    def _standing(self, human: Human) -> Floats:
+        """(nq,) the standing pose, where and as the human's pelvis is."""
+        robot = self.graph.robot
+        place, turn = self.carriage.path(human)[0], human.facing[0]
+        return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
+
+    def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
+        """What is given out."""
+        if self.lag is None or self.asked is None:
+            return StreamPose(pose.qpos, time, pose.status)
+        late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
+        return StreamPose(late.qpos, time, late.status, time - answered)
+
+    def _asked(self, human: Human, qpos: Floats, seconds: float) -> Wish:
+        asked = self.wishes.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
+        return Wish(*(np.array(each) for each in asked)) if self.lag else Wish(*asked)
+
+
+def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:
+    """q ↦ where the corners of the soles are (F · 4 · 3) [m]."""
+    bodies = Bodies(robot)
+    places = ca.horzcat(ca.SX(3, 0), *(bodies.places(sole) for sole in soles))
+    return Compiled(ca.Function("corners", [bodies.q], [ca.densify(ca.vec(places))]))
+
+
+def _motion_of(skeleton: Skeleton, watched: Sequence[tuple[Floats, Floats | None, float]]) -> Motion:
+    """Frames as a motion at their mean rate."""
+    positions = np.array([frame[0] for frame in watched])
+    turned = all(frame[1] is not None for frame in watched)
+    rotations = np.array([frame[1] for frame in watched]) if turned else None
+    return Motion(skeleton, positions, rotations, fps=(len(watched) - 1) / (watched[-1][2] - watched[0][2]))
+
+
+def stream(
+    robot: Robot,
+    frames: Motion | Iterable[tuple[Floats, Floats | None, float]],
+    skeleton: Skeleton | None = None,
+    **options: Any,
+) -> Iterator[Floats]:
+    """Configurations (nq,) one by one, each told by the frames so far.
+
+    Args:
+        frames: a motion, which is its own calibration and is followed at its own rate; or positions (J, 3) [m], rotations
+            (J, 4) or None, and time [s] of a skeleton's joints.
+        options: as `Stream` takes them.
+
+    Raises:
+        UsageError: frames without a skeleton.
+        MatchError: no human.
+    """
+    if isinstance(frames, Motion):
+        options.setdefault("calibration", frames)
+        skeleton, frames = frames.skeleton, _frames_of(frames)
+    if skeleton is None:
+        raise UsageError("frames alone do not say whose joints they are: give the skeleton too")
+    live = Stream(robot, skeleton, **options)
+    for positions, rotations, time in frames:
+        yield live.push(positions, rotations, time=time).qpos
+
+
+def _frames_of(motion: Motion) -> Iterator[tuple[Floats, Floats | None, float]]:
+    turns: Iterable[Floats | None] = motion.rotations if motion.rotations is not None else repeat(None)
+    for t, (positions, rotations) in enumerate(zip(motion.positions, turns, strict=False)):
+        yield positions, rotations, t / motion.fps

@@ -10,12 +10,28 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import unit
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 
 AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Lines between keypoints, three edges each."""
+
+    ends: list[tuple[str, str]]
+    one: list[int]
+    other: list[int]
+    priority: Floats
+
+    def asked(self, human: Human) -> tuple[Floats, Floats]:
+        """Coordinates of unit vectors, and π."""
+        x = human.positions
+        return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority
 
 
 @dataclass(frozen=True)
@@ -26,15 +42,20 @@ class Compass:
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's directions."""
+        edges = self.edges(scene)
+        if edges is None:
+            return None
+        wished, priority = edges.asked(scene.human)
+        return exact(self, edges.ends, wished, priority, axes=AXES * (len(edges.ends) // len(AXES)))
+
+    def edges(self, scene: Scene) -> "_Lines | None":
+        """The lines."""
         match, lines = scene.match, list(self._lines(scene))
         if not lines:
             return None
-        x = scene.human.positions
         one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
-        directions = unit(x[:, one] - x[:, other]).reshape(len(x), -1)
-        weights = np.repeat([line[2] for line in lines], len(AXES))
         ends = [(a, b) for a, b, _ in lines for _ in AXES]
-        return exact(self, ends, directions, weights, axes=AXES * len(lines))
+        return _Lines(ends, one, other, np.repeat([line[2] for line in lines], len(AXES)))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """The coordinates of unit vectors, x y z of one line after the other."""

@@ -32,7 +32,7 @@ class Foothold:
     def wish(self, scene: Scene) -> Track | None:
         """Footholds read off the human."""
         footholds = footholds_of(scene.human, scene.match, scene.robot)
-        return self.track(footholds, scene.leg, scene.weights, self._across(scene)) if footholds.feet else None
+        return self.track(footholds, scene.leg, scene.weights, self.across(scene)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
         """Edges to given footholds."""
@@ -75,7 +75,8 @@ class Foothold:
         along = track.priority[:, :: len(AXES)] >= HARD
         return along.reshape(len(along), -1, len(CORNER_NAMES))
 
-    def _across(self, scene: Scene) -> float:
+    def across(self, scene: Scene) -> float:
+        """π across the floor of soles that stand."""
         moves = carrying(scene.robot.model)
         spots, soles = scene.match.anatomy.spots, scene.match.anatomy.soles
         pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[scene.robot.root_body]

@@ -49,6 +49,23 @@ class Kind(Protocol):
         ...
 
 
+class Asking(Protocol):
+    """What edges ask for at T frames: wished values and π, each (T, E) or broadcast to it."""
+
+    def asked(self, human: Human) -> tuple[Floats, Floats | float]:
+        """Of a human of T frames."""
+        ...
+
+
+@runtime_checkable
+class Instant(Protocol):
+    """A kind that asks at a frame for what the human of that frame alone tells: a stream asks it frame by frame."""
+
+    def edges(self, scene: Scene) -> Asking | None:
+        """What stays the same over time, found once; None where the bodies have no such edges."""
+        ...
+
+
 @runtime_checkable
 class Renewable(Protocol):
     """A kind whose δ depends on where the robot goes by itself: it is renewed once, after the coarse path."""

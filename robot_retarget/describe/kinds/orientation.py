@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.compass import AXES
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.measured import Measured
@@ -15,6 +17,20 @@ from robot_retarget.describe.track import Track, exact
 
 MARKERS = ("forward", "up")
 _COLUMNS = [0, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class _Markers:
+    """The markers of segments, three edges each."""
+
+    ends: list[tuple[str, str]]
+    segments: tuple[str, ...]
+    priority: Floats
+
+    def asked(self, human: Human) -> tuple[Floats, Floats]:
+        """Coordinates of unit vectors, and π."""
+        turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
+        return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority
 
 
 @dataclass(frozen=True)
@@ -25,17 +41,20 @@ class Orientation:
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's, of segments that both bodies have."""
-        segments = tuple(scene.human.segments)
+        edges = self.edges(scene)
+        if edges is None:
+            return None
+        wished, priority = edges.asked(scene.human)
+        return exact(self, edges.ends, wished, priority, axes=AXES * (len(edges.ends) // len(AXES)))
+
+    def edges(self, scene: Scene) -> "_Markers | None":
+        """The markers."""
+        segments, w = tuple(scene.human.segments), scene.weights
         if not segments:
             return None
-        turns = np.stack([scene.human.segments[segment] for segment in segments], axis=1)
-        wished = turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1)
-        w = scene.weights
         weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
         ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
-        return exact(
-            self, ends, wished, np.repeat(weight, len(MARKERS) * len(AXES)), axes=AXES * (len(ends) // len(AXES))
-        )
+        return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """R e, x y z of one marker after the other."""

@@ -10,10 +10,31 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
+from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.adapt import path_weights
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """E pairs of keypoints."""
+
+    ends: list[tuple[str, str]]
+    i: Ints
+    j: Ints
+    tau: Floats
+    """(E,) length of the robot's path between [m]."""
+    weights: Weights
+    share: float
+
+    def asked(self, human: Human) -> tuple[Floats, Floats]:
+        """δ [m] and π."""
+        close, w = human.closeness[:, self.i, self.j], self.weights
+        return self.tau * close, self.share * (w.far + w.near * np.exp(-((close / w.reach) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -24,17 +45,20 @@ class Posture:
 
     def wish(self, scene: Scene) -> Track | None:
         """δ by the paths of both bodies."""
-        match, w = scene.match, scene.weights
+        edges = self.edges(scene)
+        wished, priority = edges.asked(scene.human)
+        return exact(self, edges.ends, wished, priority, edges.tau, give=scene.weights.give)
+
+    def edges(self, scene: Scene) -> "_Pairs":
+        """The pairs."""
+        match = scene.match
         i, j = np.triu_indices(len(match.keypoints), 1)
         tau = path_weights(match.parents, match.robot_bones)[i, j]
         bone = (match.parents[j] == i) | (match.parents[i] == j)
         keep = (tau > 1e-6) & ~bone
         i, j, tau = i[keep], j[keep], tau[keep]
-        close = scene.human.closeness[:, i, j]
-        share = len(match.keypoints) / max(len(i), 1)
-        priority = share * (w.far + w.near * np.exp(-((close / w.reach) ** 2)))
         ends = [(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)]
-        return exact(self, ends, tau * close, priority, tau, give=w.give)
+        return _Pairs(ends, i, j, tau, scene.weights, len(match.keypoints) / max(len(i), 1))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """d_uv."""

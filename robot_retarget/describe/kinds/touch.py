@@ -6,13 +6,32 @@ import casadi as ca
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.keypoints import ARM
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """C pairs of keypoints that may touch."""
+
+    ends: list[tuple[str, str]]
+    i: Ints
+    j: Ints
+    tau: Floats
+    """(C,) length of the robot's path between [m]."""
+    reach: Floats
+    faint: float
+
+    def asked(self, human: Human) -> tuple[Floats, Floats]:
+        """δ [m], and how much the pairs touch, 0 … 1; π follows it gently."""
+        close = human.closeness[:, self.i, self.j]
+        return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
 
 
 @dataclass(frozen=True)
@@ -34,7 +53,16 @@ class Touch:
 
     def wish(self, scene: Scene) -> Track | None:
         """The normalised distance of the human, while it is that of a touch."""
-        match, human = scene.match, scene.human
+        edges = self.edges(scene)
+        if edges is None:
+            return None
+        wished, strength = edges.asked(scene.human)
+        gently = self._gently(strength, round(self.lead * scene.human.fps))
+        return exact(self, edges.ends, wished, scene.weights.touch * gently, edges.tau)
+
+    def edges(self, scene: Scene) -> "Touches | None":
+        """The pairs."""
+        match = scene.match
         pairs = [
             (a, b)
             for a in range(len(match.keypoints))
@@ -44,12 +72,9 @@ class Touch:
         if not pairs:
             return None
         i, j = np.array(pairs).T
-        names = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
-        close, reach = human.closeness[:, i, j], np.array([self.reach(*ends) for ends in names])
-        touching = np.maximum(np.exp(-((close / reach) ** 8)) - self.faint, 0.0)
+        ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
         tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], 1e-6)
-        gently = self._gently(touching, round(self.lead * human.fps))
-        return exact(self, names, tau * close, scene.weights.touch * gently, tau)
+        return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """d_uv."""

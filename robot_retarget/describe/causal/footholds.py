@@ -1,0 +1,74 @@
+"""Footholds of a stream: a sole stands where the robot's came down; in swing it goes back to the human's way."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.footholds import LANDING, sole_of
+from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.human import Human
+from robot_retarget.describe.kinds.foothold import Foothold
+from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
+from robot_retarget.describe.track import HARD
+
+BLENDED = 0.3
+"""A swing foot leaves its foothold's offset behind within this time [s]."""
+
+
+class CausalFootholds:
+    """The edges of one robot's soles; F feet."""
+
+    def __init__(self, graph: Graph, feet: tuple[str, ...], kind: Foothold):
+        scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
+        self.soles = [sole_of(graph.human, graph.match, graph.robot, foot) for foot in feet]
+        self.feet, self.weights = feet, graph.weights
+        self.hard = np.array([HARD, HARD, kind.across(scene)])
+        self.held = np.zeros((len(feet), CORNERS), dtype=bool)
+        self.places = np.zeros((len(feet), CORNERS, 3))
+        self.offset = np.zeros_like(self.places)
+        self.since = np.full(len(feet), np.inf)
+        """Since a foot last came down or rose [s]."""
+
+    def at(self, human: Human, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
+        """Where corners should be (F · 4 · 3) [m], and π.
+
+        Args:
+            corners: (F, 4, 3) where the robot's are [m].
+        """
+        wished, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
+        for k, sole in enumerate(self.soles):
+            carried, held = sole.places(human)[0], self._stands(human, sole.foot)
+            stood, stands = bool(self.held[k].any()), bool(held.any())
+            self.since[k] = 0.0 if stood != stands else self.since[k] + seconds
+            if stands and not (stood and held[self.held[k]].all()):
+                self.places[k] = _come_down(corners[k], held)
+            if stood and not stands:
+                self.offset[k] = self.places[k] - carried
+            self.held[k] = held
+            wished[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
+        return wished.ravel(), priority.ravel()
+
+    def _stands(self, human: Human, foot: str) -> np.ndarray:
+        held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
+        if said is not None:
+            held[TOE], held[HEEL] = said[0]
+        return held
+
+    def _standing(self, foot: int) -> tuple[Floats, Floats]:
+        """A foothold comes on within `LANDING`, by equal factors."""
+        share, least = min(self.since[foot] / LANDING, 1.0), self.weights.landing
+        return self.places[foot], np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
+
+    def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
+        """The human's way, and for a while what the last foothold was off it."""
+        since = self.since[foot]
+        left = 1 - smoothstep(np.minimum(since / BLENDED, 1.0))
+        near = max(1 - since / LANDING, 0.0) ** 2
+        return carried + left * self.offset[foot], max(self.weights.landing * near, self.weights.swing)
+
+
+def _come_down(corners: Floats, held: np.ndarray) -> Floats:
+    """(4, 3) a foothold under corners (4, 3): flat on the floor, the held ones over where they are."""
+    place = flattened(corners)
+    place[:, :2] += (corners - place)[held, :2].mean(axis=0)
+    return place

@@ -1,0 +1,45 @@
+"""Frame by frame, each solved to its end from where the last two lead to."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.graph import Graph
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.candidates import seek
+from robot_retarget.solve.options import Search
+from robot_retarget.solve.problem import wishes_of
+from robot_retarget.progress import Count
+from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+
+
+def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count) -> list[Pose]:
+    """Each frame from the ones before, no farther than joints turn; the first from several starts."""
+    wishes, poses = wishes_of(graph.tracks), []
+    before = seek(solver, graph, wishes, 0, search)[0].qpos
+    for t in range(len(graph)):
+        box = solver.reachable([before] if t else [], 1 / graph.fps)
+        start = predicted(solver.robot, poses, box) if t > 2 else before
+        pose = solver.descend(start, wishes.at(t), box=box)
+        if t > 2 and pose.missing > 0:  # links may have gone around each other on the wrong side
+            pose = min(pose, solver.descend(before, wishes.at(t), box=box), key=lambda end: end.cost)
+        if pose.missing > 0:
+            pose = solver.held_back(before, pose)
+        poses.append(solver.lifted(pose))
+        before = poses[-1].qpos
+        count.one()
+    return poses
+
+
+def predicted(robot: Robot, poses: list[Pose], box: Box) -> Floats:
+    """Where the last three poses lead to by the next frame, as far as the box allows.
+
+    By the smaller of the last two steps where they agree in their sense, else not at all: what a pose is off its optimum
+    goes to and fro, and would grow from frame to frame.
+    """
+    first, before, last = (pose.qpos for pose in poses[-3:])
+    earlier, later = difference(robot, first, before), difference(robot, before, last)
+    agreed = np.where(earlier * later > 0, np.sign(later) * np.minimum(np.abs(earlier), np.abs(later)), 0.0)
+    start = integrate(robot, last, agreed)
+    start[robot.qpos_index] = np.clip(start[robot.qpos_index], box.lower, box.upper)
+    return start

@@ -1,0 +1,95 @@
+"""The home pose of a frame: where a descent from the standing pose ends, whatever was before.
+
+A pose that follows stays in the basin of attraction that it is in. Beside it a second one sets out from the standing pose
+again and again, a step at a time. Once there, if it costs clearly less and is elsewhere, the hinges that differ are led
+over to it on a smooth way in time, all else following what is asked.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.soles import smoothstep
+from robot_retarget.solve.options import RealTime
+from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+
+
+@dataclass(eq=False)
+class Lead:
+    """A way over to the home pose."""
+
+    hinges: np.ndarray
+    """(n,) which are led."""
+    since: Floats
+    """(n,) where they set out [rad]."""
+    lasts: float
+    """[s]"""
+    gone: float = 0.0
+    """[s]"""
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the time is over."""
+        return self.gone >= self.lasts
+
+    def around(self, box: Box, home: Floats, slack: float) -> Box:
+        """The box with the led hinges on their way to home angles (n,), as far as it reaches."""
+        share = float(smoothstep(np.array(min(self.gone / self.lasts, 1.0))))
+        aim = np.clip((1 - share) * self.since + share * home, box.lower, box.upper)
+        lower = np.where(self.hinges, np.maximum(aim - slack, box.lower), box.lower)
+        upper = np.where(self.hinges, np.minimum(aim + slack, box.upper), box.upper)
+        return Box(lower, upper, box.root)
+
+
+class Home:
+    """Seeks the home pose of a stream, and leads over to it."""
+
+    def __init__(self, solver: FrameSolver, options: RealTime):
+        self.solver, self.options = solver, options
+        self.pose: Pose | None = None
+        self.steps, self.waited = 0, 0.0
+        self.lead: Lead | None = None
+
+    def at_once(self, standing: Floats, wish: Wish, before: Floats) -> None:
+        """Seek to the end and lead over, from a robot that stands."""
+        self.pose = self.solver.descend(standing, wish, iterations=self.options.start)
+        self._set_out(before)
+
+    def look(self, current: Pose, wish: Wish, standing: Callable[[], Floats], seconds: float) -> None:
+        """One step on, if it is time; and whether it is worth going over."""
+        self.waited += seconds
+        if self.waited < 0.99 / self.options.looks:
+            return
+        self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
+        if there and self.pose is not None and self._better(self.pose, current):
+            self._set_out(current.qpos)
+        elif there or self.pose is None:
+            self.pose, self.steps = Pose(standing(), current.status, np.inf, 0), 0
+        self.pose = self.solver.advance(self.pose.qpos, wish, None, self.solver.ranges, 1)
+        self.steps += 1
+
+    def box(self, box: Box, seconds: float) -> Box:
+        """The box with led hinges on their way."""
+        if self.lead is None or self.pose is None:
+            return box
+        self.lead.gone += seconds
+        led = self.lead.around(box, self.pose.qpos[self.solver.robot.qpos_index], self.options.same / 10)
+        if self.lead.arrived:
+            self.lead, self.steps = None, self.options.home_steps
+        return led
+
+    def _better(self, home: Pose, current: Pose) -> bool:
+        apart = np.abs(home.qpos - current.qpos)[self.solver.robot.qpos_index].max(initial=0.0)
+        return bool(apart > self.options.same and home.cost < self.options.worth * current.cost)
+
+    def _set_out(self, before: Floats) -> None:
+        assert self.pose is not None
+        index = self.solver.robot.qpos_index
+        way = np.abs(self.pose.qpos - before)[index]
+        hinges = way > self.options.same / 4
+        if hinges.any():
+            needed = (way / self.solver.speed)[hinges].max() / self.options.unhurried
+            self.lead = Lead(hinges, before[index].copy(), max(float(needed), self.options.ease))

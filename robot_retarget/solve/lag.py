@@ -1,0 +1,72 @@
+"""Fixed-lag smoothing: a pose is given out some frames late, drawn to the smooth path through those that came after it."""
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.quadratic import Proximal
+from robot_retarget.solve.smooth import smooth_offsets
+from robot_retarget.solve.sqp import FrameSolver, Pose
+
+GIVEN = 2
+"""So many poses that were given out hold the path's beginning: second differences reach no farther."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A frame of a stream as the real-time iteration left it."""
+
+    pose: Pose
+    wish: Wish
+    time: float
+    seconds: float
+    """Since the frame before [s]."""
+
+
+class FixedLag:
+    """Gives poses out `lag` frames late."""
+
+    def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, smoothing: Smoothing):
+        """Wait for so many frames.
+
+        Args:
+            smooth: (nv,) π of squared second differences at this rate, κ.
+        """
+        self.solver, self.lag, self.robot = solver, lag, solver.robot
+        rho = smoothing.proximal * smooth / smooth[solver.hinges].max()
+        self.weight, self.stiffness = rho, float((smooth / rho).max())
+        self.waiting: deque[Solved] = deque()
+        self.given: deque[Floats] = deque(maxlen=GIVEN)
+
+    def smoothed(self, newest: Solved) -> tuple[Pose, float]:
+        """The pose that is given out now that the newest is there, and the time of its frame [s].
+
+        Until `lag` frames wait, the first is given out again.
+        """
+        self.waiting.append(newest)
+        first = self.waiting[0]
+        if not self.given:
+            self.given.append(first.pose.qpos)
+        if len(self.waiting) <= self.lag:
+            return first.pose, first.time
+        self.waiting.popleft()
+        pose = self._drawn(first, [solved.pose.qpos for solved in self.waiting])
+        self.given.append(pose.qpos)
+        return pose, first.time
+
+    def _drawn(self, first: Solved, after: list[Floats]) -> Pose:
+        before = self.given[-1]
+        path = [*self.given, first.pose.qpos, *after]
+        speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
+        offset = smooth_offsets(speed, self.stiffness, len(self.given))[len(self.given)]
+        box = self.solver.reachable([before], first.seconds)
+        start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
+        start[columns] = np.clip(start[columns], box.lower, box.upper)
+        pose = self.solver.advance(start, first.wish, Proximal(start, np.zeros(len(offset)), self.weight), box, 1)
+        return self.solver.lifted(self.solver.held_back(before, pose))

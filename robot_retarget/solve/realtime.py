@@ -1,0 +1,102 @@
+"""The real-time iteration: one frame after the other, each by a step or two from where the ones before lead to.
+
+    minimise  Σ π ϱ(e) + Σ w ‖q ⊖ (q₁ ⊕ β h v₁)‖²
+
+with the pose before q₁, its velocity v₁ and the time since h. It is the second-difference edge to the two frames before,
+made independent of the rate: w and β are those for which an edge of π = 1/rad² is followed as by a mass m on a spring and
+a damper, m ẍ = −(x − y) − c ẋ, sampled every h exactly.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.home import Home
+from robot_retarget.solve.options import RealTime
+from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.quadratic import Proximal
+from robot_retarget.solve.solution import Status
+from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+
+
+class RealTimeSolver:
+    """A pose that follows what is asked of it; it remembers the pose before and its velocity."""
+
+    def __init__(self, solver: FrameSolver, options: RealTime, root: float):
+        """Follow with one solver.
+
+        Args:
+            root: how much more inert the root is than joints (`Weights.smooth_root`) [-].
+        """
+        self.solver, self.robot, self.options = solver, solver.robot, options
+        self.inertia = np.full(self.robot.model.nv, root)
+        self.inertia[solver.hinges] = 1.0
+        dofs, free = solver.roots, self.robot.floating
+        self.root = np.full(len(dofs), options.root_turn)
+        self.root[: 3 if free else 0] = options.root_speed
+        self.home = Home(solver, options)
+        self.pose: Pose | None = None
+        self.velocity = np.zeros(self.robot.model.nv)
+        """(nv,) of the pose [rad/s, m/s]."""
+        self.pace = 1.0
+        """The share of the joints' speeds that may be used [-]."""
+
+    def begin(self, start: Floats, wish: Wish) -> Pose:
+        """The first pose, from a start that does not depend on what was before."""
+        pose = self.solver.descend(start, wish, iterations=self.options.start)
+        return self._kept(self.solver.lifted(pose), np.zeros_like(self.velocity))
+
+    def stand(self, qpos: Floats, wish: Wish) -> Pose:
+        """The first pose, standing at rest: from there it is led to what is asked."""
+        pose = self.solver.lifted(Pose(qpos, Status.CALIBRATING, 0.0, 0))
+        self.home.at_once(pose.qpos, wish, pose.qpos)
+        return self._kept(pose, np.zeros_like(self.velocity))
+
+    @property
+    def qpos(self) -> Floats:
+        """(nq,) of the latest pose."""
+        assert self.pose is not None
+        return self.pose.qpos
+
+    def step(self, wish: Wish, seconds: float, standing: Callable[[], Floats]) -> Pose:
+        """The next pose, so long after the one before [s].
+
+        Args:
+            standing: gives the standing pose (nq,) where the human is.
+        """
+        options, before = self.options, self.qpos
+        if seconds > options.gap:
+            seconds, self.pace, self.velocity = options.gap, 0.0, np.zeros_like(self.velocity)
+        self.pace = min(1.0, self.pace + seconds / options.ease)
+        box = self.home.box(self._reachable(before, self.pace * seconds), seconds)
+        weight, kept = follower(options, seconds)
+        anchor = integrate(self.robot, before, kept * seconds * self.velocity)
+        anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
+        proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * self.inertia)
+        pose = self.solver.advance(anchor, wish, proximal, box, options.steps)
+        pose = self.solver.lifted(self.solver.held_back(before, pose))
+        self.home.look(pose, wish, standing, seconds)
+        return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
+
+    def _kept(self, pose: Pose, velocity: Floats) -> Pose:
+        self.pose, self.velocity = pose, velocity
+        return pose
+
+    def _reachable(self, before: Floats, seconds: float) -> Box:
+        box = self.solver.reachable([before], seconds)
+        return Box(box.lower, box.upper, (before, self.root * seconds))
+
+
+def follower(options: RealTime, seconds: float) -> tuple[float, float]:
+    """w [1/rad²] and β [-] of the edge to the frames before, for frames so far apart [s].
+
+    The recursion x = (y + w (x₁ + β (x₁ − x₂))) / (1 + w) has the poles of the damped spring, e^{(−ζ ± i √(1−ζ²)) ω h}: their
+    product is r β and their sum r (1 + β), with r = w / (1 + w).
+    """
+    turn = 2 * np.pi * options.frequency * seconds
+    radius = np.exp(-options.damping * turn)
+    product, total = radius**2, 2 * radius * np.cos(np.sqrt(1 - options.damping**2) * turn)
+    share = max(total - product, 0.0)
+    return float(share / (1 - share)), float(np.clip(product / share, 0.0, 1.0)) if share > 0 else 0.0
