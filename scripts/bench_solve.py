@@ -25,10 +25,10 @@ from robot_retarget.describe.graph import MOST_FPS, Graph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve import causal as causal_module
 from robot_retarget.solve import clip as clip_module
 from robot_retarget.solve import quadratic as quadratic_module
 from robot_retarget.solve import sqp as sqp_module
-from robot_retarget.solve import causal as causal_module
 from robot_retarget.solve.candidates import coarse_path, place_root
 from robot_retarget.solve.compiled import Compiled, QuadraticProgram
 from robot_retarget.solve.options import Smoothing

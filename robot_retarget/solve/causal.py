@@ -4,12 +4,12 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
+from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import seek
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import wishes_of
-from robot_retarget.progress import Count
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
