@@ -37,9 +37,9 @@ class Finding:
 
 
 def places(robot: Robot, anatomy: Anatomy) -> dict[str, Floats]:
-    """Keypoints in the reference pose [m]."""
+    """Keypoints in the reference pose, seen from the pelvis [m]."""
     x = world_points(robot, anatomy.points, np.array(robot.model.qpos0)[None])[0]
-    return dict(zip(anatomy.names, x, strict=True))
+    return dict(zip(anatomy.names, x - x[anatomy.names.index("pelvis")], strict=True))
 
 
 def check(case: Case, law: str, variant: Variant, folder: Path) -> Finding:

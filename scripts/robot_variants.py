@@ -196,6 +196,19 @@ def without_root(case: Case) -> Iterator[Variant]:
         yield Variant("no free joint", spec.to_xml())
 
 
+def lying(case: Case) -> Iterator[Variant]:
+    """In its reference pose a robot may lie on any side, or stand on its head; it is stood up."""
+    if case.robot.floating:
+        for axis, degrees in (("y", 90), ("y", -90), ("x", 90), ("x", 180)):
+            spec, turn = _bare(case), Rotation.from_euler(axis, degrees, degrees=True)
+            first = spec.compile()
+            for body in spec.worldbody.bodies:
+                pose = Rotation.from_quat(first.body_quat[body.id], scalar_first=True)
+                body.pos, body.quat = turn.apply(first.body_pos[body.id]), (turn * pose).as_quat(scalar_first=True)
+                body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+            yield Variant(f"turned by {degrees}° about {axis}", spec.to_xml())
+
+
 LAWS: dict[str, Law] = {
     "joint anchors moved along their axes": moved_anchors,
     "body frames moved along their axes": moved_frames,
@@ -206,6 +219,7 @@ LAWS: dict[str, Law] = {
     "no head, arms, waist": without_parts,
     "no sites, actuators": without_tools,
     "no root joint": without_root,
+    "lying in the reference pose": lying,
 }
 
 

@@ -27,6 +27,7 @@ UPRIGHT: tuple[Quaternion, ...] = (
 """Turns after which z, ±y, ±x and −z of a model point up."""
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 NO_ROOT = "the model has no root joint: a free joint added, since it has legs"
+LYING = "the model lies in its reference pose: stood up"
 
 
 def shipped_robots() -> dict[str, Path]:
@@ -54,7 +55,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
     side_file = Path(limits) if limits is not None else _beside(path)
     tables = read_limits(side_file) if side_file is not None else {}
     robot = _loaded(path, tables)
-    robot = robot if robot.root_joints.size else _freed(robot, tables)
+    robot = _stood(robot, tables) if robot.floating or not robot.root_joints.size else robot
     own = path.with_name("servos.toml")
     found = servos if servos is not None else own if own.is_file() else None
     return robot if found is None else with_servos(robot, load_map(found))
@@ -72,24 +73,38 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
     return robot_from_model(model, path, path.stem, tables, notes, freed)
 
 
-def _freed(robot: Robot, tables: Limits) -> Robot:
-    """The robot on a free joint if it has legs to stand on; what has none stays bolted to the world.
+def _stood(robot: Robot, tables: Limits) -> Robot:
+    """The robot upright on a free joint if it has legs to stand on; what has none stays as it is.
 
-    Which way is up is not said by a model that waits to be set free. What has legs only when it is turned, and what is
-    named an arm over them, lies in its file.
+    A model that waits to be set free does not say which way is up, and one that is free may lie in its reference pose. What
+    has legs only when it is turned, and what is named an arm over them, lies in its file.
     """
-    if robot.model.body_jntnum[robot.root_body]:  # it turns against the world
+    if not robot.floating and robot.model.body_jntnum[robot.root_body]:  # it turns against the world
         return robot
-    for turn in UPRIGHT:
-        said = NO_ROOT if turn == UPRIGHT[0] else f"{NO_ROOT}, and stood up from where it lies"
-        freed = _loaded(robot.path, tables, (said,), turn)
-        try:
-            found = recognise(freed)
-        except MatchError:
-            continue
-        if found.soles and (turn == UPRIGHT[0] or _has_named_arms(freed, found)):
-            return freed
+    if robot.floating and _legged(robot):
+        return robot
+    for turn in UPRIGHT[1:] if robot.floating else UPRIGHT:
+        said = (
+            LYING
+            if robot.floating
+            else NO_ROOT
+            if turn == UPRIGHT[0]
+            else f"{NO_ROOT}, and stood up from where it lies"
+        )
+        stood = _loaded(robot.path, tables, (said,), turn)
+        found = _legged(stood)
+        if found and (turn == UPRIGHT[0] or _has_named_arms(stood, found)):
+            return stood
     return robot
+
+
+def _legged(robot: Robot) -> Anatomy | None:
+    """What is recognised in a robot with legs."""
+    try:
+        found = recognise(robot)
+    except MatchError:
+        return None
+    return found if found.soles else None
 
 
 def _has_named_arms(robot: Robot, found: Anatomy) -> bool:

@@ -20,6 +20,8 @@ TWIST = 0.7
 """An axis whose direction has at least this cosine with the limb turns the limb about itself."""
 MEETING = 0.25
 """Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
+UNDER = 0.3
+"""A knee is under a hip, and under the axes that meet there, by this share of the thigh."""
 MIRROR = 0.1
 """Mirrored hinge lines and ends may miss each other by this share of the limb."""
 TWIN = 0.01
@@ -149,7 +151,10 @@ class Centre:
 
 
 def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre]:
-    """Hip, knee and ankle of a leg, from its flexion axes: the hinges that are parallel to the hip line."""
+    """Hip, knee and ankle of a leg, from its flexion axes: the hinges that are parallel to the hip line.
+
+    Nothing where the knee is not under the hip: a robot that lies or stands on its head.
+    """
     flexions = [a for a in chain.axes if abs(a.direction @ lateral) > 0.8]
     if len(flexions) < 2:
         return {}
@@ -162,6 +167,9 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     later = [a for a in flexions if a.anchor[2] < knee_axis.anchor[2] - 0.05 * chain.reach]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = knee_axis.nearest(ankle.point)
+    thigh = hip_axis.nearest(knee) - knee
+    if thigh[2] <= UNDER * np.linalg.norm(thigh):
+        return {}
     hip = _hip(links, chain, hip_axis, knee)
     return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
 
@@ -207,9 +215,9 @@ def _hip(links: Links, chain: Chain, flexion: Axis, knee: Floats) -> Centre:
     thigh = knee - point
     length = float(np.linalg.norm(thigh))
     upper = [
-        a for a in chain.axes if a.anchor[2] > knee[2] + 0.3 * length and abs(a.direction @ thigh) < TWIST * length
+        a for a in chain.axes if a.anchor[2] > knee[2] + UNDER * length and abs(a.direction @ thigh) < TWIST * length
     ]
-    meeting = [a for a in upper if a is flexion or a.distance(point) < MEETING * length]
+    meeting = [a for a in chain.axes if a is flexion or (a in upper and a.distance(point) < MEETING * length)]
     centre = meeting_point(meeting, point)
     return Centre(centre, meeting[0].link, f"axes of {' and '.join(joint_names(links, meeting))} meet here", 0.95)
 

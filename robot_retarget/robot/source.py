@@ -35,7 +35,7 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
 
     Args:
         path: of an MJCF or a URDF.
-        freed: give the robot a free joint, which the file lacks, and turn it so (`set_free`).
+        freed: turn the robot so, and give it a free joint where the file has none (`set_free`).
 
     Raises:
         RobotError: the file is no model; says where and why.
@@ -113,13 +113,18 @@ def mesh_file(urdf: Path, folder: str, name: str) -> Path | None:
 
 
 def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
-    """Give the first body of the world that carries a joint a free joint, and turn it; keyframes begin where it is."""
+    """Turn the first body of the world that carries a joint, and give it a free joint where it is bolted to the world.
+
+    Keyframes begin where it is; those of a body that is free already say themselves how it is turned.
+    """
     model = spec.compile()
     first, address = int(model.body_rootid[model.jnt_bodyid[0]]), int(model.jnt_qposadr[0])
     own = Rotation.from_quat(model.body_quat[first], scalar_first=True)
     quaternion = (Rotation.from_quat(turn, scalar_first=True) * own).as_quat(scalar_first=True)
     body = spec.bodies[first]
     body.quat, body.alt.type = quaternion, mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
+        return
     for key in [key for key in spec.keys if len(key.qpos)]:
         qpos = np.array(key.qpos)
         key.qpos = np.concatenate([qpos[:address], model.body_pos[first], quaternion, qpos[address:]])

@@ -15,6 +15,10 @@ OP3 = load_robot("op3").path
 SHARED_ROBOTS = sorted((SHARED / "robots").glob("*/*.xml"))
 
 
+LYING = "lying in the reference pose"
+"""Legs without a body over them may stand either way up: that is said."""
+
+
 @pytest.fixture(scope="module")
 def checks() -> Any:
     with pytest.MonkeyPatch.context() as patch:
@@ -26,7 +30,8 @@ def violations(checks: Any, path: Path, law: str, folder: Path) -> tuple[int, li
     robot = load_robot(path)
     case = checks["Case"](robot, recognise(robot), np.random.default_rng(0))
     found = [checks["check"](case, law, variant, folder) for variant in checks["LAWS"][law](case)]
-    return len(found), [f"{f.detail}: {'; '.join(f.wrong)}" for f in found if f.wrong]
+    wrong = [f for f in found if f.wrong and not (law == LYING and f.said)]
+    return len(found), [f"{f.detail}: {'; '.join(f.wrong)}" for f in wrong]
 
 
 LAWS = [
@@ -39,6 +44,7 @@ LAWS = [
     "no head, arms, waist",
     "no sites, actuators",
     "no root joint",
+    LYING,
 ]
 
 
