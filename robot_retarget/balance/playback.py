@@ -26,6 +26,10 @@ from robot_retarget.trajectory import Trajectory
 
 QUICK = 0.04
 """Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
+ASIDE = 0.1
+"""A joint of arms or head that was corrected by more may have come to another basin [rad]."""
+WORTH = 2.0
+"""Where arms and head begin as in the frame before only if that is so many times cheaper than to begin as they are wished."""
 IN_TURN = 3
 """Frame after frame, planting takes about as long as so many passes over all frames: steps of the progress."""
 ROUNDS = 1.5
@@ -169,17 +173,23 @@ def asked(planter: Planter, clip: Clip, outline: Outline) -> list[Track]:
 
 
 def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count) -> list[Floats]:
-    """(K, nq) each frame from the correction of root and legs in the one before: where the passes over all frames begin.
+    """(K, nq) each frame from the correction in the one before: where the passes over all frames begin.
 
-    Arms and head begin as they are wished: one that came to another basin would not leave it again.
+    Arms and head begin as they are wished too, and the cheaper of the two is taken: one that came to another basin would
+    not leave it again, and one that has to keep away from a trunk that leans would meet it anew at every frame.
     """
-    robot, solver, found = planter.robot, planter.solver, []
+    robot, found, correction = planter.robot, [], np.zeros(planter.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
-    correction = np.zeros(robot.model.nv)
     for k, wish in enumerate(outline.wished):
-        start = integrate(robot, wish, correction)
-        pose = solver.descend(start, clip.wishes.at(k), iterations=8, tolerance=1e-4)
-        correction = np.where(carried, difference(robot, wish, pose.qpos), 0.0)
+        starts = [np.where(carried, correction, 0.0)]
+        if np.abs(correction - starts[0]).max() > ASIDE:
+            starts.append(correction)
+        poses = [
+            planter.solver.descend(integrate(robot, wish, start), clip.wishes.at(k), iterations=8, tolerance=1e-4)
+            for start in starts
+        ]
+        pose = min(poses, key=lambda pose: pose.cost * (1 if pose is poses[0] else WORTH))
+        correction = difference(robot, wish, pose.qpos)
         found.append(pose.qpos)
         count.one(IN_TURN)
     return found
