@@ -107,12 +107,19 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: 
         needs = motion_needs(planter.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        stretch = stretched(stretch, outline.timeline, needs, chosen)
-        _require_pace(stretch, slowest)
+        if not _jumps(planter, found):
+            stretch = stretched(stretch, outline.timeline, needs, chosen)
+            _require_pace(stretch, slowest)
         clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
         outline = outlined(planter, clip, stretch, how)
         found = played(planter, clip, outline, count, near=True)
     return found
+
+
+def _jumps(planter: Planter, found: Balanced) -> bool:
+    """Whether a joint is faster than planting lets it be: links that met were parted late, which time does not mend."""
+    turned = np.abs(np.diff(found.qpos[:, planter.robot.qpos_index], axis=0)) * found.timeline.fps
+    return bool((turned > 1.01 * planter.solver.speed).any())
 
 
 def _require_pace(stretch: Floats, slowest: float) -> None:

@@ -32,9 +32,7 @@ class Pacing:
     swing: float = 0.8
     """A foot is in the air for so long at least [s]: a leg that is thrown forward throws the body back."""
     shift: float = 1.25
-    """Factor, a round, on frames that stand on all feet near a shift of weight that comes too late ..."""
-    step: float = 1.04
-    """... and on the other frames near it."""
+    """Factor, a round, on frames that stand on all feet near a shift of weight that comes too late."""
     near: float = 0.5
     """How near, in time of the playback [s]."""
     slack: float = 1.2
@@ -93,7 +91,7 @@ def shift_needs(late: np.ndarray, timeline: Timeline, pacing: Pacing) -> Floats:
     """(K,) factors near the frames at which the centre of mass comes too `late`."""
     around = maximum_filter1d(late.astype(np.int8), 2 * round(pacing.near * timeline.fps) + 1) > 0
     everywhere = timeline.planted.all(axis=1)
-    return np.where(around, np.where(everywhere, pacing.shift, pacing.step), 1.0)
+    return np.where(around & everywhere, pacing.shift, 1.0)
 
 
 def motion_needs(
