@@ -49,8 +49,8 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.part(proper)
     metres, unit_note = unit_of(recognition, capture.positions)
-    capture, broken = look_over(capture, recognition, metres, RepairRule(mend=repair))
-    axis, axis_notes = _up(recognition, capture, metres) if told is None else (told, ())
+    raw, (capture, broken) = capture, look_over(capture, recognition, metres, RepairRule(mend=repair))
+    axis, axis_notes = _up(recognition, capture, raw, metres) if told is None else (told, ())
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())
     ends = posed(recognition, level, capture.fps)
@@ -91,8 +91,8 @@ def turn_to_z(axis: str) -> Floats:
     return matrix if axis[0] == "+" else np.diag([1.0, -1.0, -1.0]) @ matrix
 
 
-def _up(recognition: Recognition, capture: Capture, metres: float) -> tuple[str, tuple[str, ...]]:
-    """The axis that points up, and a sentence where its lead is small.
+def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float) -> tuple[str, tuple[str, ...]]:
+    """The axis that points up, and a sentence where its lead is small, or where what was mended decided it.
 
     Raises:
         MotionError: it has none.
@@ -104,6 +104,10 @@ def _up(recognition: Recognition, capture: Capture, metres: float) -> tuple[str,
             f"cannot tell whether {found.axis} or {found.second} points up ({found.reasons}); say which (--up {found.axis})",
             capture.source,
         )
+    before = found if raw is capture else find_vertical(recognition, raw, metres, rule)
+    if before.axis != found.axis:
+        sentence = f"It is not sure that {found.axis} points up: {before.axis} seemed to before the motion was mended"
+        return found.axis, (f"{sentence}; if the body should stand otherwise, say --up {before.axis}.",)
     if found.margin >= rule.doubt:
         return found.axis, ()
     sentence = f"It is not sure that {found.axis} points up ({found.share:.0%} against {found.second}; {found.reasons})"
