@@ -101,12 +101,13 @@ class Twin:
         return ticks.tolist(), (self._scale * self.data.qvel[self._dof]).tolist()
 
     def state(self) -> dict[str, Any]:
-        """Where the trunk is: height [m], and how upright, 1 to −1."""
+        """Where the trunk is: place and height [m], and how upright, 1 to −1."""
         if self._root is None:
             return {}
         w, x, y, z = self.data.qpos[self._root + 3 : self._root + 7]
         del w, z
         return {
+            "place": self.data.qpos[self._root : self._root + 2].tolist(),
             "height": float(self.data.qpos[self._root + 2]),
             "upright": float(1 - 2 * (x * x + y * y)),
             "held": self.held,
