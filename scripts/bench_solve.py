@@ -7,7 +7,7 @@ built on mink in the same run, and where our time goes. Set OMP_NUM_THREADS=1 to
 import argparse
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
@@ -49,7 +49,8 @@ IK_STEPS, FIRST_STEPS, IK_TOLERANCE = 10, 60, 1e-3
 PROGRAM = "quadratic program"
 MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module, "difference")]
 MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("integrate", "difference")]
-PARTS: dict[str, list[tuple[object, str]]] = {
+Places = Mapping[str, list[tuple[object, str]]]
+PARTS: Places = {
     "kinematics and normal equations": [(Compiled, "__call__")],
     "separation of links": [(Separation, "near")],
     PROGRAM: [(QuadraticProgram, "solve")],
@@ -74,9 +75,7 @@ def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> Gra
 def compiled(graph: Graph) -> Problem:
     """The graph's functions, once their machine code is there; not part of any figure."""
     problem = build_problem(graph.robot, graph.match, graph.tracks, native=True)
-    for part in problem.parts:
-        part.model.wait()
-        part.cost.wait()
+    problem.wait()
     return problem
 
 
@@ -209,9 +208,9 @@ class Spent:
 
 
 @contextmanager
-def clocked() -> Iterator[dict[str, Spent]]:
+def clocked(parts: Places = PARTS) -> Iterator[dict[str, Spent]]:
     """What every part takes while the block runs."""
-    spent, inner = {part: Spent() for part in PARTS}, [0.0]
+    spent, inner = {part: Spent() for part in parts}, [0.0]
     running: list[str] = []
 
     def watched(part: str, function: Callable[..., object]) -> Callable[..., object]:
@@ -232,7 +231,7 @@ def clocked() -> Iterator[dict[str, Spent]]:
         return run
 
     with ExitStack() as stack:
-        for part, places in PARTS.items():
+        for part, places in parts.items():
             for owner, name in places:
                 stack.enter_context(patch.object(owner, name, watched(part, getattr(owner, name))))
         yield spent

@@ -83,8 +83,8 @@ class Search:
 class RealTime:
     """Of a stream: one frame after the other, as they come."""
 
-    steps: int = 2
-    """Of the quadratic program, per frame."""
+    steps: float = 60.0
+    """Of the quadratic program, per second; one a frame at least [1/s]."""
     frequency: float = 3.3
     """What π = 1/rad² pulls follows like a mass on a spring of this natural frequency [1/s] ..."""
     damping: float = 0.5

@@ -105,6 +105,12 @@ class Problem:
         """Whether machine code serves."""
         return all(part.model.native for part in self.parts)
 
+    def wait(self) -> None:
+        """Until the machine code is there, or cannot be had."""
+        for part in self.parts:
+            part.model.wait()
+            part.cost.wait()
+
     def model(self, q: Floats, wish: Wish) -> tuple[float, Floats, Floats]:
         """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
         (cost, gradient, normal), *others = [part.model(q, *part.asked(wish)) for part in self.parts]

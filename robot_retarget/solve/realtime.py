@@ -75,7 +75,7 @@ class RealTimeSolver:
         anchor = integrate(self.robot, before, kept * seconds * self.velocity)
         anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * self.inertia)
-        pose = self.solver.advance(anchor, wish, proximal, box, options.steps)
+        pose = self.solver.advance(anchor, wish, proximal, box, max(1, round(options.steps * seconds)))
         pose = self.solver.lifted(self.solver.held_back(before, pose))
         self.home.look(pose, wish, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)

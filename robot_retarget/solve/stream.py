@@ -103,6 +103,11 @@ class Stream:
         """The frames that told what the performer is like; keep them to follow at once the next time."""
         return self.performer.graph.motion if self.performer else None
 
+    def wait(self) -> None:
+        """Until the machine code is there, or cannot be had; without that the stream goes over to it by itself."""
+        if self.performer is not None:
+            self.performer.problem.wait()
+
     def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> StreamPose:
         """The configuration that answers to a frame.
 
@@ -171,8 +176,8 @@ class _Follower:
         match, w = graph.match, graph.weights
         self.graph, self.human, self.wishes = graph, CausalHuman(calibration_of(graph)), CausalWishes(graph)
         self.carriage = carriage_of(graph.human, match)
-        problem = build_problem(graph.robot, match, graph.tracks, native=native)
-        frames = FrameSolver(problem)
+        self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
+        frames = FrameSolver(self.problem)
         self.solver = RealTimeSolver(frames, options, w.smooth_root)
         smooth = smoothness(graph.robot, w.smooth, w.smooth_root, graph.fps)
         self.lag = FixedLag(frames, lag, smooth, Smoothing()) if lag else None

@@ -100,3 +100,12 @@ def test_the_pages_pictures_are_there_and_small() -> None:
     pictures = [page.parent / name for name in re.findall(r"!\[.*?\]\((.*?)\)", page.read_text(encoding="utf-8"))]
     assert len(pictures) == len(set(pictures)) == 3
     assert sum(picture.stat().st_size for picture in pictures) < 1_200_000
+
+
+def test_the_stream_bench_measures_every_way_and_where_its_time_goes(script: Any) -> None:
+    bench, robot, motion = script("bench_stream"), rr.load_robot("op3"), clip()
+    rows = bench["rows"](robot, motion, 30.0, 1, False)
+    assert [row.split(" | ")[1] for row in rows] == ["stream", "stream", "lag of 3"]
+    assert all(float(row.split(" | ")[3]) > 0 for row in rows)
+    shares = [float(row.strip("| ").split("|")[-1]) for row in bench["shares"](robot, motion, 30.0)]
+    assert sum(shares) == pytest.approx(100, abs=len(shares))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -44,7 +45,10 @@ class Calibration:
         """Per segment (1, 3, 3), of keypoints (K, 3) or of the joints' rotations (J, 4)."""
         names = tuple(self.graph.human.segments)
         if self.turned and rotations is not None:
-            seen = Rotation.from_quat(rotations[self.joints], scalar_first=True).as_matrix()
+            seen = np.empty((len(self.joints), 9))
+            for matrix, turn in zip(seen, rotations[self.joints], strict=True):
+                mujoco.mju_quat2Mat(matrix, turn / np.sqrt(turn @ turn))
+            seen = seen.reshape(-1, 3, 3)
         else:
             shown = shown_segments({k: x[None, i] for i, k in enumerate(self.graph.match.keypoints)})
             seen = np.stack([shown[name][0] for name in names]) if names else np.zeros((0, 3, 3))
