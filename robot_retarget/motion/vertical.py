@@ -53,9 +53,9 @@ class VerticalRule:
     height: tuple[float, float] = (1.2, 1.8)
     """... from the first on, fully from the second."""
     custom: dict[str, float] = field(
-        default_factory=lambda: {"+x": -1.5, "+y": 0.0, "+z": -0.7, "-x": -1.5, "-y": -1.5, "-z": -1.5}
+        default_factory=lambda: {"+x": -1.5, "+y": 0.0, "+z": -0.7, "-x": -2.5, "-y": -2.5, "-z": -2.5}
     )
-    """How usual the axis is: y, then z."""
+    """How usual the axis is: y, then z; no exporter has one that points down."""
     doubt: float = 2.3
     """A lead over the second best axis below this is said: odds of less than 10 to 1 ..."""
     tie: float = 0.2
