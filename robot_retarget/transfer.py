@@ -1,6 +1,7 @@
 """The main job: describe a motion as a graph and solve it, in one call or two."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
 from robot_retarget.solve.look import mismatch
 from robot_retarget.solve.options import Options, Search, Smoothing
-from robot_retarget.solve.solution import Solution
+from robot_retarget.solve.solution import Solution, Status
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 
@@ -71,10 +72,16 @@ class Result:
     def likeness(self) -> Likeness:
         """How like the human's the robot's motion is."""
         if self.balance is None:
-            return likeness_of(self.graph, self.trajectory.qpos)
+            return likeness_of(self.graph, self.trajectory.qpos, unfinished=_unfinished(self.solution.status))
         inside = self.balance.timeline.share >= 1
-        slowed = {"slowdown": self.balance.slowdown, "stride": self.balance.stride, "legs": self.balance.legs}
-        return likeness_of(self.graph.at(inside), self.trajectory.qpos[inside], **slowed)
+        return likeness_of(
+            self.graph.at(inside),
+            self.trajectory.qpos[inside],
+            slowdown=self.balance.slowdown,
+            stride=self.balance.stride,
+            legs=self.balance.legs,
+            unfinished=_unfinished(self.solution.status),
+        )
 
     @cached_property
     def warnings(self) -> Warnings:
@@ -84,6 +91,11 @@ class Result:
             TrajectoryError: a single frame has no next one.
         """
         return warnings_of(self.trajectory, self.robot)
+
+
+def _unfinished(status: Sequence[Status]) -> float:
+    """The share of frames at which the solver was not done."""
+    return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in status) / len(status)
 
 
 def solve(

@@ -1,4 +1,4 @@
-"""How like the human a robot moves: directions of limbs, contacts, pace and steps, at the human's own moments."""
+"""How like the human a robot moves: directions of limbs, contacts, pace, steps and path, at the human's own moments."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.path import pelvis_path
 from robot_retarget.robot import world_points
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
@@ -29,7 +30,11 @@ class Likeness:
     stride: float = 1.0
     """Length of its steps, over the scaled human's."""
     legs: str = "follow"
-    """`follow` the human's, or `stand`: both feet in place, where legs are not compared."""
+    """`follow` the human's, or `stand`: both feet in place, where legs, steps and path are not compared."""
+    path: float | None = None
+    """How far the pelvis is from the human's scaled path, on the mean, over that path's length or a leg [-]."""
+    unfinished: float = 0.0
+    """Share of the frames at which the solver was not done."""
 
     def part(self, name: str) -> float | None:
         """The mean angle of a part's bones [rad]; None where the robot lacks them."""
@@ -55,14 +60,23 @@ class Likeness:
             "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
             "stride": round(self.stride, 3),
+            "steps_shortened": None if self.legs == "stand" else round(1 - self.stride, 3),
+            "path_off": None if self.legs == "stand" else _rounded(self.path),
+            "unfinished_share": round(self.unfinished, 3),
             "legs": self.legs,
         }
 
 
 def likeness_of(
-    graph: Graph, qpos: Floats, *, slowdown: float = 1.0, stride: float = 1.0, legs: str = "follow"
+    graph: Graph,
+    qpos: Floats,
+    *,
+    slowdown: float = 1.0,
+    stride: float = 1.0,
+    legs: str = "follow",
+    unfinished: float = 0.0,
 ) -> Likeness:
-    """Compare configurations (T, nq) with the human of a graph, frame by frame."""
+    """Compare configurations (T, nq) with the human of a graph, frame by frame; the rest is known to who asks."""
     match, human = graph.match, graph.human.positions
     robot = world_points(graph.robot, match.points, qpos)
     seen = [_from_pelvis(x, match.keypoints) for x in (human, robot)]
@@ -73,7 +87,8 @@ def likeness_of(
         if parent >= 0 and keypoint.split("_")[-1] in compared:
             one, other = (unit(x[:, k] - x[:, parent]) for x in seen)
             angles[keypoint] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
-    return Likeness(angles, _contacts_kept(graph, robot), slowdown, stride, legs)
+    path = _path_off(graph, robot)
+    return Likeness(angles, _contacts_kept(graph, robot), slowdown, stride, legs, path, unfinished)
 
 
 def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:
@@ -85,6 +100,16 @@ def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:
     turn = np.zeros((len(x), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, s, -s, c, 1.0
     return np.einsum("tij,tkj->tki", turn, x)
+
+
+def _path_off(graph: Graph, robot: Floats) -> float:
+    """The mean of ‖Δp − Δh‖ / max(L, ℓ): how far pelvis p and scaled human h, L its way, have come since the first frame."""
+    match = graph.match
+    wished = pelvis_path(graph.human, match)[:, :2]
+    pelvis = robot[:, match.index("pelvis") if "pelvis" in match.keypoints else 0, :2]
+    way = float(np.linalg.norm(np.diff(wished, axis=0), axis=1).sum())
+    off = np.linalg.norm((pelvis - pelvis[0]) - (wished - wished[0]), axis=1)
+    return float(off.mean()) / max(way, match.robot_leg)
 
 
 def _contacts_kept(graph: Graph, robot: Floats) -> float | None:

@@ -263,7 +263,7 @@ def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
         elif check.figure == "slowdown":
             said.append(f"it takes {value:.1f} times as long as the human")
         else:
-            said.append(f"{100 * value:.0f} % of the human's contacts of hands are lost")
+            said.append(f"{check.what}: {100 * value:.0f} %, more than {100 * bound:.0f} %")
     return tuple(said)
 
 

@@ -43,6 +43,12 @@ class Thresholds:
     """Times as long as the human."""
     contacts_lost: float = 0.3
     """Share of the human's contacts of hands that the robot does not make."""
+    steps_shortened: float = 0.6
+    """By which share of the scaled human's steps are shorter."""
+    path_off: float = 0.5
+    """Distance of the pelvis from the human's scaled path on the mean, over its length: steps of half their length make 0.25."""
+    unfinished: float = 0.25
+    """Share of frames at which the solver was not done."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -78,6 +84,9 @@ UNLIKE = (
     Check("unlike_legs", "limb_rad_legs", "legs off the human's, on the mean", "rad"),
     Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
     Check("contacts_lost", "contacts_lost", "contacts of hands that are lost", "of all"),
+    Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
+    Check("path_off", "path_off", "way off the human's path on the mean, over its length", "of all"),
+    Check("unfinished", "unfinished_share", "frames that were not solved to the end", "of all"),
 )
 """What a motion that passes is compared with the human by."""
 

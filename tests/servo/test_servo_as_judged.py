@@ -40,7 +40,7 @@ def test_the_emulated_robot_does_what_was_judged(clip: str, legs: str, tmp_path:
     assert not body["held"] and outcome.figures["held_back"] == {}
     assert (body["upright"] > UPRIGHT) == (report.figures["fall_s"] is None)
     simulated = report.series["simulated"][:, :2]
-    walked = np.linalg.norm(simulated[-1] - simulated[0])
+    walked = float(np.linalg.norm(simulated[-1] - simulated[0]))
     assert np.linalg.norm(np.subtract(body["place"], first)) == pytest.approx(walked, abs=ASTRAY + 0.1 * walked)
     with np.load(tmp_path / "play.npz") as log:
         playing = log["phase"] == list(log["phases"]).index("play")
