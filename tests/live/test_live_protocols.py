@@ -30,6 +30,7 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder
 from robot_retarget.live.send import PROTOCOLS, sending
 from robot_retarget.motion import Motion, recognise
+from robot_retarget.motion.kinematics import forward, forward_once
 
 numbers = st.floats(-3, 3)
 
@@ -59,15 +60,15 @@ def message(address: str, *values: str | float) -> bytes:
 @given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
 def test_unity_s_axes_turn_into_ours_and_rotations_with_them(axis: tuple[float, ...], point: tuple[float, ...]) -> None:
     # x right, y up, z ahead, left-handed: a positive angle turns the other way round in a mirror.
-    turn, place = Rotation.from_rotvec(axis), np.array(point)
-    q = turn.as_quat()
+    turn, place = Rotation.from_rotvec(axis), list(point)
+    q = turn.as_quat().tolist()
     ours = Rotation.from_quat(turn_of(q), scalar_first=True)
-    assert np.allclose(ours.apply(place_of(place)), place_of(turn.apply(place)), atol=1e-9)
+    assert np.allclose(ours.apply(place_of(place)), place_of(turn.apply(place).tolist()), atol=1e-9)
     assert np.allclose(unity_place(place_of(place)), place) and np.allclose(unity_turn(turn_of(q)), q)
 
 
 def test_ahead_left_and_up_are_where_unity_has_them() -> None:
-    ahead, left, up = (place_of(np.array(p)) for p in ([0, 0, 1], [-1, 0, 0], [0, 1, 0]))
+    ahead, left, up = (place_of(p) for p in ([0, 0, 1], [-1, 0, 0], [0, 1, 0]))
     assert (np.array([ahead, left, up]) == np.eye(3)).all()
 
 
@@ -193,3 +194,14 @@ def test_lines_may_come_in_pieces_and_a_skeleton_without_offsets() -> None:
     assert np.allclose(
         found[0].skeleton.rest()[1:] - found[0].skeleton.rest()[0], motion.positions[0, 1:] - motion.positions[0, 0]
     )
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_pose_in_plain_numbers_is_that_of_whole_clips(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parents = np.array([-1, *(int(rng.integers(0, k)) for k in range(1, 12))])
+    places, turns = rng.normal(size=(12, 3)), Rotation.random(12, rng).as_quat(scalar_first=True)
+    positions, rotations = forward(parents, places[None], turns[None])
+    once = forward_once(parents.tolist(), list(map(tuple, places.tolist())), list(map(tuple, turns.tolist())))
+    assert np.allclose(once[0], positions[0], atol=1e-9)
+    assert np.allclose(np.abs((np.array(once[1]) * rotations[0]).sum(axis=1)), 1)

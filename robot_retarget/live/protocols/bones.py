@@ -4,12 +4,11 @@ Unity: x right, y up, z ahead, left-handed. Ours: x' = z, y' = −x, z' = y, a r
 M p, and a rotation (w, v) becomes (w, −M v); both hold for a bone's pose in its parent as well.
 """
 
-from collections.abc import Collection
-
-import numpy as np
+from collections.abc import Collection, Sequence
 
 from robot_retarget.arrays import Floats
 from robot_retarget.motion.formats.smpl.body import mean_skeleton
+from robot_retarget.motion.kinematics import Place, Turn
 
 _SIDED = {
     "UpperLeg": ("Hips", "hip"),
@@ -65,30 +64,31 @@ def carriers(present: Collection[str]) -> dict[str, str]:
     return found
 
 
-def mean_offsets(present: Collection[str]) -> dict[str, Floats]:
-    """Each bone's place in its carrier in the mean body in T-pose (3,) [m]; the hips' over the floor."""
+def mean_offsets(present: Collection[str]) -> dict[str, Place]:
+    """Each bone's place in its carrier in the mean body in T-pose [m]; the hips' over the floor."""
     skeleton, _ = mean_skeleton(None)
-    place = skeleton.rest()
-    place[:, 1] -= place[:, 1].min()
-    at = {bone: place[skeleton.names.index(joint), [2, 0, 1]] for bone, (_, joint) in _TREE.items()}
-    return {bone: at[bone] - (at[carrier] if carrier else 0) for bone, carrier in carriers(present).items()}
+    rest = skeleton.rest()
+    rest[:, 1] -= rest[:, 1].min()
+    at = {bone: rest[skeleton.names.index(joint), [2, 0, 1]] for bone, (_, joint) in _TREE.items()}
+    place = {bone: at[bone] - (at[carrier] if carrier else 0) for bone, carrier in carriers(present).items()}
+    return {bone: (float(x), float(y), float(z)) for bone, (x, y, z) in place.items()}
 
 
-def place_of(p: Floats) -> Floats:
+def place_of(p: Sequence[float]) -> Place:
     """A place of Unity's in our axes."""
-    return np.array([p[2], -p[0], p[1]])
+    return p[2], -p[0], p[1]
 
 
-def turn_of(q: Floats) -> Floats:
+def turn_of(q: Sequence[float]) -> Turn:
     """A quaternion x y z w of Unity's as w x y z in our axes."""
-    return np.array([q[3], -q[2], q[0], -q[1]])
+    return q[3], -q[2], q[0], -q[1]
 
 
-def unity_place(p: Floats) -> list[float]:
+def unity_place(p: Sequence[float] | Floats) -> list[float]:
     """The inverse of `place_of`."""
     return [float(-p[1]), float(p[2]), float(p[0])]
 
 
-def unity_turn(q: Floats) -> list[float]:
+def unity_turn(q: Sequence[float] | Floats) -> list[float]:
     """The inverse of `turn_of`."""
     return [float(q[2]), float(-q[3]), float(-q[1]), float(q[0])]

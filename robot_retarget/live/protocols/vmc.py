@@ -4,19 +4,18 @@ Nothing in the protocol says where a frame ends. A frame is whole once every bon
 bone that comes twice, or a pause, ends it as well. Sources: protocol.vmc.info, "Marionette" receiving.
 """
 
-from math import isfinite, sqrt
+from math import hypot, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.live.protocols.osc import Message, messages
 from robot_retarget.motion import Skeleton
-from robot_retarget.motion.kinematics import forward
+from robot_retarget.motion.kinematics import Place, Turn, forward_once
 
 PORT = 39539
 """Where performers send to, unless told otherwise."""
@@ -32,9 +31,9 @@ TRACKING = 3
 """Where a message of `OK` says whether the performer is tracked, since version 2.7."""
 
 
-Local = tuple[Floats, Floats]
-"""A place (3,) [m] and a turn (4,) w x y z."""
-STILL = np.array([1.0, 0.0, 0.0, 0.0])
+Local = tuple[Place, Turn]
+"""A place [m] and a turn w x y z."""
+STANDING: Local = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 class _Whole(NamedTuple):
@@ -62,7 +61,7 @@ class VmcDecoder:
     def restart(self) -> None:
         self.clock.restart()
         self._local: dict[str, Local] = {}
-        self._root: Local = np.zeros(3), STILL
+        self._root = STANDING
         self._newest: _Whole | None = None
         self._stamp: float | None = None
         self._tracked = True
@@ -116,13 +115,14 @@ class VmcDecoder:
             if name not in PASSED_OVER:
                 raise RefusedError(Fault.UNKNOWN_BONE, name[:40])
             return "", None
-        p, q = np.split(np.array(_numbers(values[1:8], 7, name)), [3])
-        length = sqrt(float(q @ q))
-        if length < 1e-6:
+        numbers = _numbers(values[1:8], 7, name)
+        place, turn = numbers[:3], numbers[3:]
+        norm = hypot(*turn)
+        if norm < 1e-6:
             raise RefusedError(Fault.MALFORMED, f"the rotation of {name} is zero")
-        if address == BONE and name != "Hips" and float(p @ p) > LONGEST**2:
-            raise RefusedError(Fault.MALFORMED, f"{name} is {sqrt(float(p @ p)):.3g} m long")
-        return name if address == BONE else ROOT, (place_of(p), turn_of(q / length))
+        if address == BONE and name != "Hips" and hypot(*place) > LONGEST:
+            raise RefusedError(Fault.MALFORMED, f"{name} is {hypot(*place):.3g} m long")
+        return name if address == BONE else ROOT, (place_of(place), turn_of([x / norm for x in turn]))
 
     def _ended(self, early: bool) -> int:
         """Keep what is there as the newest frame; whether it is one."""
@@ -147,18 +147,13 @@ class VmcDecoder:
         if not whole.tracked:
             raise RefusedError(Fault.NOT_TRACKED)
         self.skeleton = self.skeleton or _skeleton(whole.bones)
-        names, offsets = self.skeleton.names, self.skeleton.offsets
-        local = [whole.bones.get(name, (offsets[k], STILL)) for k, name in enumerate(names)]
-        sent = np.array([place for place, _ in local])
-        places = np.where((np.linalg.norm(sent, axis=1) < NO_BONE)[:, None], offsets, sent)
-        turns = np.array([turn for _, turn in local])
-        parents = np.concatenate([[-1], self.skeleton.parents + 1])
-        positions, rotations = forward(
-            parents,
-            np.concatenate([whole.root[0][None], places])[None],
-            np.concatenate([whole.root[1][None], turns])[None],
-        )
-        frame = Frame(self.skeleton, whole.arrived, whole.arrived, positions[0, 1:], rotations[0, 1:])
+        local = [whole.bones.get(name, STANDING) for name in self.skeleton.names]
+        rest = map(tuple, self.skeleton.offsets.tolist())
+        places = [at if hypot(*at) >= NO_BONE else offset for (at, _), offset in zip(local, rest, strict=True)]
+        parents = [-1, *(self.skeleton.parents + 1).tolist()]
+        positions, rotations = forward_once(parents, [whole.root[0], *places], [whole.root[1], *(q for _, q in local)])
+        rows = np.array(positions[1:]), np.array(rotations[1:])
+        frame = Frame(self.skeleton, whole.arrived, whole.arrived, *rows)
         return frame.at(self.clock.time(whole.stamp, whole.arrived))
 
 
@@ -175,7 +170,7 @@ def _skeleton(bones: dict[str, Local]) -> Skeleton:
     names = tuple(above)
     parents = np.array([names.index(above[name]) if above[name] else -1 for name in names])
     sent = {name: bones[name][0] for name in names}
-    offsets = [sent[name] if np.linalg.norm(sent[name]) >= NO_BONE else mean[name] for name in names]
+    offsets = [sent[name] if hypot(*sent[name]) >= NO_BONE else mean[name] for name in names]
     return Skeleton(names, parents, np.array(offsets))
 
 
