@@ -25,13 +25,12 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
 from robot_retarget.live.sinks.servos import ServoSink, moved
-from robot_retarget.motion import Skeleton
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 
 HOST = "127.0.0.1"
-WARM = 2.0
+WARM = 3.0
 """What is not measured: the first frames build the stream [s]."""
 
 
@@ -57,12 +56,7 @@ def measured(robot: rr.Robot, motion: rr.Motion, speed: float, seconds: float) -
     port, decoder = UdpPort(HOST, 0, faults), VmcDecoder(faults)
     receiver, began = Receiver(port, decoder, faults), time.monotonic()
     watch = Watch(decoder, began)
-    make = rr.public("Stream")
-
-    def stream_of(skeleton: Skeleton):
-        return make(robot, skeleton)
-
-    loop = watch.loop = Loop(receiver, stream_of, watch, print)
+    loop = watch.loop = Loop(receiver, lambda skeleton: rr.Stream(robot, skeleton), watch, print)
     target = f"vmc://{HOST}:{port.address[1]}"
     sender = multiprocessing.get_context("spawn").Process(
         target=send, args=(motion, target, speed, seconds + WARM, None, began), daemon=True
@@ -79,8 +73,8 @@ def played(robot: rr.Robot, motion: rr.Motion, seconds: float) -> None:
     servo_map, faults = load_map(robot.name), Faults(print)
     port, decoder = UdpPort(HOST, 0, faults), VmcDecoder(faults)
     receiver, sink = Receiver(port, decoder, faults), ServoSink(robot, servo_map)
-    make, target = rr.public("Stream"), f"vmc://{HOST}:{port.address[1]}"
-    loop = Loop(receiver, lambda skeleton: make(robot, skeleton), sink, print)
+    target = f"vmc://{HOST}:{port.address[1]}"
+    loop = Loop(receiver, lambda skeleton: rr.Stream(robot, skeleton), sink, print)
     sender = multiprocessing.get_context("spawn").Process(
         target=send, args=(motion, target, 1.0, seconds + WARM), daemon=True
     )

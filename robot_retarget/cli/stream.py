@@ -15,6 +15,7 @@ from robot_retarget.errors import UsageError, known
 if TYPE_CHECKING:
     from robot_retarget.live.loop import Loop, Sink
     from robot_retarget.live.receiver import Source
+    from robot_retarget.motion import Skeleton
     from robot_retarget.robot import Robot
     from robot_retarget.servo.map import ServoMap
 
@@ -133,14 +134,17 @@ class Poses:
 
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
-        from robot_retarget import public
         from robot_retarget.live.calibration import kept
         from robot_retarget.live.loop import Loop
+        from robot_retarget.solve.stream import Stream
 
-        make, path = public("Stream"), self.calibrate
-        how: dict[str, Any] = {} if path is None or not path.exists() else {"calibration": kept(path)}
-        how |= {"lag": self.lag} if self.lag else {}
-        return Loop(self.source, lambda skeleton: make(self.robot, skeleton, **how), sink, console.aside)
+        path = self.calibrate
+        known = None if path is None or not path.exists() else kept(path)
+
+        def stream_of(skeleton: "Skeleton") -> Stream:
+            return Stream(self.robot, skeleton, calibration=known, lag=self.lag)
+
+        return Loop(self.source, stream_of, sink, console.aside)
 
     def run(self, sink: "Sink") -> dict[str, Any]:
         """The figures of a run in this thread, which Ctrl-C ends."""

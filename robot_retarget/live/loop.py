@@ -148,7 +148,8 @@ class Loop:
         if self.source.skeleton is not None and self.stream is None:
             self._begin(self.source.skeleton)
         began = None if self.last is None else time.monotonic()
-        while not self.stop.is_set() and not self.source.ended and self.tally.seconds < seconds:
+        before, spent = self.tally.seconds, 0.0
+        while not self.stop.is_set() and not self.source.ended and spent < seconds:
             frame = self.source.newest(self._wait())
             if frame is not None:
                 self._answer(frame)
@@ -156,7 +157,8 @@ class Loop:
                 self._rest(self.last)
             now = time.monotonic()
             began = now if began is None and frame is not None else began
-            self.tally.seconds = 0.0 if began is None else now - began
+            spent = 0.0 if began is None else now - began
+            self.tally.seconds = before + spent
         return self.tally
 
     def _wait(self) -> float:

@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from performers import HOST, clip
+from performers import HOST, clip, listening, performing
 from shared_files import ROOT
 
-import robot_retarget
+from robot_retarget.live.loop import Loop
 from robot_retarget.live.protocols.lines import line_of, told
+from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.stream import Stream
 
-pytestmark = pytest.mark.skipif("Stream" not in dir(robot_retarget), reason="needs rr.Stream, the solver of a stream")
 WAVE = str(SAMPLES / "wave.bvh")
 COMMAND = [sys.executable, "-m", "robot_retarget", "stream", "--robot", "op3"]
 OP3 = load_robot("op3")
@@ -126,3 +127,32 @@ def test_the_emulated_op3_follows_a_performer_within_every_limit(tmp_path: Path)
     assert (goal >= low - 1e-9).all() and (goal <= high + 1e-9).all()
     assert np.abs(np.diff(goal, axis=0)).max() <= servo_map.limits.speed / 125 + 1e-9
     assert np.abs(goal[1:] - present[:-1]).max() <= servo_map.limits.jump + 1e-9
+
+
+class Shown:
+    """Keeps the poses that it is shown, and when."""
+
+    def __init__(self) -> None:
+        self.poses: list[Any] = []
+
+    def show(self, pose: Any) -> None:
+        self.poses.append(pose)
+
+
+@pytest.mark.parametrize("silence", [0.1, 1.0])
+def test_neither_silence_nor_another_performer_makes_the_robot_jump(silence: float) -> None:
+    shown, wave, walk = Shown(), clip("wave"), clip("walk")
+    with listening(VmcDecoder) as receiver:
+        loop = Loop(receiver, lambda skeleton: Stream(OP3, skeleton), shown)
+        with performing(receiver, wave):
+            loop.run(2.5)
+        loop.run(silence + 0.1)
+        with performing(receiver, walk):
+            loop.run(max(1.2 - silence, 0.0) + 1.5)
+    assert receiver.faults.counts["silence"] >= 1 and loop.tally.held > 0
+    qpos = np.array([pose.qpos[OP3.qpos_index] for pose in shown.poses])
+    since = np.diff([pose.time for pose in shown.poses])
+    assert np.isfinite(qpos).all() and (qpos >= OP3.lower - 1e-6).all() and (qpos <= OP3.upper + 1e-6).all()
+    reach = OP3.max_speed * np.maximum(since, 0.0)[:, None]
+    assert (np.abs(np.diff(qpos, axis=0)) <= reach + 1e-4).all(), "faster than its joints turn"
+    assert {str(pose.status.name) for pose in shown.poses} >= {"HELD", "CALIBRATING"}
