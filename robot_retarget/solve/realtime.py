@@ -76,6 +76,9 @@ class RealTimeSolver:
         anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * self.inertia)
         pose = self.solver.advance(anchor, wish, proximal, box, max(1, round(options.steps * seconds)))
+        if pose.status is Status.BLOCKED:
+            self.home.lead = None
+            pose = self.solver.advance(before, wish, proximal, self.solver.reachable([before], seconds), 1)
         pose = self.solver.lifted(self.solver.held_back(before, pose))
         self.home.look(pose, wish, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)

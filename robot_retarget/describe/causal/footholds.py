@@ -11,6 +11,8 @@ from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
 from robot_retarget.describe.track import HARD
 
+STRAYED = 0.2
+"""A foot that the human leads farther away than this from where it stood has stepped, over the leg [-]."""
 BLENDED = 0.3
 """A swing foot leaves its foothold's offset behind within this time [s]."""
 
@@ -25,7 +27,10 @@ class CausalFootholds:
         self.hard = np.array([HARD, HARD, kind.across(scene)])
         self.held = np.zeros((len(feet), CORNERS), dtype=bool)
         self.places = np.zeros((len(feet), CORNERS, 3))
-        self.offset = np.zeros_like(self.places)
+        self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
+        self.height = np.zeros((len(feet), CORNERS))
+        """Of corners when they came down [m]."""
+        self.strayed = STRAYED * graph.match.robot_leg
         self.since = np.full(len(feet), np.inf)
         """Since a foot last came down or rose [s]."""
 
@@ -37,13 +42,15 @@ class CausalFootholds:
         """
         wished, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
         for k, sole in enumerate(self.soles):
-            carried, held = sole.places(human)[0], self._stands(human, sole.foot)
+            carried = sole.places(human)[0]
+            held = self._stands(human, sole.foot) & self._still(k, carried)
             stood, stands = bool(self.held[k].any()), bool(held.any())
             self.since[k] = 0.0 if stood != stands else self.since[k] + seconds
             if stands and not (stood and held[self.held[k]].all()):
-                self.places[k] = _come_down(corners[k], held)
+                self.places[k], self.landed[k] = _come_down(corners[k], carried, held), carried
+                self.height[k] = corners[k, :, 2]
             if stood and not stands:
-                self.offset[k] = self.places[k] - carried
+                self.offset[k] = corners[k] - carried
             self.held[k] = held
             wished[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
         return wished.ravel(), priority.ravel()
@@ -54,10 +61,18 @@ class CausalFootholds:
             held[TOE], held[HEEL] = said[0]
         return held
 
+    def _still(self, foot: int, carried: Floats) -> bool:
+        """Whether a foot may stand: it has not been led away from where it stood, nor has it just risen."""
+        if self.held[foot].any():
+            return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
+        return bool(self.since[foot] >= LANDING)
+
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
-        """A foothold comes on within `LANDING`, by equal factors."""
+        """A foothold comes on within `LANDING`, by equal factors, while the sole goes down to the floor."""
         share, least = min(self.since[foot] / LANDING, 1.0), self.weights.landing
-        return self.places[foot], np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
+        place = self.places[foot].copy()
+        place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
+        return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
 
     def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
         """The human's way, and for a while what the last foothold was off it."""
@@ -67,8 +82,8 @@ class CausalFootholds:
         return carried + left * self.offset[foot], max(self.weights.landing * near, self.weights.swing)
 
 
-def _come_down(corners: Floats, held: np.ndarray) -> Floats:
-    """(4, 3) a foothold under corners (4, 3): flat on the floor, the held ones over where they are."""
-    place = flattened(corners)
+def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:
+    """(4, 3) a foothold under corners (4, 3): flat, turned as the human's foot (4, 3), the held ones over where they are."""
+    place = flattened(carried)
     place[:, :2] += (corners - place)[held, :2].mean(axis=0)
     return place
