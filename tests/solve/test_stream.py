@@ -171,3 +171,22 @@ def test_wrong_use_is_told(robot: Robot, walk: Motion, wave: Motion) -> None:
         Stream(robot, walk.skeleton).push(np.zeros((3, 3)), time=0.0)
     with pytest.raises(UsageError, match="skeleton"):
         next(rr.stream(robot, iter([(walk.positions[0], None, 0.0)])))
+
+
+MODELS = {"op3": ("squat", "wave", "hips_and_bow"), "booster_t1": ("walk", "squat", "wave", "clap", "hips_and_bow")}
+MODELS["unitree_g1"] = ("walk", "squat", "wave", "hips_and_bow")
+CASES = [
+    pytest.param(name, clip, marks=() if name == "op3" else needs_shared)
+    for name, clips in MODELS.items()
+    for clip in clips
+]
+
+
+@pytest.mark.parametrize(("name", "clip"), CASES)
+def test_half_a_second_on_it_does_not_matter_where_a_stream_began(name: str, clip: str) -> None:
+    """Not where hands meet, which may pass each other on either side, but on the T1."""
+    robot = rr.load_robot(name if name == "op3" else str(SHARED / f"robots/{name}/{name}.xml"))
+    motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30)
+    whole, later = ([p.qpos for p in followed(known(robot, motion), motion, range(t, len(motion)))] for t in (0, 40))
+    apart = np.abs(np.array(whole)[55:] - np.array(later)[15:])[:, robot.qpos_index]
+    assert apart.max() < 0.02
