@@ -38,5 +38,7 @@ def mend(
     require_writable(output)
     model, edits = load(robot, limits), read_edits(edges)
     played = load_trajectory(trajectory, model)
-    all_mended(graph_of(read_clip(motion, frames, up=up), model, played, map_file), played, edits).save(output)
-    console.tell({"output": str(output), "edits": len(edits)}, f"wrote {output}, {len(edits)} edits", json)
+    made, told = all_mended(graph_of(read_clip(motion, frames, up=up), model, played, map_file), played, edits)
+    made.save(output)
+    facts = {"output": str(output), "edits": len(edits), "reached": told}
+    console.tell(facts, "\n".join([*told, f"wrote {output}; simulate it before you play it"]), json)

@@ -56,6 +56,7 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
         console.show_solution(solved, explain=False)
         console.show_report(report)
         console.say(f"wrote {', '.join(files)} in {target}")
+        console.say(f"next: open {target / 'report.html'} in a browser; it leads to {target / 'viewer.html'}")
     return report.verdict
 
 

@@ -94,4 +94,10 @@ class Session:
     def told(self) -> dict[str, Any]:
         """How it stands, for a page."""
         seconds = None if self.last is None else round(self.last.seconds, 3)
-        return {"edits": len(self.edits), "undone": len(self._states) - 1 - self._at, "seconds": seconds}
+        reached = "" if self.last is None else self.last.reached
+        return {
+            "edits": len(self.edits),
+            "undone": len(self._states) - 1 - self._at,
+            "seconds": seconds,
+            "reached": reached,
+        }

@@ -24,6 +24,8 @@ from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5
 """Time before and after an edge that is solved with it [s]."""
+MISSED = 1.0
+"""A soft edge that nowhere comes nearer to what it asks for is said to be too weak [cm]."""
 FIXED = 2
 """Frames at the beginning of a window that stay: position and velocity go on."""
 
@@ -40,6 +42,8 @@ class Mended:
     """Frames that were solved again."""
     seconds: float
     """How long that took [s]."""
+    reached: str = ""
+    """What came of an edge, in a sentence."""
 
 
 def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
@@ -68,7 +72,26 @@ def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known, poses, 0 if stop == len(graph) else around)
     done = replace(trajectory, qpos=qpos, goals=None)
-    return Mended(wished, done, start, stop - 1, time.perf_counter() - began)
+    measured = np.array([solver.problem.values(q) for q in qpos[first : last + 1]])
+    return Mended(wished, done, start, stop - 1, time.perf_counter() - began, _reached(wished, edit, measured))
+
+
+def _reached(graph: Graph, edit: Edit, measured: Floats) -> str:
+    """What an edge asks for and what it came to, from what all edges measure (T, E) at its frames."""
+    ends = np.cumsum([len(track) for track in graph.tracks])
+    own = next((int(end) for track, end in zip(graph.tracks, ends, strict=True) if track.name == "own"), None)
+    if edit.action != "edge" or own is None:
+        return ""
+    here, asked = 100 * measured[:, own - 1], np.atleast_1d(edit.values["at"])
+    wished = " to ".join(f"{100 * float(value):.3g}" for value in asked)
+    missed = np.abs(here - np.clip(here, 100 * asked[0], 100 * asked[-1])).min()
+    firmer = (
+        "; hard = true, or a priority over 100, brings them nearer"
+        if missed > MISSED and "hard" not in edit.values
+        else ""
+    )
+    apart = f"{here.min():.1f} to {here.max():.1f} cm apart"
+    return f"{edit.values['a']} and {edit.values['b']} are {apart}, asked for {wished} cm{firmer}"
 
 
 def _faded(graph: Graph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:
@@ -84,13 +107,15 @@ def _faded(graph: Graph, known: Sequence[Floats], poses: Sequence[Floats], frame
     )
 
 
-def all_mended(graph: Graph, trajectory: Trajectory, edits: Sequence[Edit]) -> Trajectory:
-    """Every edit in turn, each on what the one before left.
+def all_mended(graph: Graph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[str]]:
+    """Every edit in turn, each on what the one before left; the trajectory, and what came of each edge.
 
     Raises:
         GraphError: the graph refuses an edit.
     """
+    told = []
     for edit in edits:
         done = mended(graph, trajectory, edit)
         graph, trajectory = done.graph, done.trajectory
-    return trajectory
+        told += [done.reached] if done.reached else []
+    return trajectory, told

@@ -208,8 +208,8 @@ export class Touch {
   }
 
   #told(what, seconds) {
-    const { edits, seconds: solving } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
-    this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}` : count);
+    const { edits, seconds: solving, reached } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
+    this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}${reached ? ` · ${reached}` : ""}` : count);
   }
 
   async #check() {
