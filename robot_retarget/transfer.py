@@ -1,6 +1,7 @@
 """The main job: describe a motion as a graph and solve it, in one call or two."""
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,6 +17,7 @@ from robot_retarget.describe.match import Match
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion
+from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
 from robot_retarget.solve.look import mismatch
@@ -67,6 +69,19 @@ class Result:
     def trajectory(self) -> Trajectory:
         """The robot's configurations over time."""
         return self.solution.trajectory
+
+    def __repr__(self) -> str:
+        return f"<Result {self._title}: {self.likeness.sentence}>"
+
+    def _repr_html_(self) -> str:
+        counted = Counter(status.name.replace("_", " ").lower() for status in self.solution.status)
+        ended = ", ".join(f"{n} {name}" for name, n in counted.items())
+        facts = {"frames": f"{len(self.trajectory)} at {self.trajectory.fps:g} a second", "solver": ended}
+        return card(self._title, facts | {"likeness": self.likeness.sentence}, self.notes)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.trajectory.source or 'a motion'} on {self.robot.name}"
 
     @cached_property
     def likeness(self) -> Likeness:

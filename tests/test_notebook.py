@@ -11,6 +11,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.rollout import simulate
+from robot_retarget.transfer import retarget
 
 OP3 = load_robot("op3")
 SWING = swing(OP3, "l_sho_roll", 0.4, 1.0, 0.5)
@@ -28,6 +29,13 @@ def test_values_say_in_a_line_what_they_are() -> None:
         assert all(part in repr(value) for part in parts), repr(value)
         shown = value._repr_html_()
         assert shown.startswith("<div") and parts[1].split(",")[0] in shown
+
+
+def test_a_result_says_how_like_the_human_it_is() -> None:
+    result = retarget(MOTION.frames(0, 30), OP3)
+    arms = f"arms {np.degrees(result.likeness.part('arms') or 0):.0f}°"
+    for text in (repr(result), result._repr_html_()):
+        assert "wave.bvh on op3" in text and arms in text
 
 
 def test_html_is_escaped() -> None:

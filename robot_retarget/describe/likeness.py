@@ -46,6 +46,14 @@ class Likeness:
         means = {bone: float(angle.mean()) for bone, angle in self.angles.items()}
         return max(means.items(), key=lambda item: item[1]) if means else ("", 0.0)
 
+    @property
+    def sentence(self) -> str:
+        """How like it is, in a line."""
+        parts = ((name, self.part(name)) for name in PARTS)
+        off = ", ".join(f"{name} {np.degrees(angle):.0f}°" for name, angle in parts if angle is not None)
+        pace = f", {self.slowdown:.1f} times as slow" if self.slowdown > 1.05 else ""
+        return f"{off} off the human's on the mean{pace}"
+
     def figures(self) -> dict[str, Any]:
         """As reports have them: angles [rad], shares, factors."""
         bone, off = self.worst()
