@@ -133,3 +133,9 @@ def test_functions_named_like_folders_stay_functions() -> None:
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(AttributeError, match=r"it has .*read_motion"):
         robot_retarget.read_movie  # noqa: B018
+
+
+def test_every_file_of_tests_has_a_name_of_its_own() -> None:
+    """They are imported by their names alone: two of one name cannot be collected together."""
+    names = [path.name for path in Path(__file__).parent.rglob("*.py")]
+    assert not {name for name in names if names.count(name) > 1}
