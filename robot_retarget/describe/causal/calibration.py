@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -12,6 +11,7 @@ from robot_retarget.describe.feet import seen_foot
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.rotations import constant_between, own_joint
 from robot_retarget.describe.segments import trunk_frames
+from robot_retarget.robot.kinematics import matrices
 
 _CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
 """The keypoint whose joint turns a segment, where it has another name."""
@@ -45,10 +45,7 @@ class Calibration:
         """Per segment (1, 3, 3), of keypoints (K, 3) or of the joints' rotations (J, 4)."""
         names = tuple(self.graph.human.segments)
         if self.turned and rotations is not None:
-            seen = np.empty((len(self.joints), 9))
-            for matrix, turn in zip(seen, rotations[self.joints], strict=True):
-                mujoco.mju_quat2Mat(matrix, turn / np.sqrt(turn @ turn))
-            seen = seen.reshape(-1, 3, 3)
+            seen = matrices(rotations[self.joints])
         else:
             shown = shown_segments({k: x[None, i] for i, k in enumerate(self.graph.match.keypoints)})
             seen = np.stack([shown[name][0] for name in names]) if names else np.zeros((0, 3, 3))
