@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.robot.kinematics import integrate
+from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import SLIDE, Robot
 
 STEPS = 30
@@ -18,13 +18,16 @@ ARRIVED = 1e-9
 def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
     """A configuration moved by its root alone, so that a body is turned so and a point fixed to it is there.
 
-    Newton's method on  [x(q) − place, log(R turnᵀ)] = 0; least squares where the root has fewer than six ways to move.
+    A free joint takes the rest of the body along as it is. Else Newton's method on  [x(q) − place, log(R turnᵀ)] = 0, least
+    squares where the root has fewer than six ways to move.
 
     Args:
         offset: (3,) of the point in the body's frame [m].
         place: (3,) wished for the point [m].
         turn: (3, 3) wished for the body.
     """
+    if robot.floating:
+        return _carried(robot, qpos, body, offset, place, turn)
     moved, dofs, data = np.array(qpos), root_dofs(robot), mujoco.MjData(robot.model)
     velocity, rows = np.zeros(robot.model.nv), np.zeros((6, robot.model.nv))
     for _ in range(STEPS if dofs.size else 0):
@@ -39,6 +42,16 @@ def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, tu
         moved = integrate(robot, moved, velocity)
         if np.abs(velocity).max() < ARRIVED:
             break
+    return moved
+
+
+def _carried(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+    """The same with a free joint: R₁ = turn Rᵀ R₀ and x₁ = place + turn Rᵀ (x₀ − x) for the root's R₀ and x₀."""
+    frames, turns = body_frames(robot, qpos[None])
+    rotation, root = turn @ turns[0, body].T, robot.root_body
+    moved, a = np.array(qpos), robot.root_address
+    moved[a : a + 3] = place + rotation @ (frames[0, root] - frames[0, body] - turns[0, body] @ offset)
+    mujoco.mju_mat2Quat(moved[a + 3 : a + 7], (rotation @ turns[0, root]).ravel())
     return moved
 
 
