@@ -16,7 +16,7 @@ from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.collision.warn import Surfaces, surfaces
+from robot_retarget.collision.warn import Surfaces, surfaces, warnings_of
 from robot_retarget.robot.clearance import Clearance
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Options
@@ -37,6 +37,10 @@ class Run:
     distance: Floats
     """(T, P) between the links' geoms [m]."""
     fps: float
+    alarms: int
+    """Warnings that it raises; where nothing touches, all of them are false."""
+    stress: float
+    """What was minimised, summed over the frames."""
 
 
 def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, options: Options) -> Run:
@@ -45,7 +49,8 @@ def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, opti
     qpos = result.trajectory.qpos
     human = result.match.human_positions(result.motion)
     distance = Clearance(robot, known.pairs).all(qpos, FAR)
-    return Run(figures(robot, result.match, human, qpos, fps), distance, fps)
+    alarms, stress = len(warnings_of(result.trajectory, robot, known=known).events), float(result.solution.cost.sum())
+    return Run(figures(robot, result.match, human, qpos, fps), distance, fps, alarms, stress)
 
 
 def collisions(free: Run) -> list[tuple[int, int]]:
@@ -92,27 +97,33 @@ def main() -> None:
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ask.add_argument("--robot", nargs="+", default=["op3"], help="names or MJCF files")
     ask.add_argument("--clips", type=Path, nargs="+", default=sorted(SAMPLES.glob("*.bvh")), help="BVH files")
-    ask.add_argument("--weights", type=float, nargs="+", default=[3.0, 10.0], help="of interaction edges")
+    ask.add_argument("--weights", type=float, nargs="+", default=[1.0, 3.0, 10.0], help="π of interaction edges")
     ask.add_argument("--fps", type=float, default=30.0)
     ask.add_argument("--plot", type=Path, help="draw the first collision of the last clip with one")
     given = ask.parse_args()
-    ways = {"separation alone": Options(), **{f"edges, {w:g}": Options(interaction=w) for w in given.weights}}
+    ways = {
+        "separation alone": Options(interaction=0.0),
+        **{f"edges, {w:g}": Options(interaction=w) for w in given.weights},
+    }
     print(
-        "| robot | solved with | collisions avoided | begins [s] | limbs [°] | jerk [rad/s³] | overlap [%] | deepest [cm] |"
+        "| robot | solved with | collisions avoided | begins [s] | alarms | stress | limbs [°] | jerk [rad/s³] | overlap [%] | deepest [cm] |"
     )
-    print("|---|---|---|---|---|---|---|---|", flush=True)
+    print("|---" * 10 + "|", flush=True)
     for name in given.robot:
         robot = rr.load_robot(name)
         known = surfaces(robot)
         motions = [rr.read_motion(path) for path in given.clips]
-        free = [solved(motion, robot, known, given.fps, Options(separation=False)) for motion in motions]
+        free = [
+            solved(motion, robot, known, given.fps, Options(separation=False, interaction=0.0)) for motion in motions
+        ]
         runs = {way: [solved(m, robot, known, given.fps, options) for m in motions] for way, options in ways.items()}
         for way, found in runs.items():
             times = [t for one, run in zip(free, found, strict=True) for t in starts(one, run)]
             f = mean([run.figures for run in found])
             begins = f"{np.mean(times):.3f}" if times else "–"
             print(
-                f"| {robot.name} | {way} | {len(times)} | {begins} | {f.limb_deg:.2f} | {f.jerk:.0f} "
+                f"| {robot.name} | {way} | {len(times)} | {begins} "
+                f"| {sum(r.alarms for r in found)} | {sum(r.stress for r in found):.0f} | {f.limb_deg:.2f} | {f.jerk:.0f} "
                 f"| {f.overlap_pct:.2f} | {f.depth_cm:.2f} |",
                 flush=True,
             )

@@ -147,10 +147,7 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set
 
 def _interaction(clip: Clip, poses: list[Pose], t: int) -> Interaction | None:
     """The interaction edges of a frame: what its step from the frame before leads to."""
-    options = clip.solver.options
-    if options.interaction == 0 or t == 0:
-        return None
-    return Interaction(poses[t - 1].qpos, options.horizon * clip.fps, options.interaction)
+    return clip.solver.interaction(poses[t - 1].qpos, clip.fps) if t else None
 
 
 def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:

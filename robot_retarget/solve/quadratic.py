@@ -24,18 +24,22 @@ class Proximal:
 
 @dataclass(frozen=True)
 class Interaction:
-    """Σ w max(0, −k ḋ − room)²/ℓ²: interaction edges between links that near each other.
+    """Σ π max(0, margin − D)²/ℓ²: interaction edges between links that near each other, δ = [margin, ∞).
 
-    Along the normal of their nearest surfaces the interaction distance of `dgp.interaction` is D = d + k ḋ, with ḋ = d − d
-    a frame before, and its gradient (1 + k) times that of d. The edge counts where D would break the margin within k
-    frames, by how much more than the `room` d − margin there is: a velocity damper, before separation bites.
+    D is the interaction distance of `dgp.interaction` with its minimum over α = 1 + k, of surfaces that are taken as flat
+    where they are nearest: their signed distance d changes by ḋ with every step, and so
+
+        D = min_{0 ≤ k ≤ H} d + k ḋ,    k = H where links near each other, k = 0 where they part,
+
+    with (1 + k) times the gradient of d. What d itself lacks to the margin is left to separation.
     """
 
     before: Floats
     """The configuration a frame before."""
-    frames: float
-    """k; real, so that the cost has no steps."""
+    horizon: float
+    """H in frames; real, so that the cost has no steps."""
     weight: float
+    """π."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +146,22 @@ class CostModel:
         """How much more than what is tolerated the nearest links lack, over the leg."""
         return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
 
+    def interaction_cost(self, q: Floats, interaction: Interaction) -> float:
+        """The part of interaction edges, at a configuration."""
+        near = self._near(q, None)
+        if near is None:
+            return 0.0
+        rows, least = np.zeros((self.rows, near.slope.shape[1] + 1)), np.full(self.rows, -np.inf)
+        self._apart(q, near, (), rows, least)
+        error = self._foreseen(rows[:, :-1], least, q, interaction)
+        return interaction.weight / self.leg**2 * float(error @ error)
+
+    def _foreseen(self, rows: Floats, least: Floats, q: Floats, interaction: Interaction) -> Floats:
+        """How much D lacks to the margin beyond what d does itself [m], per row of separation."""
+        step = difference(self.robot, interaction.before, q)
+        ahead = interaction.horizon * np.minimum(rows @ step, 0.0)  # k = H or 0, whichever makes d + k ḋ least
+        return np.where(ahead < 0, np.maximum(-ahead + np.minimum(least, 0.0), 0.0), 0.0)
+
     def decrease(self, here: Quadratic, step: Floats, slack: float) -> float:
         """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
         edges = -float(step @ (2 * here.gradient + here.normal @ step))
@@ -201,12 +221,12 @@ class CostModel:
         if interaction is None or self.separation is None:
             return here
         rows, least = here.rows[self.problem.soles :, :-1], here.least[self.problem.soles :]
-        coming = -interaction.frames * (rows @ difference(self.robot, interaction.before, q))
-        broken = np.flatnonzero((coming > 0) & (coming + np.minimum(least, 0.0) > 0))
-        if not broken.size:
+        error = self._foreseen(rows, least, q, interaction)
+        short = np.flatnonzero(error)
+        if not short.size:
             return here
-        error = coming[broken] + np.minimum(least[broken], 0.0)
-        slope = (interaction.frames + (least[broken] < 0))[:, None] * rows[broken]
+        error, alpha = error[short], interaction.horizon + (least[short] < 0)
+        slope = alpha[:, None] * rows[short]
         scale = interaction.weight / self.leg**2
         return replace(
             here,

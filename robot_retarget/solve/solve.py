@@ -43,12 +43,13 @@ def solve_graph(
     problem = problem or problem_of(graph)
     solver, built = FrameSolver(problem, options), time.perf_counter()
     count = Count(progress, len(graph))
-    if smoothly.passes == 0 or len(graph) < 3:
+    causal = smoothly.passes == 0 or len(graph) < 3
+    if causal:
         poses = causal_poses(solver, graph, chosen, count)
     else:
         poses, graph = clip_poses(solver, graph, chosen, smoothly, count)
     timings = {"build": built - began, "solve": time.perf_counter() - built}
-    return solution_of(solver, graph, poses, timings)
+    return solution_of(solver, graph, poses, timings, anticipating=not causal)
 
 
 def problem_of(graph: Graph) -> Problem:
@@ -56,8 +57,14 @@ def problem_of(graph: Graph) -> Problem:
     return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
 
 
-def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: dict[str, float]) -> Solution:
-    """The poses, judged where they ended."""
+def solution_of(
+    solver: FrameSolver, graph: Graph, poses: list[Pose], timings: dict[str, float], *, anticipating: bool = False
+) -> Solution:
+    """The poses, judged where they ended.
+
+    Args:
+        anticipating: whether interaction edges were minimised too.
+    """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = Trajectory(qpos, graph.fps, graph.robot.joint_names, graph.robot.name, Path(graph.motion.source).name)
     measured = measured_by(problem, graph, qpos)
@@ -66,9 +73,12 @@ def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: d
     stress["separation"] = np.array([solver.costs.separation_cost(q) for q in qpos])
     stress["coupling"] = np.array([solver.costs.coupling_cost(q) for q in qpos])
     stress["smoothness"] = _smoothness(graph, qpos)
+    if anticipating:
+        stress["interaction"] = _interaction(solver, qpos, graph.fps)
     far, wishes = unreached(graph, measured), wishes_of(graph.tracks)
     status = tuple(Status.UNREACHED if off else pose.status for off, pose in zip(far, poses, strict=True))
-    cost = np.array([solver.costs.cost(q, wishes.at(t)) for t, q in enumerate(qpos)]) + stress["smoothness"]
+    cost = np.array([solver.costs.cost(q, wishes.at(t)) for t, q in enumerate(qpos)])
+    cost += stress["smoothness"] + stress.get("interaction", 0.0)
     iterations = np.array([pose.iterations for pose in poses])
     return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native)
 
@@ -78,6 +88,15 @@ def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Float
     every = np.array([problem.values(q) for q in qpos])
     ends = np.cumsum([len(track) for track in graph.tracks])[:-1]
     return {track.name: part for track, part in zip(graph.tracks, np.split(every, ends, axis=1), strict=True)}
+
+
+def _interaction(solver: FrameSolver, qpos: Floats, fps: float) -> Floats:
+    """(T,) what interaction edges cost at every frame after the first."""
+    found = np.zeros(len(qpos))
+    for t, (before, q) in enumerate(pairwise(qpos), start=1):
+        if (edges := solver.interaction(before, fps)) is not None:
+            found[t] = solver.costs.interaction_cost(q, edges)
+    return found
 
 
 def _smoothness(graph: Graph, qpos: Floats) -> Floats:

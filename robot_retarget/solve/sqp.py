@@ -197,6 +197,13 @@ class FrameSolver:
         index = self.robot.qpos_index
         return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
 
+    def interaction(self, before: Floats, fps: float) -> Interaction | None:
+        """The interaction edges of a frame after one before, where there are any."""
+        options = self.options
+        if options.interaction == 0 or not options.separation:
+            return None
+        return Interaction(before, options.horizon * fps, options.interaction)
+
     def depth(self, qpos: Floats) -> float:
         """How deep links are inside each other [m], where they are kept apart."""
         apart = self.costs.separation

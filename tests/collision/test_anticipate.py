@@ -1,11 +1,11 @@
-"""Interaction edges slow links down that near each other, and leave all others alone."""
+"""Interaction edges: links that near each other part earlier, warnings are fewer, and all others are left alone."""
 
 import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
-from robot_retarget.collision.warn import surfaces
+from robot_retarget.collision.warn import surfaces, warnings_of
 from robot_retarget.describe.graph import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
@@ -15,7 +15,7 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import build_problem
 from robot_retarget.solve.quadratic import CostModel, Interaction, Quadratic
-from robot_retarget.transfer import retarget
+from robot_retarget.solve.solve import solve_graph
 
 K, WEIGHT = 6.0, 3.0
 
@@ -35,7 +35,7 @@ def model_of(costs: CostModel, slope: Floats, room: Floats) -> Quadratic:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_edges_cost_what_the_distance_in_k_frames_lacks(costs: CostModel, seed: int) -> None:
+def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs: CostModel, seed: int) -> None:
     robot, draw = costs.robot, np.random.default_rng(seed)
     step, slope = np.zeros(robot.model.nv), draw.normal(size=(9, robot.model.nv))
     step[robot.dof_index] = draw.normal(scale=0.02, size=len(robot.dof_index))
@@ -43,8 +43,8 @@ def test_the_edges_cost_what_the_distance_in_k_frames_lacks(costs: CostModel, se
     found = costs.with_interaction(model_of(costs, slope, room), q, Interaction(integrate(robot, q, -step), K, WEIGHT))
 
     def cost(v: Floats) -> float:
-        now = room + slope @ v
-        ahead = np.maximum(now, 0) + K * slope @ (step + v)
+        now, change = np.maximum(room + slope @ v, 0), slope @ (step + v)
+        ahead = np.min([now + k * change for k in np.linspace(0, K, 7)], axis=0)  # D, least over α = 1 + k
         return WEIGHT / costs.leg**2 * float((np.minimum(ahead, 0) ** 2).sum())
 
     assert found.cost == pytest.approx(cost(np.zeros_like(step))) and found.cost > 0
@@ -63,15 +63,19 @@ def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None
 
 
 @needs_shared
-def test_legs_that_would_cross_part_earlier_than_by_separation_alone() -> None:
+def test_warnings_are_fewer_for_a_twentieth_of_the_stress_at_most_and_legs_pass_farther_apart() -> None:
+    """Nothing touches either way, so that every warning is a false alarm."""
     robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
     motion = read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/02_01_walk.bvh").frames(0, 240)
     known = surfaces(robot)
-    clearance = Clearance(robot, known.pairs)
-    near = []
-    for weight in (0.0, 3.0):
-        found = retarget(motion, robot, fps=30, options=Options(interaction=weight)).trajectory
-        distance = clearance.all(found.qpos, 0.05)
+    clearance, near, alarms, stress = Clearance(robot, known.pairs), [], [], []
+    for weight in (0.0, 1.0):
+        solution = solve_graph(describe(motion, robot, fps=30), options=Options(interaction=weight))
+        distance = clearance.all(solution.trajectory.qpos, 0.05)
         assert distance.min() > -1e-3
-        near.append(np.sort(distance.min(axis=1)))
-    assert near[1][: len(near[1]) // 4].mean() > near[0][: len(near[0]) // 4].mean()
+        near.append(np.sort(distance.min(axis=1))[: len(distance) // 4].mean())
+        alarms.append(int(warnings_of(solution.trajectory, robot, known=known).flagged.sum()))
+        stress.append(float(solution.cost.sum()))
+        assert (solution.stress.get("interaction", np.zeros(1)).max() > 0) == (weight > 0)
+    assert near[1] > near[0] and alarms[1] < 0.9 * alarms[0]
+    assert stress[1] < 1.05 * stress[0]

@@ -60,7 +60,7 @@ def check_sum(solution: Solution) -> None:
     bend = (weight * (graph.fps / 30) ** 4 * np.diff(speed, axis=0) ** 2).sum(axis=1)
     assert np.allclose(solution.stress["smoothness"][1:-1], bend, rtol=1e-9)
     total[1:-1] += bend
-    total += solution.stress["separation"] + solution.stress["coupling"]
+    total += solution.stress["separation"] + solution.stress["coupling"] + solution.stress.get("interaction", 0.0)
     assert np.allclose(solution.cost, total, rtol=1e-9, atol=0)
     assert np.allclose(solution.cost, sum(solution.stress.values()), rtol=1e-9, atol=0)
     problem, wishes = build_problem(graph.robot, graph.match, graph.tracks), wishes_of(graph.tracks)
