@@ -15,6 +15,7 @@ import robot_retarget as rr
 from robot_retarget.describe.weights import Weights
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.solve import solve_graph
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,9 @@ def measure(motion: rr.Motion, robot: rr.Robot, variant: Variant, fps: float | N
     """Retarget one clip and judge the result."""
     graph = rr.describe(motion, robot, fps=fps, weights=variant.weights)
     graph = graph.without(variant.without) if variant.without else graph
-    result = rr.solve(graph, options=variant.options, smoothing=variant.smoothing, search=variant.search)
-    human = result.match.human_positions(result.motion)
-    return figures(robot, result.match, human, result.trajectory.qpos, result.trajectory.fps)
+    solution = solve_graph(graph, options=variant.options, smoothing=variant.smoothing, search=variant.search)
+    human = graph.match.human_positions(graph.motion)
+    return figures(robot, graph.match, human, solution.trajectory.qpos, graph.fps)
 
 
 def rows(motions: Sequence[rr.Motion], robot: rr.Robot, names: Sequence[str], fps: float | None = None) -> list[str]:
