@@ -35,7 +35,9 @@ class Interruptible(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stopped:
-            exec("")  # Python remembers a Ctrl-C inside code made of text as unhandled until the next such code, and dies of it
+            exec(
+                ""
+            )  # Python remembers a Ctrl-C inside code made of text as unhandled until the next such code, and dies of it
             console.err.print(f"stopped: {str(stopped) or NOTHING}", markup=False, style="yellow")
             raise typer.Exit(INTERRUPTED) from stopped
         except BrokenPipeError as closed:
