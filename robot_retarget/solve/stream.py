@@ -129,8 +129,8 @@ class Stream:
             first = self._watched[0][2]
             if time - first < CALIBRATED or len(self._watched) < LEAST:
                 return self._standing(time)
-            self.performer = self._calibrated(_motion_of(self.skeleton, self._watched))
-            self._watched.clear()
+            watched, self._watched = self._watched, []  # where they show no human, another second is watched
+            self.performer = self._calibrated(_motion_of(self.skeleton, watched))
         if self.performer.asked is None or self._last is None:
             self._last = self.performer.begin(positions, rotations, time, standing=self._last is not None)
         else:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.shipped import SAMPLES
@@ -190,3 +190,12 @@ def test_half_a_second_on_it_does_not_matter_where_a_stream_began(name: str, cli
     whole, later = ([p.qpos for p in followed(known(robot, motion), motion, range(t, len(motion)))] for t in (0, 40))
     apart = np.abs(np.array(whole)[55:] - np.array(later)[15:])[:, robot.qpos_index]
     assert apart.max() < 0.02
+
+
+def test_who_shows_no_human_is_watched_anew(robot: Robot, wave: Motion) -> None:
+    stream, heap = Stream(robot, wave.skeleton, native=False), np.zeros_like(wave.positions[0])
+    with pytest.raises(MatchError):
+        for t in range(40):
+            stream.push(heap, None, time=t / 30)
+    poses = [stream.push(*frame(wave, t), time=2 + t / 30) for t in range(60)]
+    assert poses[-1].status is not Status.CALIBRATING
