@@ -27,7 +27,7 @@ class Pose(Protocol):
 
     @property
     def time(self) -> float:
-        """Of the frame that it answers to [s]."""
+        """Of the newest frame [s]."""
         ...
 
     @property
@@ -37,7 +37,7 @@ class Pose(Protocol):
 
     @property
     def age(self) -> float:
-        """Since the frame that it answers to [s]."""
+        """How much earlier the frame was that it answers to [s]."""
         ...
 
 

@@ -16,6 +16,13 @@ from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import Wish
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
+LED = 0.25
+"""Hinges are led that differ by more than this share of what tells basins apart (`RealTime.same`) [-] ..."""
+GIVE = 0.1
+"""... and may be off their way by this share of it: what else is asked keeps its say [-]."""
+ROUNDING = 0.99
+"""Frames that come as often as steps are taken each take one, whatever the last digit of their times [-]."""
+
 
 @dataclass(eq=False)
 class Lead:
@@ -59,9 +66,9 @@ class Home:
         self._set_out(before)
 
     def look(self, current: Pose, wish: Wish, standing: Callable[[], Floats], seconds: float) -> None:
-        """One step on, if it is time; and whether it is worth going over."""
+        """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
         self.waited += seconds
-        if self.waited < 0.99 / self.options.looks:
+        if self.waited < ROUNDING / self.options.looks:
             return
         self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
         if there and self.pose is not None and self._better(self.pose, current):
@@ -76,7 +83,7 @@ class Home:
         if self.lead is None or self.pose is None:
             return box
         self.lead.gone += seconds
-        led = self.lead.around(box, self.pose.qpos[self.solver.robot.qpos_index], self.options.same / 10)
+        led = self.lead.around(box, self.pose.qpos[self.solver.robot.qpos_index], GIVE * self.options.same)
         if self.lead.arrived:
             self.lead, self.steps = None, self.options.home_steps
         return led
@@ -89,7 +96,7 @@ class Home:
         assert self.pose is not None
         index = self.solver.robot.qpos_index
         way = np.abs(self.pose.qpos - before)[index]
-        hinges = way > self.options.same / 4
+        hinges = way > LED * self.options.same
         if hinges.any():
             needed = (way / self.solver.speed)[hinges].max() / self.options.unhurried
             self.lead = Lead(hinges, before[index].copy(), max(float(needed), self.options.ease))

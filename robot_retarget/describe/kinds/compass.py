@@ -12,11 +12,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.describe.human import Human
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
-from robot_retarget.describe.track import Track, exact
-
-AXES = ("x", "y", "z")
+from robot_retarget.describe.track import Track
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +40,7 @@ class Compass:
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's directions."""
-        edges = self.edges(scene)
-        if edges is None:
-            return None
-        wished, priority = edges.asked(scene.human)
-        return exact(self, edges.ends, wished, priority, axes=AXES * (len(edges.ends) // len(AXES)))
+        return coordinates(self, self.edges(scene), scene.human)
 
     def edges(self, scene: Scene) -> "_Lines | None":
         """The lines."""

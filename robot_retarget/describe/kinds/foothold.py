@@ -12,8 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import Footholds, footholds_of, settled
-from robot_retarget.describe.kinds.compass import AXES
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import AXES, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.soles import CORNER_NAMES
 from robot_retarget.describe.track import HARD, Track, exact

@@ -3,6 +3,7 @@
 A new kind is one file with a small class like those beside this one, and one line in `kinds/__init__.py`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -12,9 +13,11 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.human import Human
 from robot_retarget.describe.match import Match
 from robot_retarget.describe.measured import Measured
-from robot_retarget.describe.track import Track
+from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.robot import Robot
+
+AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,11 @@ class Kind(Protocol):
 class Asking(Protocol):
     """What edges ask for at T frames: wished values and π, each (T, E) or broadcast to it."""
 
+    @property
+    def ends(self) -> Sequence[tuple[str, str]]:
+        """(E,) names of both ends."""
+        ...
+
     def asked(self, human: Human) -> tuple[Floats, Floats | float]:
         """Of a human of T frames."""
         ...
@@ -64,6 +72,14 @@ class Instant(Protocol):
     def edges(self, scene: Scene) -> Asking | None:
         """What stays the same over time, found once; None where the bodies have no such edges."""
         ...
+
+
+def coordinates(kind: Kind, edges: Asking | None, human: Human, scale: float = 1.0) -> Track | None:
+    """The track of edges that ask for x, y and z of one vector after the other; None where there are none."""
+    if edges is None:
+        return None
+    wished, priority = edges.asked(human)
+    return exact(kind, edges.ends, wished, priority, scale, axes=AXES * (len(edges.ends) // len(AXES)))
 
 
 @runtime_checkable

@@ -10,10 +10,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.human import Human
-from robot_retarget.describe.kinds.compass import AXES
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.describe.track import Track
 
 MARKERS = ("forward", "up")
 _COLUMNS = [0, 2]
@@ -41,11 +40,7 @@ class Orientation:
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's, of segments that both bodies have."""
-        edges = self.edges(scene)
-        if edges is None:
-            return None
-        wished, priority = edges.asked(scene.human)
-        return exact(self, edges.ends, wished, priority, axes=AXES * (len(edges.ends) // len(AXES)))
+        return coordinates(self, self.edges(scene), scene.human)
 
     def edges(self, scene: Scene) -> "_Markers | None":
         """The markers."""

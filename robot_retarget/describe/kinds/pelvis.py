@@ -6,17 +6,17 @@ import casadi as ca
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.human import Human
-from robot_retarget.describe.kinds.compass import AXES
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.path import Carriage, carriage_of
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.describe.track import Track
 
 
 @dataclass(frozen=True, eq=False)
 class _Carried:
     """The pelvis, three edges."""
 
+    ends: list[tuple[str, str]]
     carriage: Carriage
     priority: float
 
@@ -33,13 +33,12 @@ class Path:
 
     def wish(self, scene: Scene) -> Track | None:
         """The scaled path."""
-        edges, keypoint = self.edges(scene), "pelvis" if "pelvis" in scene.match.keypoints else scene.match.keypoints[0]
-        wished, priority = edges.asked(scene.human)
-        return exact(self, [(keypoint, "path")] * len(AXES), wished, priority, scene.leg, axes=AXES)
+        return coordinates(self, self.edges(scene), scene.human, scene.leg)
 
     def edges(self, scene: Scene) -> "_Carried":
         """How places are carried over."""
-        return _Carried(carriage_of(scene.human, scene.match), scene.weights.path)
+        keypoint = "pelvis" if "pelvis" in scene.match.keypoints else scene.match.keypoints[0]
+        return _Carried([(keypoint, "path")] * len(AXES), carriage_of(scene.human, scene.match), scene.weights.path)
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """Where the pelvis is [m]."""
