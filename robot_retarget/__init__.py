@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from robot_retarget.robot import load_robot as load_robot
     from robot_retarget.simulate.report import Report as Report
     from robot_retarget.simulate.rollout import simulate as simulate
+    from robot_retarget.solve.live.stream import Stream as Stream
+    from robot_retarget.solve.live.stream import stream as stream
     from robot_retarget.solve.solution import Solution as Solution
-    from robot_retarget.solve.stream import Stream as Stream
-    from robot_retarget.solve.stream import stream as stream
     from robot_retarget.trajectory import Trajectory as Trajectory
     from robot_retarget.transfer import Result as Result
     from robot_retarget.transfer import retarget as retarget
@@ -55,8 +55,8 @@ _HOME = {
     "Match": "describe.match",
     "match": "describe.match",
     "Solution": "solve.solution",
-    "Stream": "solve.stream",
-    "stream": "solve.stream",
+    "Stream": "solve.live.stream",
+    "stream": "solve.live.stream",
     "Result": "transfer",
     "retarget": "transfer",
     "solve": "transfer",

@@ -24,8 +24,8 @@ from robot_retarget.describe.graph import at_rate
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.live.stream import Stream
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.stream import Stream
 
 RATES = (30.0, 60.0, 120.0)
 PARTS = {

@@ -136,7 +136,7 @@ class Poses:
         """The loop into a sink."""
         from robot_retarget.live.calibration import kept
         from robot_retarget.live.loop import Loop
-        from robot_retarget.solve.stream import Stream
+        from robot_retarget.solve.live.stream import Stream
 
         path = self.calibrate
         known = None if path is None or not path.exists() else kept(path)

@@ -22,7 +22,7 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.stream import Stream
+from robot_retarget.solve.live.stream import Stream
 
 WAVE = str(SAMPLES / "wave.bvh")
 COMMAND = [sys.executable, "-m", "robot_retarget", "stream", "--robot", "op3"]

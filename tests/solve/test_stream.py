@@ -12,10 +12,10 @@ from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.live.realtime import follower
+from robot_retarget.solve.live.stream import CALIBRATED, Stream, StreamPose
 from robot_retarget.solve.options import RealTime
-from robot_retarget.solve.realtime import follower
 from robot_retarget.solve.solution import Status
-from robot_retarget.solve.stream import CALIBRATED, Stream, StreamPose
 
 
 @pytest.fixture(scope="module")

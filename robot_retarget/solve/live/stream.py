@@ -1,35 +1,20 @@
 """A live stream: a frame of the human in, a configuration out, within a millisecond."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import repeat
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.calibration import calibration_of
-from robot_retarget.describe.causal.human import CausalHuman
-from robot_retarget.describe.causal.wishes import CausalWishes
-from robot_retarget.describe.graph import Graph, describe
-from robot_retarget.describe.human import Human
-from robot_retarget.describe.path import carriage_of
-from robot_retarget.describe.soles import CORNERS, sole_corners
+from robot_retarget.describe.graph import describe
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion, Skeleton
-from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.kinematics import Bodies
-from robot_retarget.solve.candidates import rooted
-from robot_retarget.solve.clip import smoothness
-from robot_retarget.solve.compiled import Compiled
-from robot_retarget.solve.lag import FixedLag, Solved
-from robot_retarget.solve.options import RealTime, Smoothing
-from robot_retarget.solve.problem import Wish, build_problem
-from robot_retarget.solve.realtime import RealTimeSolver
+from robot_retarget.robot import Robot
+from robot_retarget.solve.live.follower import Follower, StreamPose
+from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.solution import Status
-from robot_retarget.solve.sqp import FrameSolver, Pose
 
 CALIBRATED = 1.0
 """A performer who is not known is watched for so long before the robot follows [s]."""
@@ -37,21 +22,6 @@ LEAST = 12
 """Frames at least that a performer is watched for."""
 FARTHEST = 1000.0
 """A joint farther away is no place [m]."""
-FIRST = 1 / 30
-"""What a first frame is taken to last [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class StreamPose:
-    """What a stream answers with."""
-
-    qpos: Floats
-    """(nq,)."""
-    time: float
-    """Of the newest frame, by the source's clock [s]."""
-    status: Status
-    age: float = 0.0
-    """Of the frame that it answers to: how much earlier that was [s]."""
 
 
 class Stream:
@@ -90,7 +60,7 @@ class Stream:
         self.weights, self.native = weights, native
         self.faults: dict[str, int] = {}
         """What frames were not followed, by kind."""
-        self.performer: _Follower | None = None
+        self.performer: Follower | None = None
         self._watched: list[tuple[Floats, Floats | None, float]] = []
         self._last: StreamPose | None = None
         if calibration is not None:
@@ -146,9 +116,9 @@ class Stream:
         self._last = self.performer.rest(time, time - self._last.time)
         return self._last
 
-    def _calibrated(self, motion: Motion) -> "_Follower":
+    def _calibrated(self, motion: Motion) -> "Follower":
         graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights)
-        return _Follower(graph, self.options, self.lag, self.native)
+        return Follower(graph, self.options, self.lag, self.native)
 
     def _standing(self, time: float) -> StreamPose:
         self._last = StreamPose(self.robot.standing(), time, Status.CALIBRATING)
@@ -167,70 +137,6 @@ class Stream:
         if self._last is not None and time <= self._last.time:
             return "not after the one before"
         return None
-
-
-class _Follower:
-    """One performer and one robot, calibrated."""
-
-    def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
-        match, w = graph.match, graph.weights
-        self.graph, self.human, self.wishes = graph, CausalHuman(calibration_of(graph)), CausalWishes(graph)
-        self.carriage = carriage_of(graph.human, match)
-        self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
-        frames = FrameSolver(self.problem)
-        self.solver = RealTimeSolver(frames, options, w.smooth_root)
-        smooth = smoothness(graph.robot, w.smooth, w.smooth_root, graph.fps)
-        self.lag = FixedLag(frames, lag, smooth, Smoothing()) if lag else None
-        self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
-        self.asked: Wish | None = None
-        self.latest: Human | None = None
-
-    def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
-        """The first pose: the performer's, or the standing one, which then eases into the motion."""
-        human = self.human.at(positions, rotations, FIRST)
-        start = self._standing(human)
-        self.asked, self.latest = self._asked(human, start, FIRST), human
-        pose = self.solver.stand(start, self.asked) if standing else self.solver.begin(start, self.asked)
-        return self._given(pose, time, FIRST)
-
-    def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
-        """The pose that answers to a frame, so long after the one before [s]."""
-        self.latest = self.human.at(positions, rotations, since)
-        self.asked = self._asked(self.latest, self.solver.qpos, since)
-        return self._given(self._stepped(since), time, since)
-
-    def rest(self, time: float, since: float) -> StreamPose:
-        """The pose when nothing new is asked."""
-        return replace(self._given(self._stepped(since), time, since), status=Status.HELD)
-
-    def _stepped(self, since: float) -> Pose:
-        assert self.asked is not None and self.latest is not None
-        human = self.latest
-        return self.solver.step(self.asked, since, lambda: self._standing(human))
-
-    def _standing(self, human: Human) -> Floats:
-        """(nq,) the standing pose, where and as the human's pelvis is."""
-        robot = self.graph.robot
-        place, turn = self.carriage.path(human)[0], human.facing[0]
-        return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
-
-    def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
-        """What is given out."""
-        if self.lag is None or self.asked is None:
-            return StreamPose(pose.qpos, time, pose.status)
-        late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
-        return StreamPose(late.qpos, time, late.status, time - answered)
-
-    def _asked(self, human: Human, qpos: Floats, seconds: float) -> Wish:
-        asked = self.wishes.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
-        return Wish(*(np.array(each) for each in asked)) if self.lag else Wish(*asked)
-
-
-def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:
-    """q ↦ where the corners of the soles are (F · 4 · 3) [m]."""
-    bodies = Bodies(robot)
-    places = ca.horzcat(ca.SX(3, 0), *(bodies.places(sole) for sole in soles))
-    return Compiled(ca.Function("corners", [bodies.q], [ca.densify(ca.vec(places))]))
 
 
 def _motion_of(skeleton: Skeleton, watched: Sequence[tuple[Floats, Floats | None, float]]) -> Motion:

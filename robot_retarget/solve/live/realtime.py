@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.home import Home
+from robot_retarget.solve.live.home import Home
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import Wish
 from robot_retarget.solve.quadratic import Proximal
