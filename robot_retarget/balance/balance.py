@@ -19,9 +19,9 @@ from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_plac
 from robot_retarget.balance.steps import carried, within_reach
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.zmp import Steadiness
-from robot_retarget.describe.activity import activity_of, require_own_feet
 from robot_retarget.describe.graph import Graph, graph_from
 from robot_retarget.describe.likeness import likeness_of
+from robot_retarget.describe.reading.activity import activity_of, require_own_feet
 from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.progress import Count, Progress

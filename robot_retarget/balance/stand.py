@@ -11,7 +11,7 @@ from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.zmp import support
 from robot_retarget.describe.human import Human
 from robot_retarget.describe.match import Match
-from robot_retarget.describe.segments import heading
+from robot_retarget.describe.reading.segments import heading
 from robot_retarget.describe.soles import flattened, lengths
 
 SETTLE = 1.0

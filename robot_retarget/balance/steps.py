@@ -8,7 +8,7 @@ after goes along, so that steps within reach stay as they are.
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import intervals
+from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.describe.soles import lengths
 
 REACH = 0.35

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import intervals
+from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.errors import BalanceError
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.beside import gaps, left
-from robot_retarget.describe.contacts import intervals
+from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.describe.soles import flattened, smoothstep
 
 APART = 8

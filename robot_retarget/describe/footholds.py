@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.describe.contacts import intervals
 from robot_retarget.describe.human import Human
 from robot_retarget.describe.match import Match
 from robot_retarget.describe.path import Carriage, carriage_of
-from robot_retarget.describe.segments import heading
+from robot_retarget.describe.reading.contacts import intervals
+from robot_retarget.describe.reading.segments import heading
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.robot import Points, Robot, world_points
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import contact_schedule
-from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import Match
-from robot_retarget.describe.segments import facing, human_frames
+from robot_retarget.describe.reading.contacts import contact_schedule
+from robot_retarget.describe.reading.ground import grounded
+from robot_retarget.describe.reading.segments import facing, human_frames
 from robot_retarget.dgp.adapt import normalised_distances
 from robot_retarget.motion import Motion
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import contact_schedule, intervals
 from robot_retarget.describe.footholds import footholds_of, nearing, settled
 from robot_retarget.describe.graph import Graph, describe
-from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.human import human_of
 from robot_retarget.describe.match import match
+from robot_retarget.describe.reading.contacts import contact_schedule, intervals
+from robot_retarget.describe.reading.ground import grounded
 from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.describe.track import HARD
 from robot_retarget.motion import Motion, read_motion

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.feet import seen_foot
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.rotations import constant_between, own_joint
-from robot_retarget.describe.segments import trunk_frames
+from robot_retarget.describe.reading.feet import seen_foot
+from robot_retarget.describe.reading.rotations import constant_between, own_joint
+from robot_retarget.describe.reading.segments import trunk_frames
 from robot_retarget.robot.kinematics import matrices
 
 _CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}

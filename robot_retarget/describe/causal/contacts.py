@@ -3,8 +3,8 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import StanceRule
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.reading.contacts import StanceRule
 
 PARTS = ("toe", "ankle")
 """The ankle speaks for the heel."""
@@ -13,7 +13,7 @@ AVERAGED = 0.06
 
 
 class CausalContacts:
-    """As `describe.contacts.contact_schedule`, without what comes after; a change is kept for half of the shortest stance."""
+    """As `describe.reading.contacts.contact_schedule`, without what comes after; a change is kept for half of the shortest stance."""
 
     def __init__(self, graph: Graph, rule: StanceRule | None = None):
         match, x = graph.match, graph.human.positions

@@ -5,9 +5,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.calibration import Calibration
 from robot_retarget.describe.causal.contacts import CausalContacts
-from robot_retarget.describe.ground import DRIFT, WINDOW
 from robot_retarget.describe.human import Human
-from robot_retarget.describe.segments import facing
+from robot_retarget.describe.reading.ground import DRIFT, WINDOW
+from robot_retarget.describe.reading.segments import facing
 from robot_retarget.dgp.adapt import path_weights
 
 LEAP = 12.0

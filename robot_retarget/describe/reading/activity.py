@@ -6,9 +6,9 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.contacts import contact_schedule, intervals
-from robot_retarget.describe.ground import grounded
 from robot_retarget.describe.match import Match
+from robot_retarget.describe.reading.contacts import contact_schedule, intervals
+from robot_retarget.describe.reading.ground import grounded
 from robot_retarget.errors import BalanceError
 from robot_retarget.motion import Motion
 
