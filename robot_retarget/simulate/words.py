@@ -80,7 +80,7 @@ def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 def shown(value: float, unit: str) -> str:
     """A figure in a unit of daily life: 0.2 rad is 11.5°."""
     factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
-    return f"{factor * value:.3g}{'' if name == '°' or not name else ' '}{name}"
+    return f"{factor * value + 0.0:.3g}{'' if name == '°' or not name else ' '}{name}"
 
 
 def _pace(figures: Mapping[str, Any]) -> str:
