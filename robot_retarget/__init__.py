@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robot_retarget.describe.graph import Graph as Graph
     from robot_retarget.describe.graph import describe as describe
-    from robot_retarget.describe.match import Match as Match
-    from robot_retarget.describe.match import match as match
     from robot_retarget.dgp import interaction_distance as interaction_distance
     from robot_retarget.errors import RobotRetargetError as RobotRetargetError
     from robot_retarget.formats import export as export
     from robot_retarget.formats import load_trajectory as load_trajectory
+    from robot_retarget.human.match import Match as Match
+    from robot_retarget.human.match import match as match
     from robot_retarget.motion import Motion as Motion
     from robot_retarget.motion import Skeleton as Skeleton
     from robot_retarget.motion import read_motion as read_motion
@@ -52,8 +52,8 @@ _HOME = {
     "Skeleton": "motion",
     "read_motion": "motion",
     "write_bvh": "motion",
-    "Match": "describe.match",
-    "match": "describe.match",
+    "Match": "human.match",
+    "match": "human.match",
     "Solution": "solve.solution",
     "Stream": "solve.live.stream",
     "stream": "solve.live.stream",

@@ -13,9 +13,9 @@ from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.likeness import Likeness, likeness_of
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
+from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, one_after_another

@@ -14,8 +14,8 @@ import numpy as np
 
 import robot_retarget as rr
 from robot_retarget.describe.graph import MOST_FPS
-from robot_retarget.describe.reading.activity import activity_of
 from robot_retarget.errors import BalanceError
+from robot_retarget.human.activity import activity_of
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import draws

@@ -21,8 +21,8 @@ from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.describe.graph import Graph, graph_from
 from robot_retarget.describe.likeness import likeness_of
-from robot_retarget.describe.reading.activity import activity_of, require_own_feet
 from robot_retarget.errors import BalanceError, UsageError, known
+from robot_retarget.human.activity import activity_of, require_own_feet
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot

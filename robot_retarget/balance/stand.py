@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.zmp import support
-from robot_retarget.describe.human import Human
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.segments import heading
 from robot_retarget.describe.soles import flattened, lengths
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.human.segments import heading
 
 SETTLE = 1.0
 """A human who turns more slowly than this walks about; what is quicker turns over feet that stay [s]."""
@@ -39,7 +39,7 @@ def balanced_stand(planter: Planter, places: Floats) -> Floats:
     return planter.stand(posed, places, support(places.reshape(-1, 3)).middle)
 
 
-def in_place(human: Human, match: Match) -> tuple[Human, Floats]:
+def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]:
     """The human over feet that stay where they are: without walking about and turning slowly; and the turns (T,) [rad].
 
     All directions are turned about the vertical by what the human's heading is on the whole; the pelvis stays over the

@@ -8,8 +8,8 @@ after goes along, so that steps within reach stay as they are.
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.describe.soles import lengths
+from robot_retarget.motion.stance import intervals
 
 REACH = 0.35
 """How far a foot is set from its place beside the other, over the leg length."""

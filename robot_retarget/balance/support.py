@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.errors import BalanceError
+from robot_retarget.motion.stance import intervals
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.beside import gaps, left
-from robot_retarget.describe.reading.contacts import intervals
 from robot_retarget.describe.soles import flattened, smoothstep
+from robot_retarget.motion.stance import intervals
 
 APART = 8
 """Rounds of moving footholds apart: a step to the side may bring the next one nearer."""

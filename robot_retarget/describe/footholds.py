@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.describe.human import Human
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.path import Carriage, carriage_of
-from robot_retarget.describe.reading.contacts import intervals
-from robot_retarget.describe.reading.segments import heading
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.human.segments import heading
+from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
 
 LANDING = 0.1
@@ -35,7 +35,7 @@ class Footholds:
     """(T, F) how near in time a foot is to a stance: 1 in it, falling to 0 over `LANDING`."""
 
 
-def footholds_of(human: Human, match: Match, robot: Robot) -> Footholds:
+def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
     """The footholds of the matched feet; none of a robot that is bolted to the world."""
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
@@ -67,7 +67,7 @@ class Sole:
     corners: Floats
     """(4, 3) ahead of the ankle, to its left and up [m]."""
 
-    def places(self, human: Human) -> Floats:
+    def places(self, human: HumanFeatures) -> Floats:
         """(T, 4, 3) corners, turned as the human's foot [m]."""
         left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
         outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
@@ -77,7 +77,7 @@ class Sole:
         return places[:, None] + self.corners @ turn.swapaxes(1, 2)
 
 
-def sole_of(human: Human, match: Match, robot: Robot, foot: str) -> Sole:
+def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
     """What the whole of a motion tells of that."""
     left, right = (match.index(f"{side}_hip") for side in "lr")
     hip, corners = _hip_and_sole(robot, match, foot)

@@ -15,16 +15,16 @@ from numpy.typing import ArrayLike
 from robot_retarget import dgp
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.expansion import expanded
-from robot_retarget.describe.human import Human, human_of
 from robot_retarget.describe.kinds import KINDS, Kind
 from robot_retarget.describe.kinds.kind import Renewable, Scene
 from robot_retarget.describe.kinds.own import End, Own
 from robot_retarget.describe.limits import limit_tracks
-from robot_retarget.describe.match import Match, match
 from robot_retarget.describe.path import pelvis_path
 from robot_retarget.describe.track import HARD, Track
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.human.features import HumanFeatures, features_of
+from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 
@@ -58,7 +58,7 @@ class Graph:
     """As it is described: cut and resampled."""
     robot: Robot
     match: Match
-    human: Human
+    human: HumanFeatures
     tracks: tuple[Track, ...]
     """Edges that are minimised; hard ones have the priority `track.HARD`."""
     pelvis: Floats
@@ -330,11 +330,11 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[Kind] = KINDS) -> Graph:
     """The graph of matched bodies."""
-    scene = Scene(human_of(motion, matched), matched, robot, weights)
+    scene = Scene(features_of(motion, matched), matched, robot, weights)
     return _built(motion, scene, kinds)
 
 
-def graph_from(graph: Graph, human: Human, kinds: Iterable[Kind] = KINDS) -> Graph:
+def graph_from(graph: Graph, human: HumanFeatures, kinds: Iterable[Kind] = KINDS) -> Graph:
     """The same bodies with another human; edges that were added stay."""
     built = _built(graph.motion, Scene(human, graph.match, graph.robot, graph.weights), kinds)
     added = tuple(track for track in graph.tracks if track.name not in {kind.name for kind in kinds})

@@ -13,9 +13,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import Scene
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
+from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.robot.collidable import allowed
 

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.soles import CORNER_NAMES, sole_corners
 from robot_retarget.errors import GraphError, known
+from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 

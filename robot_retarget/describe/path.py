@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.human import Human
-from robot_retarget.describe.match import Match
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,14 +20,14 @@ class Carriage:
     pelvis: int | None
     """Which keypoint is the pelvis; None takes the middle of all."""
 
-    def path(self, human: Human) -> Floats:
+    def path(self, human: HumanFeatures) -> Floats:
         """(T, 3) where the pelvis should be [m]."""
         x = human.positions
         where = x.mean(axis=1) if self.pelvis is None else x[:, self.pelvis]
         return (where - self.origin) * self.ratio
 
 
-def carriage_of(human: Human, match: Match) -> Carriage:
+def carriage_of(human: HumanFeatures, match: Match) -> Carriage:
     """The carriage that starts above the origin."""
     x, ratio = human.positions, match.leg_ratio
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
@@ -37,6 +37,6 @@ def carriage_of(human: Human, match: Match) -> Carriage:
     return Carriage(ratio, np.array([*first[:2], low]), pelvis)
 
 
-def pelvis_path(human: Human, match: Match) -> Floats:
+def pelvis_path(human: HumanFeatures, match: Match) -> Floats:
     """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m]."""
     return carriage_of(human, match).path(human)

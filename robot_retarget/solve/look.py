@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.match import Match
+from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import body_frames, world_points

@@ -15,9 +15,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds import KINDS
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import HARD, Track
+from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import point_function
 from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robot_retarget.describe.causal.calibration import calibration_of
-from robot_retarget.describe.causal.human import LEAP, CausalHuman
 from robot_retarget.describe.causal.wishes import CausalWishes
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.track import HARD
+from robot_retarget.human.calibration import calibrate
+from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
@@ -23,12 +23,16 @@ def graph(request: pytest.FixtureRequest) -> Graph:
 
 def asked(graph: Graph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, E) bounds and π, frame by frame; the robot's soles are where the human's way has them."""
-    human, wishes, motion = CausalHuman(calibration_of(graph)), CausalWishes(graph), graph.motion
+    human, wishes, motion = (
+        CausalFeatures(calibrate(graph.motion, graph.match, graph.human)),
+        CausalWishes(graph),
+        graph.motion,
+    )
     soles = graph.kinds["foothold"].lower.reshape(len(graph), -1, 4, 3)
     found = []
     for t, positions in enumerate(motion.positions):
         turns = None if motion.rotations is None else motion.rotations[t]
-        frame = wishes.at(human.at(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
+        frame = wishes.at(human.step(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
         found.append([np.array(each) for each in frame])
     lower, upper, priority = (np.array(each) for each in zip(*found, strict=True))
     return lower, upper, priority
@@ -65,10 +69,11 @@ def test_a_touch_comes_on_within_its_time_and_no_faster(graph: Graph) -> None:
 
 def test_who_is_put_elsewhere_goes_on_from_where_he_was() -> None:
     graph = describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
-    motion, still, leaping = graph.motion, CausalHuman(calibration_of(graph)), CausalHuman(calibration_of(graph))
+    motion = graph.motion
+    still, leaping = (CausalFeatures(calibrate(motion, graph.match, graph.human)) for _ in range(2))
     for t, positions in enumerate(motion.positions):
         turns = None if motion.rotations is None else motion.rotations[t]
         away = np.array([LEAP, -LEAP, 0.0]) if t >= 40 else np.zeros(3)
-        here, there = (one.at(x, turns, 1 / 30) for one, x in ((still, positions), (leaping, positions + away)))
+        here, there = (one.step(x, turns, 1 / 30) for one, x in ((still, positions), (leaping, positions + away)))
         assert np.abs(there.positions - here.positions).max() < 0.2
     assert (still.leaps, leaping.leaps) == (0, 1)

@@ -13,13 +13,14 @@ from hypothesis.extra.numpy import arrays
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import footholds_of, nearing, settled
 from robot_retarget.describe.graph import Graph, describe
-from robot_retarget.describe.human import human_of
-from robot_retarget.describe.match import match
-from robot_retarget.describe.reading.contacts import contact_schedule, intervals
-from robot_retarget.describe.reading.ground import grounded
 from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.describe.track import HARD
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.features import features_of
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import match
 from robot_retarget.motion import Motion, read_motion
+from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.solve import solve_graph
@@ -187,7 +188,7 @@ def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -
 def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:
     graph = walk()
     bolted = replace(graph.robot, root_joints=np.zeros(0, dtype=np.int64))
-    assert footholds_of(human_of(graph.motion, graph.match), graph.match, bolted).feet == ()
+    assert footholds_of(features_of(graph.motion, graph.match), graph.match, bolted).feet == ()
 
 
 def test_corners_that_stand_are_held_hard_and_others_led_more_strongly_near_their_stances() -> None:

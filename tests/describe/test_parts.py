@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import describe
-from robot_retarget.describe.human import human_of
-from robot_retarget.describe.match import Match, match
+from robot_retarget.human.features import features_of
+from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import load_robot
 
@@ -42,7 +42,7 @@ def test_any_part_is_described_as_in_the_whole(name: str, begin: float, length: 
     last = first + 1 + round(length * (len(whole) - 1 - first))
     part = whole.frames(first, last)
     assert match(part, load_robot("op3")).recognition == matched.recognition
-    here, there = human_of(part, match(part, load_robot("op3"))), human_of(whole, matched).at(slice(first, last))
+    here, there = features_of(part, match(part, load_robot("op3"))), features_of(whole, matched).at(slice(first, last))
     assert here.positions == pytest.approx(there.positions, abs=1e-12)
     assert here.segments.keys() == there.segments.keys()
     assert all(here.segments[k] == pytest.approx(there.segments[k], abs=1e-12) for k in here.segments)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robot_retarget.describe.graph import Graph, graph_of
-from robot_retarget.describe.match import match_bodies
 from robot_retarget.describe.weights import Weights
+from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import Motion, Skeleton, read_motion
 from robot_retarget.motion.recognise import Mark, Recognition
 from robot_retarget.robot import load_robot, recognise, world_points

@@ -9,8 +9,8 @@ import pytest
 from made_trajectories import RAIL, hold, robot_of, wander
 from PIL import Image
 
-from robot_retarget.describe.match import match_bodies
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
+from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import read_motion
 from robot_retarget.motion import recognise as motion_map
 from robot_retarget.robot import load_robot, recognise

@@ -10,7 +10,7 @@ from browser import Tab, needs_browser, tab
 from made_trajectories import swing
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.match import match
+from robot_retarget.human.match import match
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.timing import resample

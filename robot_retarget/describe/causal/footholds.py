@@ -5,11 +5,11 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import LANDING, sole_of
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
 from robot_retarget.describe.track import HARD
+from robot_retarget.human.features import HumanFeatures
 
 STRAYED = 0.2
 """A foot that the human leads farther away than this from where it stood has stepped, over the leg [-]."""
@@ -34,7 +34,7 @@ class CausalFootholds:
         self.since = np.full(len(feet), np.inf)
         """Since a foot last came down or rose [s]."""
 
-    def at(self, human: Human, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
         """Where corners should be (F · 4 · 3) [m], and π.
 
         Args:
@@ -55,7 +55,7 @@ class CausalFootholds:
             wished[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
         return wished.ravel(), priority.ravel()
 
-    def _stands(self, human: Human, foot: str) -> np.ndarray:
+    def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
         held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
         if said is not None:
             held[TOE], held[HEEL] = said[0]

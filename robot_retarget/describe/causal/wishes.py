@@ -8,11 +8,11 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.footholds import CausalFootholds
 from robot_retarget.describe.footholds import placed_feet
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.kind import Asking, Instant, Scene
 from robot_retarget.describe.kinds.touch import Touch
 from robot_retarget.describe.track import Track
+from robot_retarget.human.features import HumanFeatures
 
 Asked = tuple[Floats, Floats | float]
 
@@ -33,7 +33,7 @@ class CausalWishes:
             if (asker := self._asker(track, scene, graph)) is not None
         ]
 
-    def at(self, human: Human, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
         """lower, upper and π (E,) for the human of a frame, so long after the one before.
 
         Args:
@@ -45,7 +45,9 @@ class CausalWishes:
             self.priority[edges] = priority
         return self.lower, self.upper, self.priority
 
-    def _asker(self, track: Track, scene: Scene, graph: Graph) -> Callable[[Human, Floats, float], Asked] | None:
+    def _asker(
+        self, track: Track, scene: Scene, graph: Graph
+    ) -> Callable[[HumanFeatures, Floats, float], Asked] | None:
         kind = track.kind
         if isinstance(kind, Foothold):
             return CausalFootholds(graph, self.feet, kind).at
@@ -69,7 +71,7 @@ class _Gently:
         self.edges, self.lead, self.priority = edges, lead, priority
         self.strength: Floats | float = 0.0
 
-    def at(self, human: Human, corners: Floats, seconds: float) -> Asked:
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> Asked:
         """δ and π."""
         wished, strength = _first(self.edges.asked(human))
         reach = seconds / self.lead

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
+from robot_retarget.human.features import HumanFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class _Lines:
     other: list[int]
     priority: Floats
 
-    def asked(self, human: Human) -> tuple[Floats, Floats]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Coordinates of unit vectors, and π."""
         x = human.positions
         return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority

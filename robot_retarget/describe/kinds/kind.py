@@ -10,11 +10,11 @@ from typing import Protocol, runtime_checkable
 import casadi as ca
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.human import Human
-from robot_retarget.describe.match import Match
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 
 AXES = ("x", "y", "z")
@@ -24,7 +24,7 @@ AXES = ("x", "y", "z")
 class Scene:
     """All that a wish may depend on."""
 
-    human: Human
+    human: HumanFeatures
     match: Match
     robot: Robot
     weights: Weights
@@ -60,7 +60,7 @@ class Asking(Protocol):
         """(E,) names of both ends."""
         ...
 
-    def asked(self, human: Human) -> tuple[Floats, Floats | float]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
         """Of a human of T frames."""
         ...
 
@@ -74,7 +74,7 @@ class Instant(Protocol):
         ...
 
 
-def coordinates(kind: Kind, edges: Asking | None, human: Human, scale: float = 1.0) -> Track | None:
+def coordinates(kind: Kind, edges: Asking | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
     """The track of edges that ask for x, y and z of one vector after the other; None where there are none."""
     if edges is None:
         return None

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
+from robot_retarget.human.features import HumanFeatures
 
 MARKERS = ("forward", "up")
 _COLUMNS = [0, 2]
@@ -26,7 +26,7 @@ class _Markers:
     segments: tuple[str, ...]
     priority: Floats
 
-    def asked(self, human: Human) -> tuple[Floats, Floats]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Coordinates of unit vectors, and π."""
         turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
         return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority

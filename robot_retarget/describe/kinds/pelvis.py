@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import casadi as ca
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.path import Carriage, carriage_of
 from robot_retarget.describe.track import Track
+from robot_retarget.human.features import HumanFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class _Carried:
     carriage: Carriage
     priority: float
 
-    def asked(self, human: Human) -> tuple[Floats, float]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
         """Where it should be [m], and π."""
         return self.carriage.path(human), self.priority
 

@@ -11,12 +11,12 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.human.features import HumanFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class _Pairs:
     weights: Weights
     share: float
 
-    def asked(self, human: Human) -> tuple[Floats, Floats]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """δ [m] and π."""
         close, w = human.closeness[:, self.i, self.j], self.weights
         return self.tau * close, self.share * (w.far + w.near * np.exp(-((close / w.reach) ** 2)))

@@ -7,12 +7,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.kinds.kind import Scene
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.human.features import HumanFeatures
 from robot_retarget.keypoints import ARM
 
 
@@ -28,7 +28,7 @@ class Touches:
     reach: Floats
     faint: float
 
-    def asked(self, human: Human) -> tuple[Floats, Floats]:
+    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """δ [m], and how much the pairs touch, 0 … 1; π follows it gently."""
         close = human.closeness[:, self.i, self.j]
         return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)

@@ -7,13 +7,13 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.calibration import calibration_of
-from robot_retarget.describe.causal.human import CausalHuman
 from robot_retarget.describe.causal.wishes import CausalWishes
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.human import Human
 from robot_retarget.describe.path import carriage_of
 from robot_retarget.describe.soles import CORNERS, sole_corners
+from robot_retarget.human.calibration import calibrate
+from robot_retarget.human.causal import CausalFeatures
+from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.solve.candidates import rooted
@@ -48,7 +48,8 @@ class Follower:
 
     def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
         match, w = graph.match, graph.weights
-        self.graph, self.human, self.wishes = graph, CausalHuman(calibration_of(graph)), CausalWishes(graph)
+        self.graph, self.wishes = graph, CausalWishes(graph)
+        self.human = CausalFeatures(calibrate(graph.motion, match, graph.human))
         self.carriage = carriage_of(graph.human, match)
         self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
         frames = FrameSolver(self.problem)
@@ -57,11 +58,11 @@ class Follower:
         self.lag = FixedLag(frames, lag, smooth, Smoothing()) if lag else None
         self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
         self.asked: Wish | None = None
-        self.latest: Human | None = None
+        self.latest: HumanFeatures | None = None
 
     def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
         """The first pose: the performer's, or the standing one, which then eases into the motion."""
-        human = self.human.at(positions, rotations, FIRST)
+        human = self.human.step(positions, rotations, FIRST)
         start = self._standing(human)
         self.asked, self.latest = self._asked(human, start, FIRST), human
         pose = self.solver.stand(start, self.asked) if standing else self.solver.begin(start, self.asked)
@@ -69,7 +70,7 @@ class Follower:
 
     def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
         """The pose that answers to a frame, so long after the one before [s]."""
-        self.latest = self.human.at(positions, rotations, since)
+        self.latest = self.human.step(positions, rotations, since)
         self.asked = self._asked(self.latest, self.solver.qpos, since)
         return self._given(self._stepped(since), time, since)
 
@@ -82,7 +83,7 @@ class Follower:
         human = self.latest
         return self.solver.step(self.asked, since, lambda: self._standing(human))
 
-    def _standing(self, human: Human) -> Floats:
+    def _standing(self, human: HumanFeatures) -> Floats:
         """(nq,) the standing pose, where and as the human's pelvis is."""
         robot = self.graph.robot
         place, turn = self.carriage.path(human)[0], human.facing[0]
@@ -95,7 +96,7 @@ class Follower:
         late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
         return StreamPose(late.qpos, time, late.status, time - answered)
 
-    def _asked(self, human: Human, qpos: Floats, seconds: float) -> Wish:
+    def _asked(self, human: HumanFeatures, qpos: Floats, seconds: float) -> Wish:
         asked = self.wishes.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
         return Wish(*(np.array(each) for each in asked)) if self.lag else Wish(*asked)
 

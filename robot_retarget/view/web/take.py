@@ -5,7 +5,7 @@ from pathlib import Path
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.collision.warn import Warnings, warnings_of
-from robot_retarget.describe.match import Match, match
+from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot.model import Robot
@@ -74,7 +74,7 @@ def take_of(
 
     Args:
         motion: the trajectory's source; it is shown at the times that the trajectory answers to.
-        overrides: a TOML file that replaces lines of the keypoint map (`describe.match.match`).
+        overrides: a TOML file that replaces lines of the keypoint map (`human.match.match`).
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.

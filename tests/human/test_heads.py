@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.match import match
-from robot_retarget.describe.reading.segments import human_frames
+from robot_retarget.human.match import match
+from robot_retarget.human.segments import human_frames
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES

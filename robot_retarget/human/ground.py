@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.match import Match
+from robot_retarget.human.match import Match
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time: no jump lasts longer [s]."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.match import match
 from robot_retarget.errors import MatchError
+from robot_retarget.human.match import match
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot

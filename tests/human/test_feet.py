@@ -8,10 +8,10 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.match import match
-from robot_retarget.describe.reading.contacts import contact_schedule
-from robot_retarget.describe.reading.ground import grounded
-from robot_retarget.describe.reading.segments import human_frames
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import match
+from robot_retarget.human.segments import human_frames
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES

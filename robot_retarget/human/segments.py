@@ -12,9 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.feet import feet_frames
-from robot_retarget.describe.reading.rotations import UP, constant_between, own_joint, own_rotation
+from robot_retarget.human.feet import feet_frames
+from robot_retarget.human.match import Match
+from robot_retarget.human.rotations import UP, constant_between, own_joint, own_rotation
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT, levelled

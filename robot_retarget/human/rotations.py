@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.match import Match
+from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -7,8 +7,8 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.describe.reading.activity import activity_of
 from robot_retarget.errors import BalanceError
+from robot_retarget.human.activity import activity_of
 from robot_retarget.shipped import SAMPLES
 
 BVH = SHARED / "motions/bvh"

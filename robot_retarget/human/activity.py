@@ -6,11 +6,12 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.contacts import contact_schedule, intervals
-from robot_retarget.describe.reading.ground import grounded
 from robot_retarget.errors import BalanceError
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
+from robot_retarget.motion.stance import intervals
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.contacts import contact_schedule
-from robot_retarget.describe.reading.ground import grounded
-from robot_retarget.describe.reading.rotations import UP, constant_between, own_rotation
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import Match
+from robot_retarget.human.rotations import UP, constant_between, own_rotation
 from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT
 

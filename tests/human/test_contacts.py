@@ -5,9 +5,9 @@ import pytest
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.describe.match import match
-from robot_retarget.describe.reading.contacts import contact_schedule
-from robot_retarget.describe.reading.ground import grounded
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import match
 from robot_retarget.motion import read_motion
 
 NPZ = SHARED / "motions" / "other" / "npz"

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.contacts import contact_schedule
-from robot_retarget.describe.reading.ground import grounded
-from robot_retarget.describe.reading.segments import facing, human_frames
 from robot_retarget.dgp.adapt import normalised_distances
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import Match
+from robot_retarget.human.segments import facing, human_frames
 from robot_retarget.motion import Motion
 
 LOW = 0.05
@@ -17,7 +17,7 @@ LOW = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Human:
+class HumanFeatures:
     """A motion of T frames over level ground, described by the K keypoints that human and robot share."""
 
     positions: Floats
@@ -37,7 +37,7 @@ class Human:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def at(self, frames: slice | np.ndarray) -> "Human":
+    def at(self, frames: slice | np.ndarray) -> "HumanFeatures":
         """Some of the frames."""
         return replace(
             self,
@@ -49,13 +49,13 @@ class Human:
         )
 
 
-def human_of(motion: Motion, match: Match) -> Human:
+def features_of(motion: Motion, match: Match) -> HumanFeatures:
     """Read off a motion what edges are made of; a part of a clip is read off the clip."""
     clip = motion.clip
     x = grounded(match.human_positions(clip), match, clip.fps)
     segments = human_frames(clip, match)
     ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
-    human = Human(
+    human = HumanFeatures(
         x,
         segments,
         np.broadcast_to(facing(segments), (len(x), 3, 3)),

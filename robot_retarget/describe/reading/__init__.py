@@ -1,1 +1,0 @@
-"""What is read off a human motion: the floor, the contact schedule, how segments are turned, what the feet do."""

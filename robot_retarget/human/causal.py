@@ -1,0 +1,76 @@
+"""Features of a stream, frame by frame: what `features.features_of` reads off a clip, from the frames so far."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.human.calibration import Calibration
+from robot_retarget.human.contacts import CausalContacts
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.ground import DRIFT, WINDOW
+from robot_retarget.human.segments import facing
+
+LEAP = 12.0
+"""A faster body was moved by the tracker, not by its legs: the path goes on from its last place [m/s]."""
+FOLLOWED = 0.5
+"""Speed at which a drift of the floor is followed [m/s]."""
+
+
+class CausalFeatures:
+    """Features of one performer."""
+
+    def __init__(self, calibration: Calibration):
+        self.calibration, match = calibration, calibration.match
+        self.contacts, self.leg = CausalContacts(match, calibration.features.positions), match.human_leg
+        tau = path_weights(match.parents, match.human_bones)
+        self.per_tau = np.divide(1.0, tau, out=np.zeros_like(tau), where=tau > 0)
+        self.moved = np.zeros(3)
+        """Correction of every place: leaps taken back, and the drift of the floor [m]."""
+        self.leaps = 0
+        """Number of leaps taken back."""
+        self._middle: Floats | None = None
+        self._lowest = [0.0, 0.0]
+        """Lowest height of the body in the last `WINDOW` and in the present one [m]."""
+        self._since = 0.0
+
+    def step(self, positions: Floats, rotations: Floats | None, seconds: float) -> HumanFeatures:
+        """Return the features of the next frame.
+
+        Args:
+            positions: (J, 3) of the joints [m].
+            rotations: (J, 4) of the joints, w x y z, or None.
+            seconds: since the frame before [s].
+        """
+        x = self.calibration.keypoints(positions) + self.moved
+        x += self._leap_correction(x, seconds)
+        x[:, 2] -= self._drift(float(x[:, 2].min()), seconds)
+        segments = self.calibration.segments(x, rotations)
+        apart = x[:, None] - x[None]
+        distance = np.sqrt(np.einsum("uvk,uvk->uv", apart, apart))
+        contacts, known = self.contacts.step(x, seconds), self.calibration.features
+        closeness = (distance * self.per_tau)[None]
+        return HumanFeatures(x[None], segments, facing(segments), contacts, closeness, known.fps, known.ankle_height)
+
+    def _leap_correction(self, x: Floats, seconds: float) -> Floats:
+        """Return the shift (3,) along the floor that takes a leap of the body back [m]."""
+        middle, back = x.mean(axis=0), np.zeros(3)
+        if self._middle is not None:
+            way = (middle - self._middle) * [1.0, 1.0, 0.0]
+            if np.sqrt(way @ way) > LEAP * max(seconds, 1 / 30):
+                back, self.leaps = -way, self.leaps + 1
+        self.moved, self._middle = self.moved + back, middle + back
+        return back
+
+    def _drift(self, lowest: float, seconds: float) -> float:
+        """Return how far the floor moved in this frame [m]; a drift within `DRIFT` legs counts as level."""
+        self._since += seconds
+        self._lowest[1] = min(self._lowest[1], lowest)
+        height = min(self._lowest)
+        if self._since > WINDOW:
+            self._since, self._lowest = 0.0, [self._lowest[1], lowest]
+        if abs(height) < DRIFT * self.leg:
+            return 0.0
+        step = float(np.clip(height, -FOLLOWED * seconds, FOLLOWED * seconds))
+        self.moved[2] -= step
+        self._lowest = [self._lowest[0] - step, self._lowest[1] - step]
+        return step
