@@ -11,9 +11,9 @@ from robot_retarget.servo.link import Goals, Link
 from robot_retarget.servo.record import PHASES, Record
 
 SPARE = 1.5e-3
-"""With so much of a tick left, voltage and temperature are read of as many servos as make ROUND one round [s]."""
+"""With at least this much of a tick left, slow registers are read at a rate that covers all servos in ROUND [s]."""
 ROUND = 0.1
-"""Without time to spare, they are read of one servo after so long [s]."""
+"""With less time left, the slow registers of one servo are read in each interval of this length [s]."""
 
 
 class Ahead(NamedTuple):
@@ -57,7 +57,7 @@ class Cycle:
         now = due if self._lockstep else time.monotonic()
         self._open["busy"] = now - began
         if due + period - now > SPARE:
-            self._sense(ceil(len(wish) * period / ROUND))
+            self._sense(ceil(2 * len(wish) * period / ROUND))
             self.finish()
         elif now - self._sensed > ROUND:
             self._sense(1)
@@ -69,7 +69,7 @@ class Cycle:
             ahead = self._prepared(wish, period)
         goal = self.guard.admit(ahead.aim, self.link.present)
         self.link.ask(ahead.goals if goal is ahead.aim else self.link.goals(goal))
-        self.guard.keep(goal, wish)
+        self.guard.keep(goal, wish, ahead.aim, period)
         return goal
 
     def _sense(self, count: int) -> None:
@@ -86,16 +86,17 @@ class Cycle:
         Raises:
             FaultError: playing cannot go on.
         """
-        if self.account():
-            self.judge.judge()
+        began = self.account()
+        if began is not None:
+            self.judge.judge(began, self.guard.capped_for)
 
-    def account(self) -> bool:
-        """Write the last tick down; whether that was still to do."""
+    def account(self) -> float | None:
+        """Record the last tick. Returns its time [s], or None if it is recorded already."""
         row, link, self._open = self._open, self.link, None
         if row is None:
-            return False
+            return None
         self.record.add(
             **{"busy": 0.0} | row, present=link.present, velocity=link.velocity, current=link.current,
             age=link.age, error=link.error, voltage=link.voltage, temperature=link.temperature,
         )  # fmt: skip
-        return True
+        return float(row["time"])

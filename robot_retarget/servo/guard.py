@@ -20,9 +20,12 @@ class Guard:
     """(n,) the last goal [rad]."""
     held_back: NDArray[np.int64] = field(init=False)
     """(n,) how often the wish of each joint was not granted."""
+    capped_for: Floats = field(init=False)
+    """(n,) time since which the distance from the present angle has limited each goal without a break [s]."""
 
     def __post_init__(self) -> None:
         self.held_back = np.zeros(len(self.goal), dtype=np.int64)
+        self.capped_for = np.zeros(len(self.goal))
 
     def aim(self, wish: Floats, dt: float) -> Floats:
         """What range and speed leave of a wish, before anybody knows where the joints will be.
@@ -42,9 +45,10 @@ class Guard:
             return aim
         return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
 
-    def keep(self, goal: Floats, wish: Floats) -> None:
-        """Remember a goal that was sent, and whose wish it does not grant."""
+    def keep(self, goal: Floats, wish: Floats, aim: Floats, dt: float) -> None:
+        """Record a goal that was sent for a wish and its aim (n,) [rad], `dt` after the last [s]."""
         self.held_back += np.abs(goal - wish) > 1e-9
+        self.capped_for = np.where(np.abs(goal - aim) > 1e-9, self.capped_for + dt, 0.0)
         self.goal = goal
 
 

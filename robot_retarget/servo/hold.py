@@ -31,6 +31,7 @@ def take_hold(link: Link, judge: Judge) -> Guard:
         if not link.keeps(goals, k):
             raise FaultError(f"{servo.joint} does not keep its goal")
         link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
+        link.torque[k] = True
     link.watchdog(link.map.limits.watchdog)
     judge.fresh()
     return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))

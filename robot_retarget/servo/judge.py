@@ -1,9 +1,8 @@
 """Whether playing may go on: what the servos say against what the map allows."""
 
-import time
-
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError
@@ -13,6 +12,8 @@ MISSES = 2
 """A single tick without an answer is forgiven at any rate."""
 OVERLOADED = 0.5
 """Too high a current is forgiven for so long [s]."""
+STUCK = 0.3
+"""A joint whose goal the step cap limits for this long does not follow [s]."""
 ALERTED = 0x80
 """The bit of `Link.error` for a pending hardware error."""
 
@@ -24,19 +25,25 @@ class Judge:
         self.link, self.limits = link, link.map.limits
         self._high_since: float | None = None
 
-    def judge(self) -> None:
-        """Everything that can be wrong on the way.
+    def judge(self, now: float, capped_for: Floats) -> None:
+        """Check everything that can go wrong during playback.
+
+        Args:
+            now: time of the tick [s].
+            capped_for: (n,) time for which the step cap has limited each goal [s].
 
         Raises:
-            FaultError: something is.
+            FaultError: playback cannot go on.
         """
         if self.link.error.any():
             self._alerts()
         if self.link.missed.any():
             self._silence()
+        self._state()
         self._supply()
         self._heat()
-        self._strain()
+        self._strain(now)
+        self._stuck(capped_for)
 
     def fresh(self) -> None:
         """Read every servo until none of the readings is old.
@@ -53,9 +60,29 @@ class Judge:
     def _alerts(self) -> None:
         alerted = np.flatnonzero(self.link.error & ALERTED)
         if alerted.size:
-            servo = self.link.map.servos[int(alerted[0])]
-            bits = self.link.bus.value(servo.id, XM430_W350["hardware_error_status"])
-            raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits)}")
+            k = int(alerted[0])
+            self._hardware(k, self.link.bus.value(self.link.ids[k], XM430_W350["hardware_error_status"]))
+
+    def _state(self) -> None:
+        if not self.link.torque.all():
+            self.link.read_state(range(len(self.link.ids)))
+            limp = self._names(~self.link.torque)
+            raise FaultError(f"torque is off on {limp}: restarted (power), or switched off by another program")
+        failed = np.flatnonzero(self.link.hardware)
+        if failed.size:
+            self._hardware(int(failed[0]), int(self.link.hardware[failed[0]]))
+
+    def _hardware(self, k: int, bits: int) -> None:
+        servo = self.link.map.servos[k]
+        raise FaultError(f"{servo.joint} (servo {servo.id}): hardware error: {hardware_errors(bits)}")
+
+    def _stuck(self, capped_for: Floats) -> None:
+        stuck = capped_for > STUCK
+        if stuck.any():
+            raise FaultError(
+                f"{self._names(stuck)} does not follow: {self.limits.jump:g} rad from its goal for {STUCK:g} s "
+                f"(jammed, overloaded, or without power)"
+            )
 
     def _silence(self) -> None:
         missing = self.link.missed >= MISSES
@@ -75,14 +102,14 @@ class Judge:
         if hot.any():
             raise FaultError(f"{self._names(hot)} is {self.link.temperature[hot].max():.0f} °C hot")
 
-    def _strain(self) -> None:
+    def _strain(self, now: float) -> None:
         current = np.abs(self.link.current)
         strained = current > self.limits.current
         if not strained.any():
             self._high_since = None
         elif self._high_since is None:
-            self._high_since = time.monotonic()
-        elif time.monotonic() - self._high_since > OVERLOADED:
+            self._high_since = now
+        elif now - self._high_since > OVERLOADED:
             raise FaultError(f"{self._names(strained)} draws {current.max():.1f} A")
 
     def _names(self, which: np.ndarray) -> str:

@@ -1,6 +1,7 @@
 """All servos of a map as arrays: goals out, readings in, with the age of what was lost."""
 
 import time
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,10 @@ READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")
 GOALS = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
 """What a sync write of goals begins with."""
 FROM = XM430_W350["present_current"].address
-SENSORS = XM430_W350["present_input_voltage"].address
+SUPPLY = XM430_W350["present_input_voltage"].address, 3
+"""Voltage and temperature: address and bytes."""
+STATE = XM430_W350["torque_enable"].address, 7
+"""From `torque_enable` to `hardware_error_status`: address and bytes."""
 CYCLE_PATIENCE = 0.006
 """An answer that comes later after its time than this is lost for this tick [s]."""
 
@@ -51,6 +55,10 @@ class Link:
         self.error = np.zeros(len(self.ids), dtype=np.int64)
         self.voltage = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
         self.temperature = np.array([float(c.values["present_temperature"]) for c in conditions])
+        self.torque = np.array([bool(c.values["torque_enable"]) for c in conditions])
+        """(n,) whether torque is on, as last read or written."""
+        self.hardware = np.zeros(len(self.ids), dtype=np.int64)
+        """(n,) `hardware_error_status`, as last read."""
         self._heard = np.full(len(self.ids), time.monotonic())
         self._missed = np.zeros(len(self.ids), dtype=np.int64)
         self._place = {identity: k for k, identity in enumerate(self.ids)}
@@ -162,14 +170,30 @@ class Link:
             self.fast = False
 
     def sense(self, count: int = 1) -> None:
-        """Voltage and temperature of the next `count` servos in turn, each once at most."""
-        places = [(self._turn + k) % len(self.ids) for k in range(min(count, len(self.ids)))]
-        self._turn = (places[-1] + 1) % len(self.ids)
-        replies = self.bus.sync_read(SENSORS, 3, [self.ids[k] for k in places], patience=CYCLE_PATIENCE)
+        """Read slow registers of the next `count` servos: supply and state of all servos in turn."""
+        round_of_state, first = divmod(self._turn, len(self.ids))
+        places = range(first, min(first + count, len(self.ids)))
+        self._turn = (self._turn + len(places)) % (2 * len(self.ids))
+        if round_of_state:
+            self.read_state(places)
+        else:
+            self._read_supply(places)
+
+    def read_state(self, places: Sequence[int]) -> None:
+        """Read torque enable and hardware errors of the servos at `places` of the map."""
+        for k, data in self._slow(STATE, places):
+            self.torque[k], self.hardware[k] = bool(data[0]), data[6]
+
+    def _read_supply(self, places: Sequence[int]) -> None:
+        for k, data in self._slow(SUPPLY, places):
+            self.voltage[k] = int.from_bytes(data[:2], "little") / 10
+            self.temperature[k] = data[2]
+
+    def _slow(self, registers: tuple[int, int], places: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+        """Place and bytes of each servo that answers."""
+        replies = self.bus.sync_read(*registers, [self.ids[k] for k in places], patience=CYCLE_PATIENCE)
         for identity, reply in replies.items():
-            k = self._place[identity]
-            self.voltage[k] = int.from_bytes(reply.data[:2], "little") / 10
-            self.temperature[k] = reply.data[2]
+            yield self._place[identity], reply.data
 
 
 def _goal_frame(table: np.ndarray) -> bytes:

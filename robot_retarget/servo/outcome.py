@@ -46,7 +46,8 @@ class Outcome:
 
     ended: Ended
     state: str
-    """`hold`: torque on, goals kept; `release`: torque off; `watchdog`: the servos stop by themselves."""
+    """`hold`: torque on, goals kept; `release`: torque switched off; `limp`: torque is off without our doing;
+    `watchdog`: the servos stop by themselves."""
     reason: str
     figures: dict[str, Any]
     warnings: tuple[str, ...] = ()

@@ -171,7 +171,8 @@ class Player:
                 let_go(self.link)
         except PortLostError as error:
             return self._gone(str(error))
-        return self._outcome(ended, "release" if release else "hold", reason)
+        limp = not self.link.torque.any()
+        return self._outcome(ended, "release" if release else "limp" if limp else "hold", reason)
 
     def _hold(self) -> Outcome:
         """Ctrl-C: hold under watch for a while; a second one lets go."""

@@ -22,7 +22,7 @@ def test_goals_stay_in_range_under_the_speed_and_near_the_joints(wishes, present
         last, aim = guard.goal, guard.aim(wish, dt)
         assert (np.abs(aim - last) <= LIMITS.speed * dt + ROUNDING).all()
         goal = guard.admit(aim, present)
-        guard.keep(goal, wish)
+        guard.keep(goal, wish, aim, dt)
         assert np.isfinite(goal).all()
         assert (SCALE.lower <= goal).all() and (goal <= SCALE.upper).all()
         assert (np.abs(SCALE.radians(SCALE.ticks(goal)) - present) <= LIMITS.jump).all()
@@ -35,5 +35,5 @@ def test_a_goal_made_ready_is_sent_as_it_is_where_the_joints_are_near(places, dt
     aim = guard.aim(wish, dt)
     near = (np.abs(aim - here) < LIMITS.jump - 0.002).all()
     assert not near or guard.admit(aim, here) is aim
-    guard.keep(guard.admit(aim, here), wish)
+    guard.keep(guard.admit(aim, here), wish, aim, dt)
     assert (guard.held_back == (np.abs(wish - guard.goal) > ROUNDING)).all()

@@ -148,7 +148,7 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
             step = follower.step(now)
             assert step is not None
             goal = guard.aim(step.wish, 1 / RATE)
-            guard.keep(goal, step.wish)
+            guard.keep(goal, step.wish, goal, 1 / RATE)
             goals.append(goal)
             phases.append(step.phase)
 

@@ -61,6 +61,7 @@ STOPPED = {
     "heat 2 75": r"j2 \(servo 2\) is 75 °C hot",
     "overload 2": r"j2 \(servo 2\): hardware error: overload",
     "shock 3": r"j3 \(servo 3\): hardware error: electrical shock",
+    "limp 2": r"torque is off on j2 \(servo 2\): restarted",
 }
 ENDURED = ("corrupt 0.05", "corrupt 0.2", "drop 0.2", "noise 0.3", "delay 1")
 
@@ -112,11 +113,41 @@ def test_a_fault_on_the_way_stops_with_everybody_holding(
     assert settling(emulator) < PROMPT
     require_harmless(emulator, tmp_path)
     if fault != "silent all":
-        dead = {2, 3} if fault[:2] in ("ov", "sh") else set()
+        dead = {2, 3} if fault.split()[0] in ("overload", "shock", "limp") else set()
         assert all(s["torque_enable"] for k, s in emulator.servos().items() if k not in dead)
         time.sleep(0.12)
         free = {k for k, s in emulator.servos().items() if s["bus_watchdog"] == 0}
         assert free >= ({1, 2, 3, 4} - ({2} if fault == "silent 2" else set()))
+
+
+@pytest.mark.parametrize("fault", ["limp all", "reset"])
+def test_servos_that_lose_torque_on_the_way_stop_the_motion_and_are_called_limp(
+    emulator: Emulated, tmp_path: Path, fault: str
+) -> None:
+    outcome = perform(emulator, tmp_path, "play", lambda: emulator.do(fault))
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FAULT, "limp", 1)
+    assert_match(r"torque is off on j1 .*, j2 .*, j3 .*, j4 \(servo 4\)", outcome.reason)
+    assert settling(emulator) < PROMPT
+    require_harmless(emulator, tmp_path)
+
+
+RAMP = Plan(np.array(START) + np.linspace(0, 1, 201)[:, None] * np.array([0.8, 0.8, -0.8, -0.8]), RATE)
+
+
+def test_a_joint_that_stays_at_its_step_cap_stops_the_motion(emulator: Emulated, tmp_path: Path) -> None:
+    patient = replace(ARM, limits=replace(QUICK, current=5.0))  # else the current stops it first
+
+    def say(text: str) -> None:
+        if text.startswith("playing"):
+            emulator.do("jam 2")
+
+    outcome = play(RAMP, patient, emulator.port, OPTIONS, tmp_path / "play.npz", say)
+    assert (outcome.ended, outcome.state) == (Ended.FAULT, "hold")
+    assert_match(r"j2 \(servo 2\) does not follow: 0\.5 rad from its goal for 0\.3 s", outcome.reason)
+    with np.load(tmp_path / "play.npz") as log:
+        capped = np.abs(log["plan"] - log["present"])[:, 1] > ARM.limits.jump
+        assert 0.29 < log["time"][-1] - log["time"][capped.argmax()] < 0.35
+    require_harmless(emulator, tmp_path)
 
 
 def test_when_one_servo_goes_and_then_the_rest_nobody_is_blamed(emulator: Emulated, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@
     duplicate 3 4   servo 4 gets the id 3, too
     place 3 2100    the shaft of servo 3 is turned to this position by hand
     torque 3        torque of servo 3 is switched on by somebody else
+    limp 3          torque of servo 3 is switched off by another program
     reset           servos, wire and supply are as at the start
     unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
 
@@ -85,6 +86,7 @@ class Faults:
             "model": lambda who, number: self._set(who, "model_number", int(number)),
             "duplicate": lambda who, other: self._set(other, "id", int(who)),
             "torque": lambda who: [d.write(64, b"\x01") for d in self._devices(who)],
+            "limp": lambda who: [d.write(64, b"\x00") for d in self._devices(who)],
             "place": lambda who, ticks: [d.place(float(ticks)) for d in self._devices(who)],
             "reset": self._reset,
             "unplug": lambda: setattr(self.wire, "plugged", False),
