@@ -1,0 +1,107 @@
+"""The documentation runs: its commands parse, its Python works, its links and its API page are complete."""
+
+import contextlib
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+import typer.main
+from shared_files import ROOT
+
+import robot_retarget
+from robot_retarget.cli import app
+
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
+RUN = ("tutorials/own-mocap.md", "tutorials/own-robot.md", "explanation/graph.md", "how-to/touch-up.md")
+"""Pages whose blocks run from top to bottom; each takes seconds."""
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+
+
+def blocks(page: Path, *languages: str) -> list[tuple[str, str]]:
+    return [(found[1], found[2]) for found in FENCE.finditer(page.read_text(encoding="utf-8")) if found[1] in languages]
+
+
+def command_lines(text: str) -> list[list[str]]:
+    """The words of every robot-retarget command of a block; here-documents, pipes and comments are left out."""
+    text = re.sub(r"<<'END'.*?^END$", "", text, flags=re.MULTILINE | re.DOTALL).replace("\\\n", " ")
+    lines = []
+    for line in text.splitlines():
+        words = shlex.split(line, comments=True)
+        starts = [k for k, word in enumerate(words) if Path(word).name == "robot-retarget" and word != "-v"]
+        for start in starts:
+            stop = next(
+                (k for k in range(start, len(words)) if words[k] in ("|", "&", "&&", "||", ";", ">")), len(words)
+            )
+            lines.append(words[start + 1 : stop])
+    return lines
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+
+
+def named(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+COMMANDS = [
+    pytest.param(words, id=f"{named(page)}: {' '.join(words)[:60]}")
+    for page in PAGES
+    for _, text in blocks(page, "sh", "bash")
+    for words in command_lines(text)
+    if "…" not in words and "..." not in words
+]
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_every_command_of_the_docs_parses(words: list[str]) -> None:
+    command: Any = typer.main.get_command(app)
+    context = command.make_context("robot-retarget", [words[0] if words else "--help"], resilient_parsing=True)
+    while getattr(command, "commands", None) is not None and words:
+        assert words[0] in command.commands, f"no command {words[0]!r}"
+        command, words = command.commands[words[0]], words[1:]
+    with contextlib.suppress(typer.Exit):  # --list and --help end the command
+        command.make_context(command.name, list(words), parent=context)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_python_of_the_docs_names_what_there_is(page: Path) -> None:
+    for _, text in blocks(page, "python"):
+        compile(text, named(page), "exec")
+        for name in set(re.findall(r"\brr\.(\w+)", text)):
+            assert name in dir(robot_retarget), f"{named(page)}: rr.{name}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_links_lead_to_files(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if not re.match(r"[a-z]+:", target):
+            assert (page.parent / target).exists(), f"{named(page)}: {target}"
+
+
+def test_every_public_name_is_on_the_api_page() -> None:
+    page = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
+    shown = {line.rsplit(".", 1)[1] for line in page.splitlines() if line.startswith(":::")}
+    assert set(dir(robot_retarget)) <= shown
+
+
+@pytest.mark.parametrize("page", RUN)
+def test_blocks_of_a_page_run_from_top_to_bottom(page: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "samples", tmp_path / "samples")
+    for language, text in blocks(DOCS / page, "sh", "python"):
+        if language == "python":
+            command = [sys.executable, "-c", text]
+        else:
+            alias = f'robot-retarget() {{ "{sys.executable}" -m robot_retarget "$@"; }}\n'
+            command = ["bash", "-e", "-c", alias + re.sub(r"^robot-retarget view.*$", "", text, flags=re.MULTILINE)]
+        ran = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=600)
+        assert ran.returncode in (0, 1), f"{text}\n{ran.stdout}\n{ran.stderr}"
