@@ -52,6 +52,15 @@ class UsageError(RobotRetargetError):
     """A value outside what an option or argument accepts."""
 
 
+DISTRIBUTION = "humanoid-retarget"
+"""The name to install; the package is `robot_retarget` and the command `robot-retarget`."""
+
+
+def install_line(extra: str) -> str:
+    """Return the command that installs an extra of this package."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
+
+
 def known(names: Iterable[str], limit: int = 24) -> str:
     """The alternatives, as the tail of a message: `known: a, b, c`."""
     listed = list(names)

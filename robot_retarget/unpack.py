@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.errors import TrajectoryError, install_line
 
 LARGEST = 2 << 30
 """What a file may hold unpacked [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
@@ -126,5 +126,5 @@ def _lz4() -> Any:
     try:
         import lz4.frame
     except ImportError:
-        raise TrajectoryError("lz4 files need the extra `formats`: pip install 'robot-retarget[formats]'") from None
+        raise TrajectoryError(f"lz4 files need lz4: {install_line('formats')}") from None
     return lz4

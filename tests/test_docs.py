@@ -35,6 +35,8 @@ def command_lines(text: str) -> list[list[str]]:
     text = re.sub(r"<<'END'.*?^END$", "", text, flags=re.MULTILINE | re.DOTALL).replace("\\\n", " ")
     lines = []
     for line in text.splitlines():
+        if "…" in line:
+            continue
         words = shlex.split(line, comments=True)
         starts = [k for k, word in enumerate(words) if Path(word).name == "robot-retarget" and word != "-v"]
         for start in starts:
@@ -58,7 +60,6 @@ COMMANDS = [
     for page in PAGES
     for _, text in blocks(page, "sh", "bash")
     for words in command_lines(text)
-    if "…" not in words and "..." not in words
 ]
 
 

@@ -4,7 +4,7 @@ import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import UsageError, install_line
 from robot_retarget.live.faults import Faults
 from robot_retarget.live.ports import Port, StdinPort, TcpPort, UdpPort
 from robot_retarget.live.protocols.floats import FloatDecoder
@@ -64,7 +64,7 @@ def require_osc() -> None:
         UsageError: it is not installed.
     """
     if importlib.util.find_spec("pythonosc") is None:
-        raise UsageError("VMC needs python-osc: pip install 'robot-retarget[live]'")
+        raise UsageError(f"VMC needs python-osc: {install_line('live')}")
 
 
 def _floats(faults: Faults, known: Skeleton | None, whole: bool) -> FloatDecoder:

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.errors import RobotError, known
+from robot_retarget.errors import RobotError, install_line, known
 
 KINDS = {"_mj_description": "MJCF_PATH", "_description": "URDF_PATH"}
 """How the package ends the names of its modules, and where each says its file is; MJCF goes first."""
-EXTRA = "pip install 'robot-retarget[descriptions]'"
+EXTRA = install_line("descriptions")
 
 
 def described(name: str, choices: str) -> Path:

@@ -1,6 +1,6 @@
 """Pictures: the human beside the robot, as an image strip and as a film.
 
-They need Pillow and, for films, imageio-ffmpeg: the extra `robot-retarget[video]`. Where there is no OpenGL off screen
+They need Pillow and, for films, imageio-ffmpeg: the extra `video`. Where there is no OpenGL off screen
 (EGL, OSMesa) figures are drawn instead of rendered; what cannot be shown at all comes back as `Unavailable`.
 """
 

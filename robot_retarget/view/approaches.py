@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.collision.warn import Warnings
-from robot_retarget.errors import OutputError, known
+from robot_retarget.errors import OutputError, install_line, known
 from robot_retarget.files import replacing
 from robot_retarget.view.picture import Unavailable
 
 MOST = 8
 """Pairs shown, the earliest flagged first."""
 FORMATS = ("jpg", "pdf", "png", "svg")
-NEEDS_MATPLOTLIB = "curves need matplotlib: install robot-retarget[plots]"
+NEEDS_MATPLOTLIB = f"curves need matplotlib: {install_line('plots')}"
 
 
 def require_drawable(path: str | Path) -> None:

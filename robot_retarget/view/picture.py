@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_retarget.errors import install_line
 from robot_retarget.files import replacing
 
 Pixels = NDArray[np.uint8]
 """(H, W, 3) red, green, blue."""
 
 INK = (38, 42, 48)
-NEEDS_PILLOW = "pictures need Pillow: install robot-retarget[video]"
+NEEDS_PILLOW = f"pictures need Pillow: {install_line('video')}"
 
 
 @dataclass(frozen=True)

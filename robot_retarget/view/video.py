@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import UsageError, install_line
 from robot_retarget.files import replacing
 from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
@@ -21,7 +21,7 @@ HEIGHT = 720
 """Of the film [pixels]."""
 ASPECT = 4 / 3
 """Width over height of the film: 960 by 720. What needs more room to the sides has a wider one."""
-NEEDS_FFMPEG = "films need imageio-ffmpeg: install robot-retarget[video]"
+NEEDS_FFMPEG = f"films need imageio-ffmpeg: {install_line('video')}"
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
@@ -152,7 +152,7 @@ def _library() -> _Ros:
     try:
         return _Ros()
     except ImportError:
-        raise UsageError("MCAP needs the extra `formats`: pip install 'robot-retarget[formats]'") from None
+        raise UsageError(f"MCAP needs mcap: {install_line('formats')}") from None
 
 
 FORMAT = Format(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
@@ -67,7 +67,7 @@ def _yaml() -> Any:
     try:
         import yaml
     except ImportError:
-        raise UsageError("YAML needs the extra `formats`: pip install 'robot-retarget[formats]'") from None
+        raise UsageError(f"YAML needs PyYAML: {install_line('formats')}") from None
     return yaml
 
 

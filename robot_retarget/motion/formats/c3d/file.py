@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import MotionError
+from robot_retarget.errors import MotionError, install_line
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centres
 from robot_retarget.motion.formats.glimpse import Glimpse
@@ -54,7 +54,7 @@ def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
     try:
         import ezc3d
     except ImportError as error:
-        raise MotionError("C3D files need ezc3d: pip install 'robot-retarget[c3d]'", path) from error
+        raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path) from error
     try:
         file = ezc3d.c3d(str(path))
         said, data = file["parameters"]["POINT"], file["data"]["points"]
