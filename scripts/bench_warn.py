@@ -18,13 +18,10 @@ from scipy.ndimage import maximum_filter1d
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.foresight import Joints, strides
-from robot_retarget.collision.guard import Guard
 from robot_retarget.collision.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
 from robot_retarget.dgp.interaction import Interaction
-from robot_retarget.robot import Points, recognise, world_points
 from robot_retarget.robot.clearance import Clearance, Marks
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.solve.options import Options
 from robot_retarget.trajectory import Trajectory
 
@@ -38,7 +35,7 @@ THRESHOLDS = np.arange(0.002, 0.04, 0.001)
 """Of the alarm by distance [m]."""
 REPEATS = 7
 """Runs that are timed."""
-PARTS = ("accuracy", "horizons", "speed", "guard")
+PARTS = ("accuracy", "horizons", "speed")
 HORIZONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
 
 
@@ -257,57 +254,6 @@ def best_time(run: Callable[[], object]) -> float:
     return min(times)
 
 
-def guarded(robot: rr.Robot, known: Surfaces, kind: str, cases: Sequence[Case]) -> None:
-    """Penetration before and after the guard, and what it costs in joint angles and limb directions."""
-    before = after = frames = 0
-    deepest, angles, limbs = 0.0, [], []
-    skeleton = match_bones(robot)
-    for case in cases:
-        wanted, guard = case.trajectory.qpos, Guard(robot, case.trajectory.fps, known=known)
-        safe = np.array([guard.update(q).qpos for q in wanted])
-        for qpos, is_wanted in ((wanted, True), (safe, False)):
-            contacts = replay_contacts(robot, qpos)
-            contacts = contacts.without(known_overlaps(robot))
-            deep = len(np.unique(contacts.frame[contacts.depth > 0.001]))
-            before, after = before + deep * is_wanted, after + deep * (not is_wanted)
-            deepest = deepest if is_wanted else max(deepest, float(contacts.depth.max(initial=0)))
-        frames += len(wanted)
-        angles.append(np.abs(safe - wanted)[:, robot.qpos_index].mean())
-        limbs.append(turned(robot, skeleton, wanted, safe))
-    print(
-        f"| {robot.name} | {kind} | {frames} | {before} | {after} | {deepest * 1000:.2f} | {np.mean(angles):.3f} "
-        f"| {np.mean(limbs):.1f} |",
-        flush=True,
-    )
-
-
-def match_bones(robot: rr.Robot) -> list[tuple[Points, Points]]:
-    """Upper arms, forearms, thighs and shanks, as two points each."""
-    spots = recognise(robot).spots
-    names = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
-    limbs = [(f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in names]
-    return [
-        tuple(Points(np.array([spots[k].body]), spots[k].offset[None]) for k in limb)  # pyright: ignore
-        for limb in limbs
-        if all(k in spots for k in limb)
-    ]
-
-
-def turned(robot: rr.Robot, limbs: list[tuple[Points, Points]], first: Floats, second: Floats) -> float:
-    """Mean angle between the limbs' directions in two sequences of configurations [°]."""
-    angles = []
-    for a, b in limbs:
-        ways = [world_points(robot, b, qpos) - world_points(robot, a, qpos) for qpos in (first, second)]
-        u, v = (way[:, 0] / np.linalg.norm(way[:, 0], axis=1, keepdims=True) for way in ways)
-        angles.append(np.degrees(np.arccos(np.clip((u * v).sum(1), -1, 1))))
-    return float(np.mean(angles))
-
-
-def known_overlaps(robot: rr.Robot) -> set[tuple[int, int]]:
-    """Pairs of bodies that overlap where the robot rests, hinges within their ranges."""
-    return replay_contacts(robot, robot.neutral()[None]).pairs()
-
-
 def heading(title: str, *columns: str) -> None:
     print(f"\n{title}\n\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
 
@@ -317,7 +263,7 @@ def main() -> None:
     parser.add_argument("--robot", nargs="+", default=["op3"], help="names or MJCF files")
     parser.add_argument("--clips", type=Path, nargs="*", default=[SAMPLES], help="BVH files, or folders of them")
     parser.add_argument("--random", type=int, default=200, help="random motions per robot")
-    parser.add_argument("--some", type=int, default=20, help="of these, how many for horizons and guard")
+    parser.add_argument("--some", type=int, default=20, help="of these, how many for horizons")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="tables to print")
     chosen = parser.parse_args()
     robots = [rr.load_robot(name) for name in chosen.robot]
@@ -345,12 +291,6 @@ def main() -> None:
         heading("Speed", "robot", "pairs", *closed, "update [ms]", "95 % [ms]")
         for robot, known, groups in both:
             speed(robot, known, max((case.trajectory for case in groups["clips"]), key=len))
-    if "guard" in chosen.parts:
-        penetrated = "frames deeper than 1 mm", "guarded", "deepest, guarded [mm]"
-        heading("Guard", "robot", "trajectories", "frames", *penetrated, "joints off [rad]", "limbs off [°]")
-        for robot, known, groups in few:
-            for kind, cases in groups.items():
-                guarded(robot, known, kind, cases)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ LAYERS = {
     "servo": {"motion", "robot", "servo"},
     "edit": {"motion", "robot", "human", "describe", "solve", "edit"},
     "view": {"motion", "dgp", "robot", "human", "describe", "solve", "collision", "simulate", "view"},
-    "live": {"motion", "robot", "servo", "simulate", "view", "live"},
+    "live": {"motion", "robot", "servo", "collision", "simulate", "view", "live"},
 }
 SERVO_MAP = "robot_retarget.servo.map"
 """What servos turn a robot's joints, and what they may: read by those who plan and judge, as a datasheet is."""

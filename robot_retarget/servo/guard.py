@@ -1,5 +1,6 @@
 """Goals brought inside the range, not too fast, never far from where the joint is."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +19,8 @@ class Guard:
     limits: Limits
     goal: Floats
     """(n,) the last goal [rad]."""
+    clear: Callable[[Floats, Floats], Floats] | None = None
+    """Self-collision guard, handed in by whoever knows the robot's geometry: (last goal, goal) → goal, (n,) each [rad]."""
     held_back: NDArray[np.int64] = field(init=False)
     """(n,) how often the wish of each joint was not granted."""
     capped_for: Floats = field(init=False)
@@ -35,7 +38,8 @@ class Guard:
         wanted = np.where(np.isfinite(wish), wish, self.goal)
         reach = self.limits.speed * dt
         goal = _between(self.goal - reach, wanted, self.goal + reach)
-        return _between(self.scale.lower, goal, self.scale.upper)
+        goal = _between(self.scale.lower, goal, self.scale.upper)
+        return goal if self.clear is None else self.clear(self.goal, goal)
 
     def admit(self, aim: Floats, present: Floats) -> Floats:
         """The goal nearest to an aim that is near enough to the joints; the very same array where all of it is."""

@@ -127,6 +127,7 @@ def follow(
     rate: float = RATE,
     log: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
+    clear: Callable[[Floats, Floats], Floats] | None = None,
 ) -> Outcome:
     """Follow wishes on the servos of a map until they are over.
 
@@ -138,6 +139,7 @@ def follow(
         rate: ticks a second [1/s].
         log: where `play.npz` of the last minute goes; written however it ends.
         say: is told what is being done.
+        clear: self-collision guard of the goals (`servo.guard.Guard.clear`).
 
     Raises:
         ServoError: as `play`.
@@ -145,6 +147,7 @@ def follow(
 
     def act(player: Player) -> Outcome:
         def tick(cycle: Cycle) -> str:
+            cycle.guard.clear = clear
             follower = Follower(wishes, cycle.guard, servo_map.limits, say)
             player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
             player.end_softly(cycle)

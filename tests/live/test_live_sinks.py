@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_trajectories import wander
 from performers import Answer, Swing, clip
 
 from robot_retarget.errors import MotionError, ServoError
@@ -19,7 +20,10 @@ from robot_retarget.live.sinks.physics import PhysicsSink
 from robot_retarget.live.sinks.servos import ServoSink, moved
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.emulated import emulator_process
+from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.map import Servo, ServoMap, load_map
+from robot_retarget.servo.scale import Scale
+from robot_retarget.simulate.contacts import replay_contacts
 
 OP3 = load_robot("op3")
 
@@ -82,6 +86,22 @@ def test_the_emulated_robot_with_its_weight_is_moved_within_every_limit(tmp_path
         assert (goal >= low - 1e-9).all() and (goal <= high + 1e-9).all()
         assert np.abs(np.diff(goal, axis=0)).max() <= servo_map.limits.speed / 125 + 1e-9
         assert np.abs(goal[1:] - present[:-1]).max() <= servo_map.limits.jump + 1e-9
+
+
+def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None:
+    servo_map = load_map("op3")
+    sink, goals = ServoSink(OP3, servo_map), [OP3.standing()[OP3.qpos_index]]
+    columns = [OP3.joint_names.index(joint) for joint in servo_map.joints]
+    guard = Guard(Scale(servo_map), servo_map.limits, goals[0][columns], sink.clear)
+    stream = wander(OP3, 40, 10.0).qpos
+    qpos = np.tile(OP3.standing(), (len(stream), 1))
+    for k, pose in enumerate(stream):
+        sink.show(Answer(pose, k / 10, "converged", 0.0))
+        wish = pose[OP3.qpos_index[columns]]
+        guard.keep(guard.aim(wish, 0.1), wish)
+        qpos[k, OP3.qpos_index[columns]] = guard.goal
+    assert (replay_contacts(OP3, stream).depth > 0.001).any()
+    assert not (replay_contacts(OP3, qpos).depth > 0.001).any() and sink.guard.changed
 
 
 def test_a_calibration_is_read_as_it_was_kept(tmp_path: Path) -> None:

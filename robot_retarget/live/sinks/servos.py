@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
+from robot_retarget.arrays import Floats
+from robot_retarget.collision.guard import SelfCollisionGuard
 from robot_retarget.errors import ServoError
 from robot_retarget.live.loop import Loop, Pose, Tally
 from robot_retarget.robot import Robot
@@ -28,9 +30,18 @@ class ServoSink:
             raise ServoError(f"the servo map {what}")
         self.wishes = Wishes()
         self._places = robot.qpos_index[[joints.index(joint) for joint in servo_map.joints]]
+        self._pose = robot.standing()
+        self.guard = SelfCollisionGuard(robot)
 
     def show(self, pose: Pose) -> None:
+        self._pose = pose.qpos
         self.wishes.give(pose.qpos[self._places])
+
+    def clear(self, last: Floats, goal: Floats) -> Floats:
+        """Return the goal (n,), moved back towards the last one where links would overlap [rad]."""
+        before, after = self._pose.copy(), self._pose.copy()
+        before[self._places], after[self._places] = last, goal
+        return self.guard.admit(before, after)[self._places]
 
 
 def moved(
@@ -61,10 +72,12 @@ def moved(
     thread = Thread(target=go, daemon=True)
     thread.start()
     try:
-        outcome = follow(sink.wishes, servo_map, port, log=log, say=say)
+        outcome = follow(sink.wishes, servo_map, port, log=log, say=say, clear=sink.clear)
     finally:
         loop.stop.set()
         thread.join()
     if failed:
         raise failed[0]
+    if sink.guard.changed:
+        say(f"the self-collision guard moved {sink.guard.changed} goals back")
     return outcome, loop.tally
