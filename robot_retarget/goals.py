@@ -6,13 +6,25 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.archive import Field
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 
 RATE = 125.0
 """Goals a second, unless told otherwise [1/s]."""
-KEYS = ("goals", "goals_rate", "goals_lead_in", "goals_lead_out", "goals_servos")
+FIELDS = {
+    "goals": Field("number", ("N", "n"), required=False),
+    "goals_rate": Field("number", required=False),
+    "goals_lead_in": Field("number", required=False),
+    "goals_lead_out": Field("number", required=False),
+    "goals_servos": Field("text", required=False),
+}
 """Of the trajectory file."""
+KEYS = tuple(FIELDS)
+LARGEST_ANGLE = 100.0
+"""An angle of a joint beyond it, sixteen turns, is a mistake [rad]."""
+BOUNDS = {"rate": (1.0, 1000.0), "lead_in": (0.0, 60.0), "lead_out": (0.0, 60.0)}
+"""Of rate [1/s] and settling times [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +46,12 @@ class Goals:
         object.__setattr__(self, "angles", frozen(self.angles))
         if self.angles.ndim != 2 or not self.angles.size:
             raise TrajectoryError(f"goals must be (N, n) with at least one row, got {self.angles.shape}")
-        if not np.isfinite(self.angles).all():
-            row, column = np.argwhere(~np.isfinite(self.angles))[0]
-            raise TrajectoryError(f"goals are not finite at row {row}, column {column}")
-        for name, low in (("rate", 1e-3), ("lead_in", 0.0), ("lead_out", 0.0)):
+        require_angles("goals", "row", self.angles)
+        for name, (low, high) in BOUNDS.items():
             value = float(getattr(self, name))
             object.__setattr__(self, name, value)
-            if not (np.isfinite(value) and value >= low):
-                raise TrajectoryError(f"goals_{name} must be a number of at least {low:g}, got {value}")
+            if not low <= value <= high:
+                raise TrajectoryError(f"goals_{name} must be in {low:g} … {high:g}, got {value:g}")
 
     def __len__(self) -> int:
         return len(self.angles)
@@ -60,6 +70,26 @@ class Goals:
         """The keys of the trajectory file."""
         values = self.angles, self.rate, self.lead_in, self.lead_out, self.servos
         return dict(zip(KEYS, values, strict=True))
+
+
+def require_angles(what: str, row: str, angles: Floats, first: int = 0) -> None:
+    """Refuse joint angles (N, n) that are not finite, or beyond `LARGEST_ANGLE` [rad].
+
+    Args:
+        what: The name of the array, for the message.
+        row: The name of one of its rows, for the message.
+        first: The column of the array at which the joints begin, for the message.
+
+    Raises:
+        TrajectoryError: An angle is a mistake.
+    """
+    wrong = np.argwhere(~(np.abs(angles) <= LARGEST_ANGLE))
+    if not wrong.size:
+        return
+    k, column = (int(index) for index in wrong[0])
+    value = angles[k, column]
+    why = f"is {value:g} rad, more than {LARGEST_ANGLE:g}," if np.isfinite(value) else "is not finite"
+    raise TrajectoryError(f"{what} {why} at {row} {k}, column {column + first}")
 
 
 def read_goals(values: Mapping[str, Any]) -> Goals | None:

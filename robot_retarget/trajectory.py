@@ -2,23 +2,42 @@
 
 import hashlib
 import io
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robot_retarget.archive import Field, read_fields
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import TrajectoryError, known
+from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
-from robot_retarget.goals import KEYS as GOAL_KEYS
-from robot_retarget.goals import Goals, read_goals
+from robot_retarget.goals import FIELDS as GOAL_FIELDS
+from robot_retarget.goals import Goals, read_goals, require_angles
 from robot_retarget.notebook import card, frame
 
 FORMAT_VERSION = 2
 """1: without `source_time` and goals; still read."""
-KEYS = ("qpos", "fps", "joint_names", "robot", "source", "format_version")
+FIELDS = {
+    "qpos": Field("number", ("T", "nq")),
+    "fps": Field("number"),
+    "joint_names": Field("text", ("n",)),
+    "robot": Field("text"),
+    "source": Field("text"),
+    "format_version": Field("integer", bounds=(1, FORMAT_VERSION)),
+    "source_time": Field("number", ("T",), required=False),
+    **GOAL_FIELDS,
+}
+"""Of the trajectory file."""
+KEYS = tuple(name for name, field in FIELDS.items() if field.required)
+SLOWEST, FASTEST = 0.01, 10_000.0
+"""Frame rates outside these bounds are mistakes [1/s]."""
+FARTHEST = 10_000.0
+"""A root farther from the origin is a mistake [m]."""
+FREE_ROOT = 7
+"""Coordinates of a free joint: xyz and a quaternion."""
+UNIT = 0.01
+"""Norms of quaternions differ from 1 by at most this."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +64,36 @@ class Trajectory:
         object.__setattr__(self, "qpos", frozen(self.qpos))
         object.__setattr__(self, "fps", float(self.fps))
         object.__setattr__(self, "joint_names", tuple(map(str, self.joint_names)))
-        if self.qpos.ndim != 2 or not self.qpos.size:
-            raise TrajectoryError(f"qpos must be (T, nq) with at least one frame, got {self.qpos.shape}")
-        if not np.isfinite(self.qpos).all():
-            frame, column = np.argwhere(~np.isfinite(self.qpos))[0]
-            raise TrajectoryError(f"qpos is not finite at frame {frame}, column {column}")
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise TrajectoryError(f"fps must be positive, got {self.fps}")
+        if not SLOWEST <= self.fps <= FASTEST:
+            raise TrajectoryError(f"fps must be in {SLOWEST:g} … {FASTEST:g}, got {self.fps:g}")
+        self._require_configurations()
         given = np.asarray(self.source_time)
         object.__setattr__(self, "source_time", frozen(given if given.size else np.arange(len(self)) / self.fps))
         self._require_fitting()
+
+    def _require_configurations(self) -> None:
+        """Each configuration is finite, near the origin, of a unit quaternion and has one angle for each joint."""
+        names, root = self.joint_names, self.qpos.shape[-1] - len(self.joint_names)
+        if self.qpos.ndim != 2 or not self.qpos.size:
+            raise TrajectoryError(f"qpos must be (T, nq) with at least one frame, got {self.qpos.shape}")
+        if root < 0:
+            raise TrajectoryError(f"qpos has {self.qpos.shape[1]} columns for {len(names)} joints")
+        repeated = next((name for k, name in enumerate(names) if name in names[:k]), None)
+        if repeated is not None:
+            raise TrajectoryError(f"joint_names has {repeated!r} twice")
+        require_angles("qpos", "frame", self.qpos[:, root:], root)
+        self._require_root(self.qpos[:, :root])
+
+    def _require_root(self, root: Floats) -> None:
+        wrong = np.argwhere(~(np.abs(root) <= FARTHEST))
+        if wrong.size:
+            frame, column = wrong[0]
+            what = f"is {root[frame, column]:g}" if np.isfinite(root[frame, column]) else "is not finite"
+            raise TrajectoryError(f"qpos {what} at frame {frame}, column {column}")
+        norms = np.linalg.norm(root[:, 3:], axis=1) if root.shape[1] == FREE_ROOT else np.ones(len(root))
+        frame = int(np.abs(norms - 1).argmax())
+        if abs(norms[frame] - 1) > UNIT:
+            raise TrajectoryError(f"the root's quaternion has norm {norms[frame]:.3g} at frame {frame}, not 1")
 
     def _require_fitting(self) -> None:
         """The source's times are one for each frame and never go back; goals have the joints and last as long."""
@@ -150,22 +189,10 @@ def load_trajectory(path: str | Path) -> Trajectory:
     """Read a trajectory file.
 
     Raises:
-        TrajectoryError: it is not there, is no trajectory file, lacks a key, or is of a later format.
+        TrajectoryError: The file cannot be read, is not a trajectory file, lacks a key, has a value that no trajectory
+            has, or is of a later format.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            missing = [key for key in KEYS if key not in archive.files]
-            if missing:
-                raise TrajectoryError(f"{path}: no key {missing[0]!r}; {known(archive.files)}")
-            values = {key: archive[key] for key in (*KEYS, "source_time", *GOAL_KEYS) if key in archive.files}
-    except OSError as error:
-        raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
-        raise TrajectoryError(f"{path}: not a trajectory file (.npz without pickles)") from error
-    if int(values["format_version"]) > FORMAT_VERSION:
-        raise TrajectoryError(
-            f"{path}: format {int(values['format_version'])}, this version reads up to {FORMAT_VERSION}"
-        )
+    values = read_fields(path, FIELDS, TrajectoryError)
     try:
         return Trajectory(
             values["qpos"],

@@ -2,9 +2,11 @@
 
 import gzip
 import io
+import math
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
@@ -72,33 +74,45 @@ def lz4_packed(data: bytes) -> bytes:
     return _lz4().frame.compress(data)
 
 
-def load_npz(path: Path) -> dict[str, np.ndarray]:
-    """The plain arrays of an `.npz`; arrays of Python objects are left out, for they are pickles.
+def load_npz(path: Path, names: Container[str] | None = None) -> dict[str, np.ndarray]:
+    """Read the plain arrays of an `.npz`; arrays of Python objects are left out, for they are pickles.
+
+    Args:
+        names: The arrays to read; by default all.
 
     Raises:
-        TrajectoryError: it cannot be read, is no `.npz`, or unpacks to more than `LARGEST`.
+        TrajectoryError: The file cannot be read, is not an `.npz`, or unpacks to more than `LARGEST`.
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(member.file_size for member in archive.infolist()) > LARGEST:
+            members = {m.filename.removesuffix(".npy"): m for m in archive.infolist() if m.filename.endswith(".npy")}
+            wanted = {name: m for name, m in members.items() if names is None or name in names}
+            if sum(member.file_size for member in wanted.values()) > LARGEST:
                 raise _too_large(path)
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            read = {name.removesuffix(".npy"): _array(archive.read(name)) for name in names}
+            read = {name: _array(archive.read(member)) for name, member in wanted.items()}
     except OSError as error:
         raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
     except BROKEN as error:
-        raise TrajectoryError(f"{path}: broken .npz: {error}") from error
+        raise TrajectoryError(f"{path}: not a readable .npz: {error}") from error
     return {name: array for name, array in read.items() if array is not None}
 
 
 def _array(data: bytes) -> np.ndarray | None:
-    """An array of plain numbers or text; None where it is one of objects."""
-    try:
-        return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-    except ValueError as error:
-        if "Object arrays" in str(error):
-            return None
-        raise
+    """An array of plain numbers or text; None for an array of objects.
+
+    The size in the header is compared with the data before memory is allocated for it.
+    """
+    stream = io.BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read_header(stream)
+    if dtype.hasobject:
+        return None
+    size, present = math.prod(shape) * dtype.itemsize, len(data) - stream.tell()
+    if size != present or min(shape, default=0) < 0:
+        raise ValueError(f"an array of shape {shape} and type {dtype} takes {size} bytes, and {present} are there")
+    stream.seek(0)
+    return np.lib.format.read_array(stream, allow_pickle=False)
 
 
 def save_npz(path: Path, **arrays: Any) -> None:

@@ -76,10 +76,10 @@ def test_the_fingerprint_covers_every_key(tmp_path, key):
     [
         ({"source_time": [0.0, 1.0]}, r"source_time must be \(40,\)"),
         ({"source_time": -np.arange(40.0)}, "must not go back"),
-        ({"goals": np.zeros((300, 3))}, "goals are of 3 joints, the trajectory has 20"),
-        ({"goals": np.full((300, 20), np.nan)}, "goals are not finite at row 0, column 0"),
+        ({"goals": np.zeros((300, 3))}, r"goals must be \(300, 20\), got \(300, 3\)"),
+        ({"goals": np.full((300, 20), np.nan)}, "goals is not finite at row 0, column 0"),
         ({"goals": np.zeros((30, 20))}, "not as long as the trajectory and its settling"),
-        ({"goals_rate": np.inf}, "goals_rate must be a number"),
+        ({"goals_rate": np.inf}, "goals_rate must be in 1 … 1000"),
         ({"goals_lead_in": None}, "no 'goals_lead_in'"),
     ],
 )

@@ -10,7 +10,6 @@
 An end is a keypoint, a point on a body `["l_el_link", 0.0, 0.1, 0.0]`, or a place in the world `[0.2, 0.0, 0.5]` [m].
 """
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.own import End
+from robot_retarget.documents import parse_toml, read_text
 from robot_retarget.errors import GraphError, known
 from robot_retarget.files import replacing
 
@@ -47,16 +47,11 @@ def read_edits(path: str | Path) -> list[Edit]:
     Raises:
         GraphError: it cannot be read, is not TOML, or has a table or key that is unknown (with its line).
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        tables = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise GraphError(f"cannot read {path}: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise GraphError(f"{path}: {error}") from error
+    text = read_text(path, GraphError)
+    tables = parse_toml(text, path, GraphError)
     lines = text.splitlines()
     for name, rows in tables.items():
-        if name not in KEYS or not isinstance(rows, list):
+        if name not in KEYS or not isinstance(rows, list) or len(rows) != len(_headers(lines, name)):
             raise GraphError(
                 f"{path}:{_line(lines, name)}: unknown table [{name}]; {known([f'[[{k}]]' for k in KEYS])}"
             )

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from robot_retarget.documents import read_json
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.robot_motion import RobotMotion
 
@@ -44,10 +45,10 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     where = beside(path)
     if not (path.is_file() and where.is_file()):
         return None
+    said = read_json(where, TrajectoryError)
     try:
-        said = json.loads(where.read_text(encoding="utf-8"))
         complete = all(key in said for key in KEYS) and all(isinstance(name, str) for name in said["joint_names"])
-    except (OSError, ValueError, TypeError) as error:
+    except TypeError as error:
         raise TrajectoryError(f"{where}: not the description of a motion file: {error}") from error
     if not complete:
         return None  # some other program's

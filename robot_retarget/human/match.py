@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, Recognition, apply_override, recognise
-from robot_retarget.robot import Anatomy, Points, Robot, read_toml, recognise_with, world_points
+from robot_retarget.robot import Anatomy, Points, Robot, recognise_with, world_points
 
 TABLES = ("human", "robot")
 
@@ -150,8 +151,10 @@ def _ankle_height(anatomy: Anatomy) -> float:
 
 
 def _read_overrides(path: Path) -> Mapping[str, Mapping[str, Any]]:
-    tables = read_toml(path)
-    for key in tables:
+    tables = read_toml(path, MatchError)
+    for key, table in tables.items():
         if key not in TABLES:
             raise MatchError(f"{path}: unknown table [{key}]; {known(TABLES)}")
+        if not isinstance(table, dict):
+            raise MatchError(f"{path}: {key} must be a table, [{key}], got {table!r}")
     return tables

@@ -5,12 +5,22 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.archive import Field, read_fields
 from robot_retarget.errors import MotionError
 from robot_retarget.files import replacing
 from robot_retarget.motion import Motion, Skeleton
 
-KEYS = ("names", "parents", "offsets", "positions", "fps")
-"""Of the file; `rotations` besides, where there are some."""
+FARTHEST = 1000.0
+"""A joint farther from the origin is a mistake [m]."""
+FIELDS = {
+    "names": Field("text", ("J",)),
+    "parents": Field("integer", ("J",), bounds=(-1, np.inf)),
+    "offsets": Field("number", ("J", 3), (-FARTHEST, FARTHEST)),
+    "positions": Field("number", ("T", "J", 3), (-FARTHEST, FARTHEST)),
+    "fps": Field("number", bounds=(1, 1000)),
+    "rotations": Field("number", ("T", "J", 4), (-1.01, 1.01), required=False),
+}
+"""Of the file."""
 
 
 def keep(motion: Motion, path: str | Path) -> None:
@@ -30,18 +40,13 @@ def keep(motion: Motion, path: str | Path) -> None:
 
 
 def kept(path: str | Path) -> Motion:
-    """A calibration as `keep` wrote it.
+    """Read a calibration that `keep` wrote.
 
     Raises:
-        MotionError: it cannot be read, or is none.
+        MotionError: The file cannot be read, or is not a calibration.
     """
-    try:
-        with np.load(path, allow_pickle=False) as found:
-            values = {name: found[name] for name in found.files}
-    except (OSError, ValueError, EOFError) as error:
-        raise MotionError(f"cannot be read as a calibration: {error}", path) from error
-    lacking = [key for key in KEYS if key not in values]
-    if lacking:
-        raise MotionError(f"is no calibration: it has no {lacking[0]!r}", path)
-    skeleton = Skeleton(tuple(map(str, values["names"])), values["parents"], values["offsets"])
+    values = read_fields(path, FIELDS, MotionError)
+    if "rotations" in values and not np.allclose(np.linalg.norm(values["rotations"], axis=-1), 1, atol=0.01):
+        raise MotionError("rotations must be unit quaternions", path)
+    skeleton = Skeleton(tuple(values["names"].tolist()), values["parents"], values["offsets"])
     return Motion(skeleton, values["positions"], values.get("rotations"), float(values["fps"]), str(path))

@@ -108,7 +108,9 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
     for keypoint, names in table.items():
         if keypoint not in KEYPOINTS:
             raise MatchError(f"unknown keypoint {keypoint!r}; {known(KEYPOINTS)}")
-        wanted = [names] if isinstance(names, str) else list(names)
+        wanted = [names] if isinstance(names, str) else names
+        if not (isinstance(wanted, list) and all(isinstance(name, str) for name in wanted)):
+            raise MatchError(f'{keypoint} must be "JOINT" or ["JOINT", …], got {names!r}')
         strange = [name for name in wanted if name not in skeleton.names]
         if strange or not wanted:
             what = f"unknown joint {strange[0]!r}" if strange else "no joint given"

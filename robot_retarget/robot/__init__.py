@@ -8,7 +8,6 @@ require_mujoco()
 from robot_retarget.robot.anatomy import Anatomy as Anatomy
 from robot_retarget.robot.anatomy import Spot as Spot
 from robot_retarget.robot.catalog import load_robot as load_robot
-from robot_retarget.robot.catalog import read_toml as read_toml
 from robot_retarget.robot.catalog import shipped_robots as shipped_robots
 from robot_retarget.robot.kinematics import Points as Points
 from robot_retarget.robot.kinematics import world_points as world_points

@@ -1,9 +1,11 @@
 """Where robots come from: those that ship, an MJCF or URDF file, or a `robot_descriptions` name."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, RobotError, known
 from robot_retarget.keypoints import ARM
 from robot_retarget.robot.anatomy import Anatomy
@@ -18,7 +20,16 @@ from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import MODELS
 
 Limits = dict[str, dict[str, Any]]
-LIMIT_TABLES = ("range", "speed", "torque")
+LARGEST_ANGLE = 100.0
+"""A range beyond it, sixteen turns either way, is a mistake [rad]."""
+FASTEST = 1000.0
+"""A joint that is faster is a mistake [rad/s]."""
+LIMIT_TABLES = {
+    "range": ("[lower, upper]", f"within ±{LARGEST_ANGLE:g} rad"),
+    "speed": ("a number", f"over 0, at most {FASTEST:g} rad/s"),
+    "torque": ("a number", "over 0 N m; inf for no limit"),
+}
+"""The tables of a limits file, with the form and the bounds of their values."""
 UPRIGHT: tuple[Quaternion, ...] = (
     (1, 0, 0, 0),
     *((0.5**0.5, *(sign * 0.5**0.5 * axis for axis in way)) for way in ((1, 0, 0), (0, 1, 0)) for sign in (1, -1)),
@@ -119,26 +130,27 @@ def read_limits(path: Path) -> Limits:
     Raises:
         RobotError: not TOML, a table that is not known, or a value of the wrong shape.
     """
-    tables = read_toml(path)
+    tables = read_toml(path, RobotError)
     for key, table in tables.items():
         if key not in LIMIT_TABLES:
             raise RobotError(f"{path}: unknown table [{key}]; {known(LIMIT_TABLES)}")
+        if not isinstance(table, dict):
+            raise RobotError(f"{path}: {key} must be a table, [{key}], got {table!r}")
         for joint, value in table.items():
-            pair = isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value)
-            if not (pair if key == "range" else isinstance(value, int | float)):
-                wanted = "[lower, upper]" if key == "range" else "a number"
-                raise RobotError(f"{path}: [{key}] {joint} must be {wanted}, got {value!r}")
+            if not _is_limit(key, value):
+                form, bounds = LIMIT_TABLES[key]
+                raise RobotError(f"{path}: [{key}] {joint} must be {form}, got {value!r} ({bounds})")
     return tables
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file as a dictionary; RobotError when it cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RobotError(f"cannot read {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RobotError(f"{path}: not TOML: {error}") from error
+def _is_limit(table: str, value: Any) -> bool:
+    """Whether a value of a limits file is of the form that `LIMIT_TABLES` states."""
+    values: list[Any] = value if isinstance(value, list) and table == "range" else [value]
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+        return False
+    if table == "range":
+        return len(values) == 2 and all(abs(v) <= LARGEST_ANGLE for v in values)
+    return all(0 < v <= (FASTEST if table == "speed" else np.inf) for v in values)
 
 
 def _find(name: str | Path) -> Path:

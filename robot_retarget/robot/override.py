@@ -13,6 +13,8 @@ from robot_retarget.robot.anatomy import Anatomy, Spot
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 
+FARTHEST = 10.0
+"""A keypoint farther from its body is a mistake [m]."""
 FORWARD = "forward"
 """The line that says where the robot looks."""
 
@@ -31,10 +33,18 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
 
 
 def _told(line: Any) -> Floats:
-    numbers = isinstance(line, list) and len(line) == 3 and all(isinstance(v, int | float) for v in line)
-    if not numbers or not np.linalg.norm(line[:2]):
+    if not (_are_numbers(line, 3) and np.linalg.norm(line[:2])):
         raise MatchError(f"forward must be [x, y, z], not straight up or down, got {line!r}")
     return np.array(line, dtype=float)
+
+
+def _are_numbers(values: Any, count: int) -> bool:
+    """Whether a value is a list of so many numbers that are finite and within `FARTHEST`."""
+    return (
+        isinstance(values, list)
+        and len(values) == count
+        and all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= FARTHEST for v in values)
+    )
 
 
 def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatomy:
@@ -48,8 +58,8 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
     for keypoint, line in table.items():
         if keypoint not in KEYPOINTS:
             raise MatchError(f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD))}")
-        if not (isinstance(line, list) and len(line) == 4 and isinstance(line[0], str)):
-            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], got {line!r}')
+        if not (isinstance(line, list) and line and isinstance(line[0], str) and _are_numbers(line[1:], 3)):
+            raise MatchError(f'override of {keypoint} must be ["body", x, y, z], within {FARTHEST:g} m, got {line!r}')
         if line[0] not in bodies:
             raise MatchError(f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies)}")
         spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")

@@ -1,11 +1,11 @@
 """Servo maps out of other projects' configuration files: OP3.robot, lerobot, pypot, ToddlerBot."""
 
-import json
 from collections.abc import Callable
 from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
 
+from robot_retarget.documents import parse_json, read_text
 from robot_retarget.errors import ServoError, known
 from robot_retarget.servo.map import TICKS_PER_RADIAN, Servo, ServoMap
 from robot_retarget.servo.tables import CENTRE, MODELS
@@ -34,11 +34,11 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
     Raises:
         ServoError: the file cannot be read, or is none of these.
     """
-    text = _text(path)
+    text = read_text(path, ServoError)
+    table = parse_json(text, path, ServoError) if text.lstrip().startswith("{") else None
     try:
-        if not text.lstrip().startswith("{"):
+        if table is None:
             return _op3(text, _offsets(offsets), Path(path).stem.lower(), model)
-        table = json.loads(text)
         for holds, reader in _READERS:
             if holds(table):
                 return reader(table, Path(path).stem, model)
@@ -142,7 +142,7 @@ def _offsets(path: str | Path | None) -> dict[str, float]:
         return {}
     found: dict[str, float] = {}
     inside = False
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in enumerate(read_text(path, ServoError).splitlines(), 1):
         bare = line.split("#")[0].rstrip()
         if not bare:
             continue
@@ -171,10 +171,3 @@ def _model(name: str) -> str:
     """The name without what only says how it is plugged."""
     plain = name.strip().upper()
     return next((known_name for known_name in MODELS if plain.startswith(known_name)), plain)
-
-
-def _text(path: str | Path) -> str:
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ServoError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error

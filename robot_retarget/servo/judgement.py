@@ -1,12 +1,12 @@
 """Whether a trajectory's goals may be sent: they were judged, they passed, on these servos, and nothing changed since."""
 
-import json
 import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robot_retarget.documents import read_json
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.plan import goal_plan
@@ -45,11 +45,11 @@ def require_judged(
 def _content(where: Path) -> tuple[dict[str, Any], str | None]:
     """A report, and what is wrong with it as a file."""
     try:
-        content = json.loads(where.read_text(encoding="utf-8"))
-    except OSError:
+        content = read_json(where, ServoError) if where.exists() else None
+    except ServoError as error:
+        return {}, f"no report: {error}"
+    if content is None:
         return {}, f"no report at {where}"
-    except ValueError:
-        return {}, f"{where} is no report"
     return (content, None) if isinstance(content, dict) else ({}, f"{where} is no report")
 
 

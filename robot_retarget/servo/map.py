@@ -7,13 +7,13 @@ Radians outside, ticks inside the two functions that convert.
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from math import pi, tau
 from pathlib import Path
 from typing import Any
 
+from robot_retarget.documents import parse_toml, read_text
 from robot_retarget.errors import ServoError, known
 from robot_retarget.servo.bounds import Bounds, MapError, require_bounds, within
 from robot_retarget.servo.tables import BAUDS, CENTRE, LAST_POSITION, TICKS_PER_TURN, Model, model_named
@@ -202,13 +202,10 @@ def load_map(name: str | Path) -> ServoMap:
     """
     path = shipped_maps().get(str(name), Path(name))
     try:
-        text = path.read_text(encoding="utf-8")
-        table = tomllib.loads(text)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ServoError(f"cannot read the servo map {name}: {reason}; shipped: {', '.join(shipped_maps())}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ServoError(f"{path}: {error}") from error
+        text = read_text(path, ServoError)
+    except ServoError as error:
+        raise ServoError(f"{error}; shipped maps: {', '.join(shipped_maps())}") from error
+    table = parse_toml(text, path, ServoError)
     try:
         return _from_table(table)
     except MapError as error:

@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
 
+from robot_retarget.documents import read_toml
 from robot_retarget.errors import UsageError, known
-from robot_retarget.robot.catalog import read_toml
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,9 @@ def read_thresholds(path: str | Path) -> Thresholds:
     """Thresholds from TOML: `tracking_rms = 0.1`; what the file does not name keeps its default, `inf` switches one off.
 
     Raises:
-        RobotError: the file cannot be read as TOML.
-        UsageError: it names a threshold that is not known, or gives one that is no number.
+        UsageError: The file is not TOML, names a threshold that is not known, or gives one that is not a number.
     """
-    table = read_toml(Path(path))
+    table = read_toml(path, UsageError)
     names = [field.name for field in fields(Thresholds)]
     strange = [name for name in table if name not in names]
     if strange:

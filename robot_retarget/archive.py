@@ -1,0 +1,84 @@
+"""Arrays of an `.npz` file, checked as they are read: each field states its kind, shape and bounds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from robot_retarget.errors import RobotRetargetError, TrajectoryError, known
+from robot_retarget.unpack import load_npz
+
+KINDS = {"number": "fiu", "integer": "iu", "text": "U"}
+"""Kinds of fields, and the letters of their NumPy data types."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """The kind, shape and bounds of one array of a file."""
+
+    kind: Literal["number", "integer", "text"]
+    shape: tuple[int | str, ...] = ()
+    """Sizes; a letter stands for a size that all fields of the file share. () also accepts one value in an array."""
+    bounds: tuple[float, float] | None = None
+    """Of every number; without them numbers are not checked."""
+    required: bool = True
+
+
+def read_fields(path: str | Path, fields: Mapping[str, Field], error: type[RobotRetargetError]) -> dict[str, Any]:
+    """Read the fields of an `.npz` file; other arrays of the file are not read.
+
+    Raises:
+        error: The file cannot be read, lacks a required field, or a field is not as stated.
+    """
+    try:
+        arrays = load_npz(Path(path), fields)
+        return _checked(path, arrays, fields)
+    except TrajectoryError as problem:
+        raise error(str(problem)) from problem
+
+
+def _checked(path: str | Path, arrays: Mapping[str, Any], fields: Mapping[str, Field]) -> dict[str, Any]:
+    missing = [name for name, field in fields.items() if field.required and name not in arrays]
+    if missing:
+        raise TrajectoryError(f"{path}: no key {missing[0]!r}; {known(arrays)}")
+    sizes: dict[str, int] = {}
+    found = {}
+    for name, field in fields.items():
+        if name in arrays:
+            found[name] = _fitted(f"{path}: {name}", arrays[name], field, sizes)
+            _require_bounds(f"{path}: {name}", found[name], field)
+    return found
+
+
+def _fitted(name: str, array: Any, field: Field, sizes: dict[str, int]) -> Any:
+    """The array of a field, of its kind and shape; binds the letters of the shape in `sizes`."""
+    if array.dtype.kind not in KINDS[field.kind]:
+        raise TrajectoryError(f"{name} must be of kind {field.kind}, got an array of {array.dtype}")
+    if not field.shape and array.size == 1:
+        return array.reshape(())
+    if len(field.shape) == array.ndim:
+        for size, actual in zip(field.shape, array.shape, strict=True):
+            if isinstance(size, str):
+                sizes.setdefault(size, actual)
+    wanted = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in field.shape)
+    if array.shape != wanted:
+        raise TrajectoryError(f"{name} must be {_shape(wanted)}, got {array.shape}")
+    return array
+
+
+def _shape(sizes: tuple[int | str, ...]) -> str:
+    """A shape as NumPy prints it, with letters for free sizes."""
+    return f"({', '.join(map(str, sizes))}{',' if len(sizes) == 1 else ''})"
+
+
+def _require_bounds(name: str, array: Any, field: Field) -> None:
+    if field.bounds is None:
+        return
+    low, high = field.bounds
+    wrong = np.argwhere(~((array >= low) & (array <= high)))
+    if len(wrong):
+        place = tuple(int(k) for k in wrong[0])
+        where = f" at {list(place)}" if place else ""
+        raise TrajectoryError(f"{name} must be in {low:g} … {high:g}, got {array[place]:g}{where}")
