@@ -33,7 +33,7 @@ def read_fields(path: str | Path, fields: Mapping[str, Field], error: type[Robot
         error: The file cannot be read, lacks a required field, or a field is not as stated.
     """
     try:
-        arrays = load_npz(Path(path), fields)
+        arrays = load_npz(Path(path))
         return _checked(path, arrays, fields)
     except TrajectoryError as problem:
         raise error(str(problem)) from problem

@@ -1,4 +1,4 @@
-"""Bytes of files that others made: never more of them than a machine can hold."""
+"""Bounded readers of files from other programs: archives of arrays and compressed files."""
 
 import gzip
 import io
@@ -6,12 +6,15 @@ import math
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Container
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, install_line
 
 LARGEST = 2 << 30
@@ -74,45 +77,116 @@ def lz4_packed(data: bytes) -> bytes:
     return _lz4().frame.compress(data)
 
 
-def load_npz(path: Path, names: Container[str] | None = None) -> dict[str, np.ndarray]:
-    """Read the plain arrays of an `.npz`; arrays of Python objects are left out, for they are pickles.
+@dataclass(frozen=True)
+class Head:
+    """Shape and type of an array, as the first bytes of its `.npy` state them."""
 
-    Args:
-        names: The arrays to read; by default all.
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+
+@dataclass(frozen=True, eq=False)
+class Archive(Mapping[str, np.ndarray]):
+    """The plain arrays of an `.npz`. Each is read on first access; names and heads cost no unpacking."""
+
+    path: Path
+    heads: Mapping[str, Head]
+    """Arrays of Python objects are absent: they are pickles."""
+    _read: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.heads)
+
+    def __len__(self) -> int:
+        return len(self.heads)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Read an array.
+
+        Raises:
+            KeyError: there is none of this name.
+            TrajectoryError: its bytes are broken.
+        """
+        if name not in self._read:
+            self.heads[name]
+            with _opened(self.path) as archive, archive.open(f"{name}.npy") as member:
+                self._read[name] = np.lib.format.read_array(member, allow_pickle=False)
+        return self._read[name]
+
+
+def load_npz(path: Path) -> Archive:
+    """Open an `.npz`.
 
     Raises:
-        TrajectoryError: The file cannot be read, is not an `.npz`, or unpacks to more than `LARGEST`.
+        TrajectoryError: it cannot be read, is no `.npz`, unpacks to more than `LARGEST`, or an array has another size
+            than its head states.
     """
+    with _opened(path) as archive:
+        members = archive.infolist()
+        if sum(member.file_size for member in members) > LARGEST:
+            raise _too_large(path)
+        names = [member for member in members if member.filename.endswith(".npy")]
+        heads = {member.filename.removesuffix(".npy"): _head(archive, member) for member in names}
+    return Archive(path, {name: head for name, head in heads.items() if not head.dtype.hasobject})
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
     try:
         with zipfile.ZipFile(path) as archive:
-            members = {m.filename.removesuffix(".npy"): m for m in archive.infolist() if m.filename.endswith(".npy")}
-            wanted = {name: m for name, m in members.items() if names is None or name in names}
-            if sum(member.file_size for member in wanted.values()) > LARGEST:
-                raise _too_large(path)
-            read = {name: _array(archive.read(member)) for name, member in wanted.items()}
+            yield archive
     except OSError as error:
         raise TrajectoryError(f"cannot read {path}: {error.strerror or error}") from error
     except BROKEN as error:
         raise TrajectoryError(f"{path}: not a readable .npz: {error}") from error
-    return {name: array for name, array in read.items() if array is not None}
 
 
-def _array(data: bytes) -> np.ndarray | None:
-    """An array of plain numbers or text; None for an array of objects.
+def _head(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Head:
+    """The head of an array whose bytes are as many as it states.
 
-    The size in the header is compared with the data before memory is allocated for it.
+    Raises:
+        ValueError: they are not.
     """
-    stream = io.BytesIO(data)
+    with archive.open(member) as stream:
+        head = read_head(stream)
+        there = member.file_size - stream.tell()
+    stated = math.prod(head.shape) * head.dtype.itemsize
+    if (stated != there or min(head.shape, default=0) < 0) and not head.dtype.hasobject:
+        raise ValueError(f"{member.filename} states {stated} bytes {head.shape}, and holds {there}")
+    return head
+
+
+def read_head(stream: IO[bytes]) -> Head:
+    """Read the head of an `.npy`; the stream is left where the numbers begin.
+
+    Raises:
+        ValueError: the stream is no `.npy`.
+    """
     version = np.lib.format.read_magic(stream)
-    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read_header(stream)
-    if dtype.hasobject:
-        return None
-    size, present = math.prod(shape) * dtype.itemsize, len(data) - stream.tell()
-    if size != present or min(shape, default=0) < 0:
-        raise ValueError(f"an array of shape {shape} and type {dtype} takes {size} bytes, and {present} are there")
-    stream.seek(0)
-    return np.lib.format.read_array(stream, allow_pickle=False)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    return Head(shape, dtype)
+
+
+def shaped(values: Any, shape: tuple[int | None, ...], what: str) -> Floats:
+    """An array as numbers of the given shape.
+
+    Args:
+        shape: None stands for any length above zero.
+        what: the array's name, for the message.
+
+    Raises:
+        TrajectoryError: the shape differs, the array is empty, or it does not hold numbers.
+    """
+    array = np.asarray(values)
+    wanted = ", ".join("any" if size is None else str(size) for size in shape)
+    if array.dtype.kind not in "fiu" or array.ndim != len(shape):
+        raise TrajectoryError(f"{what} must be numbers of shape ({wanted}), got {array.dtype} {array.shape}")
+    if any(size is not None and size != found for size, found in zip(shape, array.shape, strict=True)):
+        raise TrajectoryError(f"{what} must have the shape ({wanted}), got {array.shape}")
+    if not array.size:
+        raise TrajectoryError(f"{what} is empty: {array.shape}")
+    return array.astype(np.float64)
 
 
 def save_npz(path: Path, **arrays: Any) -> None:

@@ -168,7 +168,7 @@ def test_a_disk_that_fills_up_leaves_nothing_half_written(tmp_path: Path) -> Non
 
 def test_a_broken_trajectory_and_a_foreign_one_are_refused(solved: Path, tmp_path: Path) -> None:
     (tmp_path / "t.npz").write_bytes(b"no archive")
-    assert_refused(run("simulate", tmp_path / "t.npz", "--robot", "op3"), "not a trajectory file")
+    assert_refused(run("simulate", tmp_path / "t.npz", "--robot", "op3"), "not a readable .npz")
     assert_refused(run("export", solved, "--robot", "op3", "-f", "xyz", "-o", tmp_path / "o"), "xyz", "csv", "unitree")
     assert not (tmp_path / "o").exists()
 

@@ -1,4 +1,4 @@
-"""What a reader gives: the columns of a file, and how they become a trajectory of a robot."""
+"""Columns of a robot-motion file, and the trajectory of a robot that they describe."""
 
 from dataclasses import dataclass
 
@@ -14,6 +14,8 @@ UNIT = 0.01
 """A quaternion whose norm is farther from one is none: columns are out of order. Single precision strays by 1e-7."""
 ROUNDED = 1e-6
 """Norms nearer to one are left as they are, so that what was exact stays exact."""
+SUFFIXES = ("_dof", "_joint")
+"""Endings of joint names that programs add and drop, in the order in which they are taken off."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,13 @@ class Columns:
     """(T, nq) of files that hold MuJoCo's own coordinates of the whole model."""
     source: str = ""
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for what in ("angles", "position", "quaternion", "qpos"):
+            values = getattr(self, what)
+            if values is not None and not np.isfinite(values).all():
+                frame, column = np.argwhere(~np.isfinite(values))[0]
+                raise TrajectoryError(f"{what} is not finite at frame {frame}, column {column}")
 
 
 def assembled(columns: Columns, robot: Robot, options: Options, fps: float | None = None) -> Trajectory:
@@ -98,20 +107,40 @@ def _places(
     if len(names) != width:
         error = UsageError if options.joints else TrajectoryError
         raise error(f"{len(names)} joint names for {width} joint columns")
-    strange = [name for name in names if name != SKIPPED and name not in robot.joint_names]
-    if strange:
-        raise TrajectoryError(
-            f"joint {strange[0]!r} is not one of {robot.name!r}; {known(robot.joint_names)}. "
-            "Rename the columns with --joints a,b,…, `_` for one to leave out"
-        )
     taken = [k for k, name in enumerate(names) if name != SKIPPED]
-    named = [names[k] for k in taken]
+    named = [joint_called(names[k], robot) for k in taken]
+    if not named:
+        raise TrajectoryError(f"no column of a joint; {known(robot.joint_names)}")
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice:
         raise TrajectoryError(f"joint {twice[0]!r} stands twice among the columns")
     held = [name for name in robot.joint_names if name not in named]
     said = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
     return taken, robot.qpos_index[[robot.joint_names.index(name) for name in named]], said
+
+
+def joint_called(name: str, robot: Robot) -> str:
+    """The robot's joint of this name, with or without the usual suffixes.
+
+    Raises:
+        TrajectoryError: there is none, or there are several.
+    """
+    if name in robot.joint_names:
+        return name
+    alike = [joint for joint in robot.joint_names if _bare(joint) == _bare(name)]
+    if len(alike) != 1:
+        what = f"may be {' or '.join(map(repr, alike))}" if alike else "is not one"
+        raise TrajectoryError(
+            f"joint {name!r} {what} of {robot.name!r}; {known(robot.joint_names)}. "
+            "Rename the columns with --joints a,b,…, `_` for one to leave out"
+        )
+    return alike[0]
+
+
+def _bare(name: str) -> str:
+    for suffix in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name
 
 
 def _unit(quaternion: Floats) -> Floats:
@@ -123,18 +152,3 @@ def _unit(quaternion: Floats) -> Floats:
             f"frame {frame}: the root's quaternion has the norm {norms[frame, 0]:.4g}; are the columns in another order?"
         )
     return np.where(off.max(initial=0.0) > ROUNDED, quaternion / norms, quaternion)
-
-
-def shaped(values: Floats, shape: tuple[int | None, ...], what: str) -> Floats:
-    """An array as numbers, if it has the shape (None for any length).
-
-    Raises:
-        TrajectoryError: it has another, or holds no numbers.
-    """
-    array = np.asarray(values)
-    wanted = ", ".join("any" if size is None else str(size) for size in shape)
-    if array.dtype.kind not in "fiu" or array.ndim != len(shape):
-        raise TrajectoryError(f"{what} must be numbers of shape ({wanted}), got {array.dtype} {array.shape}")
-    if any(size is not None and size != found for size, found in zip(shape, array.shape, strict=True)):
-        raise TrajectoryError(f"{what} must have the shape ({wanted}), got {array.shape}")
-    return array.astype(np.float64)

@@ -37,10 +37,10 @@ def describing(motion: RobotMotion, format: str, quaternion: str, written: Path)
 
 
 def read_sidecar(path: Path) -> dict[str, Any] | None:
-    """What the JSON file beside a file says of it; None where there is none, or where it is about another content.
+    """The description in the JSON file beside a file; None where there is none, or another program's.
 
     Raises:
-        TrajectoryError: it is there and broken.
+        TrajectoryError: it is broken, or its sha256 is that of another content.
     """
     where = beside(path)
     if not (path.is_file() and where.is_file()):
@@ -51,8 +51,13 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     except TypeError as error:
         raise TrajectoryError(f"{where}: not the description of a motion file: {error}") from error
     if not complete:
-        return None  # some other program's
-    return said if said["sha256"] == _hash(path) else None
+        return None
+    if said["sha256"] != _hash(path):
+        raise TrajectoryError(
+            f"{path} is not the file that {where.name} describes: it was cut or changed since. "
+            f"Remove {where.name} to read it as it is"
+        )
+    return said
 
 
 def _hash(path: Path) -> str:

@@ -1,6 +1,7 @@
 """A file to be read: its contents, opened once and only as far as they are asked for."""
 
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -32,8 +33,8 @@ class Source:
         return read_sidecar(self.path)
 
     @cached_property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The plain arrays of an `.npz`; nothing of any other file."""
+    def arrays(self) -> Mapping[str, np.ndarray]:
+        """The plain arrays of an `.npz`, each read on first access; nothing of any other file."""
         packed = self.path.is_file() and (self.path.suffix == ".npz" or zipfile.is_zipfile(self.path))
         return load_npz(self.path) if packed else {}
 

@@ -59,26 +59,31 @@ def import_motion(
     if not where.exists():
         raise TrajectoryError(f"cannot read {where}: no such file or folder")
     source = Source(where, robot, options)
+    described = source.sidecar is not None
     kind = _format(format) if format else recognised(source)
     try:
         found = kind.read(source)
         if not isinstance(found, Trajectory):
-            found = _of_robot(found, kind, source)
+            found = _of_robot(found, kind, source, described)
     except TrajectoryError as error:
         raise TrajectoryError(_about(where, kind, error)) from None
     trajectory = found if found.source else replace(found, source=str(where))
     return trajectory if options.fps is None else resample(trajectory, robot, options.fps)
 
 
-def _of_robot(columns: Columns, kind: Format, source: Source) -> Trajectory:
-    """Columns as a trajectory of the robot, their quaternions in the order that is told; a doubtful order is said."""
+def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -> Trajectory:
+    """A trajectory of the robot from columns, with a note where the order of the quaternions is in doubt.
+
+    Args:
+        described: a JSON file beside the file states the order.
+    """
     robot, told = source.robot, source.options.quaternion
     doubts: tuple[str, ...] = ()
     if told is not None:
         if columns.quaternion is None:
             raise UsageError(f"--quaternion: format {kind.name!r} holds none whose order could be another")
         columns = replace(columns, quaternion=told_order(columns.quaternion, kind.quaternion, told))
-    elif columns.quaternion is not None and not (kind.complete or source.sidecar):
+    elif columns.quaternion is not None and not (kind.complete or described):
         doubts = doubt(columns.quaternion, kind.quaternion, robot)
     trajectory = continuous(assembled(columns, robot, source.options, kind.fps), robot)
     return replace(trajectory, notes=(*trajectory.notes, *doubts))

@@ -108,10 +108,22 @@ def mjlab(path, model) -> Pose:
 
 
 def omniretarget(path, model) -> Pose:
-    """holosoma's MotionLoader without use_omniretarget_data: motion[:, :3], motion[:, 3:7], motion[:, 7:]."""
+    """holosoma 0.1.0's MotionLoader without use_omniretarget_data, with its default of 30 input frames per second.
+
+    `fps` of the file is the time between frames there: round(1 / fps) of a file that stores 30 is 0, and 1 / 0 raises.
+    """
     data = np.load(path)
+    input_fps = round(1 / data.get("fps", 1 / 30))
+    duration = (len(data["qpos"]) - 1) * (1.0 / input_fps)
     qpos = data["qpos"]
-    return Pose(qpos[:, :3], qpos[:, 3:7], named(hinge_names(model), qpos[:, 7:]), float(data["fps"]))
+    fps = (len(qpos) - 1) / duration
+    return Pose(qpos[:, :3], qpos[:, 3:7], named(hinge_names(model), qpos[:, 7:]), fps)
+
+
+def viser_player(path) -> float:
+    """holosoma's viser_player.py: whole frames per second, 30 where the key is absent."""
+    data = np.load(path)
+    return int(data["fps"]) if "fps" in data else 30
 
 
 def omniretarget_training(path, model) -> Pose:

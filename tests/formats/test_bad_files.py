@@ -11,6 +11,7 @@ import joblib
 import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
+from restated_readers import READERS, viser_player
 
 from robot_retarget import unpack
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
@@ -243,6 +244,28 @@ def test_both_orders_of_omniretarget_are_told_by_their_norms(op3, tmp_path) -> N
     np.savez(tmp_path / "e.npz", qpos=motion.qpos[:, :-1], fps=50)
     with pytest.raises(TrajectoryError, match="26 columns of qpos; 7 of a root and 20 joints are 27"):
         import_motion(tmp_path / "e.npz", op3)
+
+
+@pytest.mark.parametrize(("stored", "expected"), [(50, 50.0), (1 / 50, 50.0), (None, 30.0), (30, 30.0)])
+def test_both_meanings_of_omniretargets_fps_are_read(stored, expected: float, op3, tmp_path) -> None:
+    rate = {} if stored is None else {"fps": stored}
+    np.savez(tmp_path / "a.npz", qpos=motion_of("op3").qpos, **rate)
+    assert import_motion(tmp_path / "a.npz", op3).fps == pytest.approx(expected)
+
+
+def test_holosomas_readers_agree_on_the_rate_of_what_is_written(op3, tmp_path) -> None:
+    path = export(motion_of("op3", 50.0), op3, "omniretarget", tmp_path / "a.npz")
+    assert viser_player(path) == 30
+    assert READERS["omniretarget"](path, op3.model).fps == pytest.approx(30)
+    assert import_motion(path, op3).fps == 30
+
+
+def test_an_object_in_a_training_archive_is_left_out_with_a_note(op3, tmp_path) -> None:
+    path = export(motion_of("op3"), op3, "omniretarget-training", tmp_path / "a.npz")
+    assert not import_motion(path, op3).notes
+    with np.load(path) as arrays:
+        np.savez(path, **arrays, object_pos_w=np.zeros((14, 3)), object_quat_w=np.tile([1.0, 0, 0, 0], (14, 1)))
+    assert "The object's pose is left out." in import_motion(path, op3).notes
 
 
 @pytest.mark.parametrize("format", FORMATS)

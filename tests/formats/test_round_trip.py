@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from format_moves import THERE, motion_of, robot_called
 
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, Options, export, import_motion
 from robot_retarget.formats.sidecar import beside
 from robot_retarget.formats.source import Source
@@ -76,7 +76,8 @@ def test_a_file_changed_since_is_not_what_the_json_beside_it_says(format: str, t
     _, path = written(format, "op3", tmp_path)
     assert Source(path, robot_called("op3")).sidecar
     path.write_bytes(path.read_bytes() + b"\n")
-    assert Source(path, robot_called("op3")).sidecar is None
+    with pytest.raises(TrajectoryError, match=rf"{path.name} is not the file that {path.name}.json describes"):
+        import_motion(path, robot_called("op3"), format)
 
 
 @pytest.mark.parametrize("format", [name for name, kind in FORMATS.items() if kind.ordered])

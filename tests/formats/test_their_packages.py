@@ -35,14 +35,10 @@ def test_the_keyframe_editor_opens_its_file(tmp_path) -> None:
 
 
 def test_holosoma_converts_its_archive(tmp_path) -> None:
-    """Its MotionLoader takes 1 / fps for the file's `fps` (round(1 / fps) is 0 at 30): only the columns are compared."""
+    """Its MotionLoader, constructed as its converter does, on the file as it is written: every frame at 30 a second."""
     convert = pytest.importorskip("holosoma_retargeting.data_conversion.convert_data_format_mj", reason="not installed")
-    robot, motion = robot_called("op3"), motion_of("op3")
+    robot, motion = robot_called("op3"), motion_of("op3", 30.0)
     path = export(motion, robot, "omniretarget", tmp_path / "a.npz")
-    loader = convert.MotionLoader.__new__(convert.MotionLoader)
-    loader.motion_file, loader.device, loader.line_range = str(path), "cpu", None
-    loader.input_fps, loader.has_dynamic_object, loader.use_omniretarget_data = 50, False, False
-    with np.load(path) as arrays:
-        np.savez(path, qpos=arrays["qpos"])
-    loader._load_motion()
+    loader = convert.MotionLoader(str(path), 30, 30, "cpu", None, False, False)
+    assert loader.duration == pytest.approx(motion.duration)
     np.testing.assert_allclose(loader.motion_base_rots_input.numpy(), motion.qpos[:, 3:7], atol=1e-6)

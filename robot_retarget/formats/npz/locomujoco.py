@@ -11,12 +11,12 @@ import numpy as np
 
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, site_tracks, velocities
-from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.robot.model import FREE
-from robot_retarget.unpack import save_npz
+from robot_retarget.unpack import save_npz, shaped
 
 MODEL_FIELDS = (
     *(f"body_{field}" for field in ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")),

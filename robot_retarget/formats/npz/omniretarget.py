@@ -1,8 +1,12 @@
 """Format `omniretarget`: what OmniRetarget's retargeter saves, and its published set.
 
-`qpos` (T, 7 + n [+ 7 of an object]), `fps`. The retargeter writes the root **position first**, x y z then w x y z; the set
-on Hugging Face has the **quaternion first**. Both use the same key: which of columns 0–3 and 3–6 is a unit quaternion tells.
+`qpos` (T, 7 + n [+ 7 of an object]). The retargeter writes the root **position first**, x y z then w x y z; the set on
+Hugging Face has the **quaternion first**. Both use the same key: which of columns 0–3 and 3–6 is a unit quaternion tells.
 Written position first.
+
+`fps` has two meanings too: holosoma's retargeter writes 30, and its converter `convert_data_format_mj.py` takes the value for
+the seconds between frames and fails at 30. Both take 30 frames per second where the key is absent, so it is not written;
+a stored value below one is read as seconds.
 """
 
 from pathlib import Path
@@ -11,15 +15,16 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.unpack import save_npz
+from robot_retarget.unpack import save_npz, shaped
 
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
 OBJECT = 7
 """Columns of an object's pose behind the joints."""
+OBJECT_LEFT_OUT = "The object's pose is left out."
 UNIT = 1e-3
 """A norm may stray so far from one in single precision and through averages of frames."""
 
@@ -28,20 +33,32 @@ def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
     motion.require_plain("omniretarget")
     qpos = np.column_stack([motion.position, motion.quaternion, motion.angles])
-    save_npz(path, qpos=qpos, fps=motion.fps, joint_names=np.array(motion.joints))
+    save_npz(path, qpos=qpos, joint_names=np.array(motion.joints))
 
 
 def read(source: Source) -> Columns:
-    """Read the archive; an object's pose is left out, and said."""
+    """Read the archive; an object's pose is left out, with a note.
+
+    Raises:
+        TrajectoryError: qpos has another width than root, joints and object, or no order of the root fits.
+    """
     qpos = shaped(source.array("qpos"), (None, None), "qpos")
     width = len(source.options.joints or source.names() or source.robot.joint_names)
     if qpos.shape[1] not in (7 + width, 7 + width + OBJECT):
         raise TrajectoryError(
             f"{qpos.shape[1]} columns of qpos; 7 of a root and {width} joints are {7 + width}, with an object {14 + width}"
         )
-    notes = ("The object's pose is left out.",) if qpos.shape[1] == 7 + width + OBJECT else ()
+    notes = (OBJECT_LEFT_OUT,) if qpos.shape[1] == 7 + width + OBJECT else ()
     position, quaternion = _root(qpos)
-    return Columns(qpos[:, 7 : 7 + width], source.names(), position, quaternion, source.number("fps"), notes=notes)
+    return Columns(qpos[:, 7 : 7 + width], source.names(), position, quaternion, _rate(source), notes=notes)
+
+
+def _rate(source: Source) -> float | None:
+    """Frames per second, whichever of its two meanings `fps` has."""
+    stored = source.number("fps")
+    if stored is None:
+        return source.told_fps
+    return 1 / stored if 0 < stored < 1 else stored
 
 
 def _root(qpos: Floats) -> tuple[Floats, Floats]:
@@ -60,10 +77,12 @@ def _root(qpos: Floats) -> tuple[Floats, Floats]:
 FORMAT = Format(
     name="omniretarget",
     suffix=".npz",
-    description="qpos and fps, position first; read in both orders",
+    description="qpos, position first; read in both orders",
     write=write,
     read=read,
-    claims=lambda source: {"qpos", "fps"} <= source.arrays.keys() <= NAMED,
-    readers="holosoma (convert_data_format_mj.py, viser_player.py), SBTO",
+    claims=lambda source: {"qpos"} <= source.arrays.keys() <= NAMED,
+    readers="holosoma (convert_data_format_mj.py, viser_player.py)",
+    fps=30.0,
+    complete=False,
     ordered=True,
 )

@@ -12,12 +12,16 @@ import numpy as np
 
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, velocities
-from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
+from robot_retarget.formats.npz.omniretarget import OBJECT_LEFT_OUT
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.unpack import save_npz
+from robot_retarget.unpack import save_npz, shaped
+
+OBJECT = "object_pos_w"
+"""Where an object is, in archives of tasks with one."""
 
 
 def write(motion: RobotMotion, path: Path) -> None:
@@ -40,12 +44,13 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 
 def read(source: Source) -> Columns:
-    """Read the archive."""
+    """Read the archive; an object's pose is left out, with a note."""
     names = source.names()
     if names is None:
         raise TrajectoryError("no joint_names")
     rows = shaped(source.array("joint_pos"), (None, 7 + len(names)), "joint_pos")
-    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.number("fps"))
+    notes = (OBJECT_LEFT_OUT,) if OBJECT in source.arrays else ()
+    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.number("fps"), notes=notes)
 
 
 def claims(source: Source) -> bool:

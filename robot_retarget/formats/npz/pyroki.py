@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.formats.columns import Columns, shaped
+from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
-from robot_retarget.unpack import save_npz
+from robot_retarget.unpack import save_npz, shaped
 
 KEYS = ("base_frame_pos", "base_frame_wxyz", "joint_angles")
 

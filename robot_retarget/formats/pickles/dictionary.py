@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats.columns import shaped
+from robot_retarget.unpack import shaped
 
 
 def holds(value: Any, *keys: str) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, known
-from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
@@ -21,6 +21,7 @@ from robot_retarget.robot.model import FREE, HINGE, Robot
 
 TIME = "time [s]"
 FREE_COLUMNS = ("x [m]", "y [m]", "z [m]", "qw [-]", "qx [-]", "qy [-]", "qz [-]")
+HINGE_UNIT = " [rad]"
 EVEN = 0.01
 """Times may stray from even ones by this part of a frame: a table is played at one rate."""
 
@@ -35,13 +36,13 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 def read(source: Source) -> Columns:
     """Read the table; columns may stand in any order, and what has none is held as the robot stands."""
-    names, rows = named_table(source)
+    header, rows = named_table(source)
     wanted = columns(source.robot)
-    if TIME not in names:
-        raise TrajectoryError(f"no column {TIME!r}; {known(names)}")
-    strange = [name for name in names if name not in wanted]
-    if strange:
-        raise TrajectoryError(f"column {strange[0]!r} is not one of {source.robot.name!r}; {known(wanted)}")
+    if TIME not in header:
+        raise TrajectoryError(f"no column {TIME!r}; {known(header)}")
+    names = [name if name in wanted else _column_called(name, source.robot, wanted) for name in header]
+    if not any(name.endswith(HINGE_UNIT) for name in names):
+        raise TrajectoryError(f"no column of a joint; {known(wanted)}")
     qpos = np.tile(source.robot.standing(), (len(rows), 1))
     for name, values in zip(names, rows.T, strict=True):
         if name != TIME:
@@ -49,6 +50,17 @@ def read(source: Source) -> Columns:
     held = [name for name in wanted if name not in names]
     notes = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
     return Columns(qpos=qpos, fps=rate(rows[:, names.index(TIME)]), notes=notes)
+
+
+def _column_called(name: str, robot: Robot, wanted: list[str]) -> str:
+    """The column of the joint that a header names with another suffix.
+
+    Raises:
+        TrajectoryError: no joint of the robot has that name.
+    """
+    if not name.endswith(HINGE_UNIT):
+        raise TrajectoryError(f"column {name!r} is not one of {robot.name!r}; {known(wanted)}")
+    return joint_called(name.removesuffix(HINGE_UNIT), robot) + HINGE_UNIT
 
 
 def named_table(source: Source) -> tuple[list[str], Floats]:
@@ -62,6 +74,9 @@ def named_table(source: Source) -> tuple[list[str], Floats]:
         rows = np.loadtxt(source.text.split("\n")[1:], delimiter=",", ndmin=2)
     except ValueError as error:
         raise TrajectoryError(f"not a table of numbers under its header: {error}") from error
+    if not np.isfinite(rows).all():
+        row, column = np.argwhere(~np.isfinite(rows))[0]
+        raise TrajectoryError(f"column {header[column]!r} is not finite in row {row}")
     if rows.shape[1] != len(header) or not len(rows):
         raise TrajectoryError(f"{len(header)} names over {len(rows)} rows of {rows.shape[1]} columns")
     twice = sorted({name for name in header if header.count(name) > 1})
@@ -97,7 +112,7 @@ def columns(robot: Robot) -> list[str]:
             prefix = "root" if joint in robot.root_joints else name
             names += [f"{prefix}_{column}" for column in FREE_COLUMNS]
         else:
-            names.append(f"{name} [rad]" if kind == HINGE else f"{name} [m]")
+            names.append(f"{name}{HINGE_UNIT}" if kind == HINGE else f"{name} [m]")
     return names
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.errors import TrajectoryError, UsageError, known
-from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.options import Options
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -45,8 +45,13 @@ def read(source: Source) -> Columns:
     if TIME not in names or not joints:
         raise TrajectoryError(f"no {TIME!r} and NAME{TICK} among {', '.join(names[:8])}")
     servos = _map(source.robot, source.options)
-    columns = [[servos[joint].radians(t) for t in rows[:, names.index(joint + TICK)]] for joint in joints]
-    return Columns(np.array(columns).T, tuple(joints), fps=rate(rows[:, names.index(TIME)]))
+    called = [joint_called(joint, source.robot) for joint in joints]
+    missing = [joint for joint in called if joint not in servos.joints]
+    if missing:
+        raise TrajectoryError(f"no servo turns {missing[0]!r}; {known(servos.joints)}")
+    ticks = [rows[:, names.index(joint + TICK)] for joint in joints]
+    columns = [[servos[joint].radians(t) for t in column] for joint, column in zip(called, ticks, strict=True)]
+    return Columns(np.array(columns).T, tuple(called), fps=rate(rows[:, names.index(TIME)]))
 
 
 def _map(robot: Robot, options: Options) -> ServoMap:
