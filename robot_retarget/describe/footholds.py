@@ -114,11 +114,31 @@ def settled(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
         known = slice(start, min(fixed, stop) if start < fixed else stop)
         whole = np.asarray(held[known].all(axis=1))
         seen = corners[known][whole if whole.any() else slice(None)]
-        middle = np.median(seen, axis=0)
-        places[start:stop] = flattened(middle) if held[start:stop].all(axis=1).any() else _edges_down(middle)
+        pose = median_pose(seen)
+        places[start:stop] = flattened(pose) if held[start:stop].all(axis=1).any() else _edges_down(pose)
     stands[:fixed] = True
     places[~stands] += _blended(stands, places - corners)[~stands]
     return places
+
+
+def median_pose(corners: Floats) -> Floats:
+    """Return corners (4, 3) of one rigid sole that fits a stance: median place, heading and pitch of corners (N, 4, 3) [m].
+
+    Medians are taken in axes along the mean heading, so that a stance turned about the vertical gives the same pose, turned.
+    """
+    pitch = corners[:, TOE, 2].mean(axis=1) - corners[:, HEEL, 2].mean(axis=1)
+    typical = corners[np.argsort(pitch, kind="stable")[len(pitch) // 2]]
+    headings, middles = unit(lengths(corners)), corners.mean(axis=1)
+    mean = unit(headings.sum(axis=0))
+    axes = np.stack([mean, leftward(mean)])
+    angle = float(np.median(np.arctan2(headings @ axes[1], headings @ axes[0])))
+    ahead = np.array([np.cos(angle), np.sin(angle)]) @ axes
+    start, middle = unit(lengths(typical)), typical.mean(axis=0)
+    turn = np.stack([start, leftward(start)]).T @ np.stack([ahead, leftward(ahead)])
+    pose = typical - middle
+    pose[:, :2] = pose[:, :2] @ turn + middles[0, :2] + np.median((middles - middles[0])[:, :2] @ axes.T, axis=0) @ axes
+    pose[:, 2] += np.median(middles[:, 2])
+    return pose
 
 
 def _edges_down(corners: Floats) -> Floats:
