@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from robot_retarget.motion import write_bvh as write_bvh
     from robot_retarget.robot import Robot as Robot
     from robot_retarget.robot import load_robot as load_robot
+    from robot_retarget.score.score import Score as Score
+    from robot_retarget.score.score import score as score
     from robot_retarget.simulate.report import Report as Report
     from robot_retarget.simulate.rollout import simulate as simulate
     from robot_retarget.solve.live.stream import Stream as Stream
@@ -62,13 +64,15 @@ _HOME = {
     "solve": "transfer",
     "Robot": "robot",
     "load_robot": "robot",
+    "Score": "score.score",
+    "score": "score.score",
     "Report": "simulate.report",
     "simulate": "simulate.rollout",
     "Trajectory": "trajectory",
     "load_trajectory": "formats",
     "view": "view.web.page",
 }
-_FOLDERS = {"describe", "simulate", "solve", "view"}
+_FOLDERS = {"describe", "score", "simulate", "solve", "view"}
 """Folders that are called like their function."""
 
 

@@ -22,6 +22,7 @@ LAYERS = {
     "collision": {"dgp", "robot", "solve", "collision"},
     "balance": {"motion", "robot", "human", "describe", "solve", "balance"},
     "simulate": {"motion", "dgp", "robot", "human", "describe", "solve", "collision", "balance", "simulate"},
+    "score": {"motion", "dgp", "robot", "human", "describe", "balance", "simulate", "score"},
     "formats": {"motion", "robot", "servo", "formats"},
     "servo": {"motion", "robot", "servo"},
     "edit": {"motion", "robot", "human", "describe", "solve", "edit"},
@@ -35,6 +36,7 @@ LIBRARIES = {
     "mujoco": (
         "robot/",
         "simulate/",
+        "score/",
         "view/",
         "formats/bodies.py",
         "formats/scenes/",

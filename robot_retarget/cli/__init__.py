@@ -11,10 +11,25 @@ from typing import Annotated
 import typer
 
 from robot_retarget import __version__
-from robot_retarget.cli import cut, formats, graph, info, mend, play, run, servos, simulate, solve, stream, view, warn
+from robot_retarget.cli import (
+    cut,
+    formats,
+    graph,
+    info,
+    mend,
+    play,
+    run,
+    score,
+    servos,
+    simulate,
+    solve,
+    stream,
+    view,
+    warn,
+)
 from robot_retarget.cli.ending import Interruptible, ending
 
-GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, formats, play, stream, servos)
+GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, formats, play, stream, servos)
 
 app = typer.Typer(
     cls=Interruptible,

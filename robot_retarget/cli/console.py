@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from robot_retarget.score.score import Score
     from robot_retarget.simulate.report import Report
 
 # Piped output is wide, so that a row of a table stays one line.
@@ -226,6 +227,22 @@ def show_stream(figures: dict[str, Any]) -> None:
         aside(line)
 
 
+def show_score(score: "Score") -> None:
+    """Print the figures that apply, a line each; figures that do not are named at the end."""
+    from robot_retarget.score.table import FIGURES
+
+    say(f"{score.source} on {score.robot}: {score.frames} frames at {score.fps:g} frames per second")
+    found = {name: value for name, value in score.figures.items() if value is not None}
+    rows = [
+        (name, f"{v:.{FIGURES[name].digits}f}", FIGURES[name].unit, FIGURES[name].what) for name, v in found.items()
+    ]
+    table("", ("figure", "value", "unit", "meaning"), rows)
+    if missing := [name for name in score.figures if name not in found]:
+        say(f"do not apply: {', '.join(missing)}")
+    for sentence in score.notes:
+        note(sentence)
+
+
 def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
     """Print what was done: as JSON, or in a sentence."""
     if json:
@@ -236,7 +253,12 @@ def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
 
 def dump(value: Any, side: bool = False) -> None:
     """Print a value as JSON, on the side where what is piped on is something else."""
-    print(json.dumps(value, indent=1, ensure_ascii=False), file=sys.stderr if side else None)
+    print(as_json(value), file=sys.stderr if side else None)
+
+
+def as_json(value: Any) -> str:
+    """A value as indented JSON."""
+    return json.dumps(value, indent=1, ensure_ascii=False)
 
 
 def _missing(facts: dict[str, Any]) -> None:

@@ -63,7 +63,7 @@ def export(
     from robot_retarget.formats import export as write
     from robot_retarget.trajectory import load_trajectory
 
-    options = _options(joints, fps, servos)
+    options = options_of(joints, fps, servos)
     write(load_trajectory(trajectory), load(robot, limits), format, output, options)
     console.tell({"output": str(output), "format": format}, f"wrote {output}", json)
 
@@ -88,7 +88,9 @@ def import_(
     """Read the motion of a robot that others made, for warn, simulate, view and play."""
     from robot_retarget.formats import import_motion
 
-    trajectory = import_motion(file, load(robot, limits), format, _options(joints, fps, servos, source_fps, quaternion))
+    trajectory = import_motion(
+        file, load(robot, limits), format, options_of(joints, fps, servos, source_fps, quaternion)
+    )
     for note in trajectory.notes:
         console.note(note)
     trajectory.save(output)
@@ -120,21 +122,22 @@ def convert(
     from robot_retarget.formats import import_motion
 
     model = load(robot, limits)
-    trajectory = import_motion(file, model, source, _options(joints, None, servos, source_fps, quaternion))
+    trajectory = import_motion(file, model, source, options_of(joints, None, servos, source_fps, quaternion))
     for note in trajectory.notes:
         console.note(note)
-    write(trajectory, model, to, output, _options(to_joints, fps, servos))
+    write(trajectory, model, to, output, options_of(to_joints, fps, servos))
     facts = {"output": str(output), "format": to, "frames": len(trajectory), "notes": list(trajectory.notes)}
     console.tell(facts, f"wrote {output}", json)
 
 
-def _options(
+def options_of(
     joints: str | None,
     fps: float | None,
     servos: str | None,
     source_fps: float | None = None,
     quaternion: str | None = None,
 ) -> "Options":
+    """The options of readers and writers, from what the command line says."""
     from robot_retarget.formats import Options
 
     return Options(_names(joints), fps, source_fps, quaternion, servos)

@@ -1,11 +1,12 @@
 """How like the human a robot moves: directions of limbs, contacts, pace, steps and path, at the human's own moments."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, Ints, unit
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.path import pelvis_path
 from robot_retarget.robot import world_points
@@ -87,16 +88,35 @@ def likeness_of(
     """Compare configurations (T, nq) with the human of a graph, frame by frame; the rest is known to who asks."""
     match, human = graph.match, graph.human.positions
     robot = world_points(graph.robot, match.points, qpos)
-    seen = [_from_pelvis(x, match.keypoints) for x in (human, robot)]
-    compared = {end for name, ends in PARTS.items() for end in ends if not (legs == "stand" and name == "legs")}
-    angles = {}
-    for k, keypoint in enumerate(match.keypoints):
-        parent = int(match.parents[k])
-        if parent >= 0 and keypoint.split("_")[-1] in compared:
-            one, other = (unit(x[:, k] - x[:, parent]) for x in seen)
-            angles[keypoint] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
+    compared = PARTS.keys() - ({"legs"} if legs == "stand" else set())
+    angles = bone_angles(human, robot, match.keypoints, match.parents, compared)
     path = _path_off(graph, robot)
     return Likeness(angles, _contacts_kept(graph, robot), slowdown, stride, legs, path, unfinished)
+
+
+def bone_angles(
+    human: Floats, robot: Floats, keypoints: tuple[str, ...], parents: Ints, compared: Collection[str] = tuple(PARTS)
+) -> dict[str, Floats]:
+    """Per bone of the compared `PARTS` the angle between the human's and the robot's: θ = arccos(û · v̂).
+
+    Each bone is seen from the heading of its own pelvis, the hip line.
+
+    Args:
+        human: (T, K, 3) keypoints [m].
+        robot: (T, K, 3) keypoints [m].
+        parents: (K,) index of each keypoint's parent, −1 at the root.
+
+    Returns:
+        (T,) angles [rad] by the keypoint in which a bone ends.
+    """
+    ends, angles = {end for part in compared for end in PARTS[part]}, {}
+    seen = [_from_pelvis(x, keypoints) for x in (human, robot)]
+    for k, keypoint in enumerate(keypoints):
+        parent = int(parents[k])
+        if parent >= 0 and keypoint.split("_")[-1] in ends:
+            one, other = (unit(x[:, k] - x[:, parent]) for x in seen)
+            angles[keypoint] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
+    return angles
 
 
 def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:

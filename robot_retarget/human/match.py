@@ -93,7 +93,7 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
         MatchError: the motion is not human, the robot is no humanoid, an override names what is not there, or the two
             share too little.
     """
-    tables = _read_overrides(Path(overrides)) if overrides is not None else {}
+    tables = read_map(Path(overrides)) if overrides is not None else {}
     recognition = recognise(motion.skeleton, motion.clip.positions)
     recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
     anatomy = recognise_with(robot, tables.get("robot", {}))
@@ -150,7 +150,12 @@ def _ankle_height(anatomy: Anatomy) -> float:
     return float(np.mean(heights)) if heights else 0.0
 
 
-def _read_overrides(path: Path) -> Mapping[str, Mapping[str, Any]]:
+def read_map(path: Path) -> Mapping[str, Mapping[str, Any]]:
+    """The tables `[human]` and `[robot]` of a map file.
+
+    Raises:
+        MatchError: it is not TOML, or has another table.
+    """
     tables = read_toml(path, MatchError)
     for key, table in tables.items():
         if key not in TABLES:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 
@@ -101,27 +101,47 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
 
     Without damping and dry friction: those are the servos' own. `smooth` as in `tread`, over velocities.
     """
-    model = copy.copy(robot.model)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    model.dof_damping[:] = 0.0
-    qvel = velocities(robot, qpos, fps)
-    if smooth > 0:
-        qvel = gaussian_filter1d(qvel, smooth * fps, axis=0, mode="nearest")
-    qacc, still = np.gradient(qvel, 1 / fps, axis=0), np.zeros_like(qvel)
-    data, root = mujoco.MjData(model), root_dofs(robot)
-    moving, resting = (_inverse(model, data, (qpos, v, a), soles, root) for v, a in ((qvel, qacc), (still, still)))
+    moving = required_forces(robot, qpos, fps, soles, smooth)
+    resting = _inverse(robot, (qpos, *np.zeros((2, *moving.shape))), soles, np.ones(len(qpos), dtype=bool))
     return moving[:, robot.dof_index], resting[:, robot.dof_index]
 
 
-def _inverse(
-    model: mujoco.MjModel, data: mujoco.MjData, motion: tuple[Floats, Floats, Floats], soles: Points, root: Ints
+def required_forces(
+    robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0, standing: Bools | None = None
 ) -> Floats:
-    """(T, nv) generalised forces of the hinges' motors, less what the floor does through the soles."""
-    found = np.empty(motion[1].shape)
+    """Generalised forces that a motion needs besides what the floor gives through the soles.
+
+    Inverse dynamics less contact forces within friction pyramids at the soles, chosen by non-negative least squares to carry
+    the root. Entries of hinges are motor torques without damping and friction; entries of the root are its residual wrench,
+    which nothing provides.
+
+    Args:
+        qpos: (T, nq) configurations.
+        smooth: standard deviation of a Gaussian over velocities [s].
+        standing: (T,) whether the soles touch the floor; by default in every frame.
+
+    Returns:
+        (T, nv) [N, N m].
+    """
+    qvel = velocities(robot, qpos, fps)
+    if smooth > 0:
+        qvel = gaussian_filter1d(qvel, smooth * fps, axis=0, mode="nearest")
+    qacc = np.gradient(qvel, 1 / fps, axis=0) if len(qpos) > 1 else np.zeros_like(qvel)
+    return _inverse(robot, (qpos, qvel, qacc), soles, np.ones(len(qpos), dtype=bool) if standing is None else standing)
+
+
+def _inverse(robot: Robot, motion: tuple[Floats, Floats, Floats], soles: Points, standing: Bools) -> Floats:
+    """(T, nv) inverse dynamics of positions, velocities and accelerations, less the push of the floor."""
+    model = copy.copy(robot.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.dof_damping[:] = 0.0
+    data, root, found = mujoco.MjData(model), root_dofs(robot), np.empty(motion[1].shape)
     for t, (q, v, a) in enumerate(zip(*motion, strict=True)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
         mujoco.mj_inverse(model, data)
-        found[t] = data.qfrc_inverse - floor_push(model, data, soles, root, data.qfrc_inverse[root])
+        found[t] = data.qfrc_inverse
+        if standing[t]:
+            found[t] -= floor_push(model, data, soles, root, data.qfrc_inverse[root])
     return found
 
 

@@ -5,6 +5,7 @@ stands on the floor) and from names, in this order; each keypoint says how sure 
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,6 +36,8 @@ HEAD_OVER = 0.3
 """A trunk of one piece ends in a head where it stands over the shoulders by this share of their height over the pelvis."""
 NECK = 0.3
 """A neck whose hinges do not tell where it begins is this share of the way from the shoulders to the head."""
+KEPT = 4
+"""Robots whose anatomy is remembered: recognition takes half a second and several stages ask for it."""
 LEGS_BELOW = 0.35
 """Legs begin below this share of the trunk's height, head included, arms above it."""
 
@@ -48,6 +51,15 @@ def recognise(robot: Robot, forward: Floats | None = None) -> Anatomy:
     Raises:
         MatchError: the model is no humanoid; the message says why.
     """
+    return _recognised(robot) if forward is None else _anatomy(robot, forward)
+
+
+@lru_cache(maxsize=KEPT)
+def _recognised(robot: Robot) -> Anatomy:
+    return _anatomy(robot, None)
+
+
+def _anatomy(robot: Robot, forward: Floats | None) -> Anatomy:
     links = Links(robot)
     pairs = mirrored_pairs(links)
     legs = _legs(links, pairs)

@@ -25,8 +25,7 @@ MOVING = 0.05
 
 def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, penetration: float) -> dict[str, Any]:
     """Self-contacts deeper than `penetration` [m] and all others, joint ranges, joint speeds."""
-    angles = trajectory.qpos[:, robot.qpos_index]
-    excess = np.round(np.maximum(robot.lower - angles, angles - robot.upper).max(0).clip(0), 5)
+    excess = np.round(range_excess(trajectory, robot).max(0), 5)
     ratio = (np.abs(joint_velocities(trajectory, robot)) / robot.max_speed).max(0, initial=0)
     deep = contacts.of(contacts.depth > penetration)
     return {
@@ -38,6 +37,12 @@ def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, pen
         "speed_ratio_joint": robot.joint_names[int(ratio.argmax())] if ratio.any() else None,
         "self_contacts": summary(contacts, robot, len(trajectory)),
     }
+
+
+def range_excess(trajectory: Trajectory, robot: Robot) -> Floats:
+    """(T, n) how far each hinge is beyond its range, 0 inside [rad]."""
+    angles = trajectory.qpos[:, robot.qpos_index]
+    return np.maximum(robot.lower - angles, angles - robot.upper).clip(0)
 
 
 def between_figures(trajectory: Trajectory, robot: Robot) -> dict[str, Any]:

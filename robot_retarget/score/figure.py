@@ -1,0 +1,52 @@
+"""What a figure is: a name, a unit, the digits it is worth, and the function that measures it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.score.subject import Subject
+
+Value = float | np.floating[Any] | None
+"""None where a figure does not apply: no human motion, no feet, no contact to keep."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a score."""
+
+    name: str
+    unit: str
+    digits: int
+    """Decimals that are printed; 0 makes it an integer."""
+    what: str
+    """One line for tables."""
+    better: str = "lower"
+    """`lower`, `higher` or `neither`."""
+    most: float | None = None
+    """Upper end of its range; None where it is unbounded. The lower end is 0 unless `what` says otherwise."""
+
+    def rounded(self, value: Value) -> Value:
+        """The value with its digits; integers where it has none."""
+        if value is None:
+            return None
+        return round(float(value), self.digits) + 0.0 if self.digits else int(value)  # −0.0 + 0.0 is 0.0
+
+
+@dataclass(frozen=True)
+class Measure:
+    """The figures of one file and the function that measures them together."""
+
+    figures: tuple[Figure, ...]
+    of: Callable[[Subject], tuple[Value, ...]]
+    human: bool = False
+    """Whether it compares with a human motion."""
+    feet: bool = False
+    """Whether it needs recognised feet."""
+
+    def values(self, subject: Subject) -> dict[str, Value]:
+        """The figures by name; all None where the subject lacks what they need."""
+        lacking = (self.human and subject.pair is None) or (self.feet and not subject.soles)
+        found = (None,) * len(self.figures) if lacking else self.of(subject)
+        return {figure.name: figure.rounded(value) for figure, value in zip(self.figures, found, strict=True)}

@@ -1,0 +1,93 @@
+"""Score a trajectory: every figure of the table, against a human motion where one is given."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot_retarget.errors import MatchError
+from robot_retarget.human.match import read_map
+from robot_retarget.motion import Motion
+from robot_retarget.notebook import card
+from robot_retarget.robot import Points, Robot
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.score.figure import Value
+from robot_retarget.score.pair import Body, body_of, pair_of
+from robot_retarget.score.soles import sole_points
+from robot_retarget.score.subject import Subject
+from robot_retarget.score.table import FIGURES, MEASURES
+from robot_retarget.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """The figures of one trajectory."""
+
+    figures: Mapping[str, Value]
+    """By name, with the digits they are worth; None where one does not apply. `FIGURES` has units and meaning."""
+    robot: str
+    source: str
+    frames: int
+    fps: float
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Score {self.source or 'made'} on {self.robot}: {len(self.figures)} figures over {self.frames} frames>"
+
+    def _repr_html_(self) -> str:
+        return card(f"{self.source or 'A trajectory'} on {self.robot}", self.lines(), self.notes)
+
+    def lines(self) -> dict[str, str]:
+        """Figures that apply, by name, with their units."""
+        return {name: f"{v:g} {FIGURES[name].unit}".rstrip() for name, v in self.figures.items() if v is not None}
+
+    def contract(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        facts = {"robot": self.robot, "source": self.source, "frames": self.frames, "fps": round(self.fps, 4)}
+        return {**facts, "figures": dict(self.figures), "notes": list(self.notes)}
+
+
+def score(
+    trajectory: Trajectory, robot: Robot, motion: Motion | None = None, *, overrides: str | Path | None = None
+) -> Score:
+    """Measure every figure of `FIGURES`.
+
+    Args:
+        motion: the human motion it comes from; without one, figures that compare with a human are None.
+        overrides: a map file, as `match` takes it. A line of `[robot]` may list several points, whose mean is the keypoint.
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+        MatchError: the motion is not human, or the map names a joint or body that does not exist.
+    """
+    require_same_robot(trajectory, robot)
+    subject, notes = subject_of(trajectory, robot, motion, read_map(Path(overrides)) if overrides else {})
+    figures = {name: value for measure in MEASURES for name, value in measure.values(subject).items()}
+    return Score(figures, robot.name, trajectory.source, len(trajectory), trajectory.fps, notes)
+
+
+def subject_of(
+    trajectory: Trajectory, robot: Robot, motion: Motion | None, tables: Mapping[str, Mapping[str, Any]]
+) -> tuple[Subject, tuple[str, ...]]:
+    """The trajectory with what is recognised in robot and motion, and remarks."""
+    notes = [f"self-penetration: {_collision_model(robot)}"]
+    try:
+        body = body_of(robot, tables.get("robot", {}))
+    except MatchError:
+        if motion is not None or tables:
+            raise
+        return Subject(trajectory, robot), (*notes, "no humanoid: figures of feet are left out")
+    pair = None if motion is None else pair_of(trajectory, robot, motion, body, tables.get("human", {}))
+    return Subject(trajectory, robot, _soles(robot, body), pair), tuple(notes)
+
+
+def _soles(robot: Robot, body: Body) -> tuple[Points, ...]:
+    feet = [body.spots.get(f"{side}_toe", body.spots.get(f"{side}_ankle")) for side in "lr"]
+    soles = [sole_points(robot, foot[0].body) for foot in feet if foot]
+    return tuple(soles) if len(soles) == 2 and all(len(sole) for sole in soles) else ()
+
+
+def _collision_model(robot: Robot) -> str:
+    model = robot.model
+    solid = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
+    return f"the {solid} collision geoms of {robot.path.name}"

@@ -1,0 +1,131 @@
+"""The trajectory that is scored, and measurements that several figures share."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.dynamics import required_forces
+from robot_retarget.score.pair import Pair
+from robot_retarget.simulate.contacts import Contacts, replay_contacts
+from robot_retarget.simulate.feet import feet_of
+from robot_retarget.simulate.stance import SMOOTH
+from robot_retarget.trajectory import Trajectory
+
+SLOW = 0.2
+"""A planted toe moves by less than this [leg lengths/s]."""
+LOW = 0.08
+"""A planted toe is lower than this over the floor [leg lengths]."""
+FLOOR = 2.0
+"""The percentile of the toes' heights that is the floor of a human motion."""
+FLIGHT = 0.03
+"""No foot is on the floor where the lowest sole point is this far over where it stands [m]."""
+TOUCH = 0.01
+"""A foot is on the floor where its lowest sole point is at most this far over where it stands [m]."""
+STEADY = 5
+"""Frames of the median filter over the planted toes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One trajectory of T frames on its robot, with the human motion it comes from where that is known."""
+
+    trajectory: Trajectory
+    robot: Robot
+    soles: tuple[Points, ...] = ()
+    """Left and right; empty for a robot without recognised feet."""
+    pair: Pair | None = None
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second [1/s]."""
+        return self.trajectory.fps
+
+    @cached_property
+    def angles(self) -> Floats:
+        """(T, n) of the hinges [rad]."""
+        return self.trajectory.qpos[:, self.robot.qpos_index]
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Overlaps of the robot with itself."""
+        return replay_contacts(self.robot, self.trajectory.qpos)
+
+    @cached_property
+    def depth(self) -> Floats:
+        """(T,) the deepest overlap of the robot with itself [m]."""
+        deepest = np.zeros(len(self))
+        np.maximum.at(deepest, self.contacts.frame, self.contacts.depth)
+        return deepest
+
+    @cached_property
+    def sole_places(self) -> tuple[Floats, ...]:
+        """Per foot (T, P, 3) its sole points [m]."""
+        return tuple(world_points(self.robot, sole, self.trajectory.qpos) for sole in self.soles)
+
+    @cached_property
+    def lowest(self) -> Floats:
+        """(T,) height of the lowest sole point of both feet [m]."""
+        return np.min([places[..., 2].min(axis=1) for places in self.sole_places], axis=0)
+
+    @cached_property
+    def slip(self) -> Floats:
+        """(T, 2) speed along the floor of each foot's slowest sole point, 0 at the first frame [m/s]."""
+        slip = np.zeros((len(self), len(self.soles)))
+        for foot, places in enumerate(self.sole_places):
+            steps = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=2) * self.fps
+            slip[1:, foot] = steps.min(axis=1)
+        return slip
+
+    @cached_property
+    def planted(self) -> Bools | None:
+        """(T, 2) whether the human's toe is slow and low; None without a human motion or toes."""
+        if self.pair is None or not self.pair.has("l_toe", "r_toe"):
+            return None
+        leg, toes = self.pair.legs[0], self.pair.human[:, [self.pair.index("l_toe"), self.pair.index("r_toe")]]
+        speed = np.zeros(toes.shape[:2])
+        speed[1:] = np.linalg.norm(np.diff(toes, axis=0), axis=2) * self.fps / leg
+        floor = np.percentile(toes[:, :, 2], FLOOR)
+        still = (speed < SLOW) & (toes[:, :, 2] < floor + LOW * leg)
+        planted = median_filter(still.astype(np.uint8), (STEADY, 1)).astype(bool)
+        planted[0] = False
+        return planted
+
+    @property
+    def root(self) -> Floats:
+        """(T, 3) place of the free root [m]."""
+        first = self.robot.root_address
+        return self.trajectory.qpos[:, first : first + 3]
+
+    @cached_property
+    def level(self) -> float:
+        """Height of the lowest sole point where the clip stands: its 5th percentile [m]."""
+        return float(np.percentile(self.lowest, 5))
+
+    @cached_property
+    def standing(self) -> Bools:
+        """(T,) whether any foot is on the floor."""
+        return self.lowest < self.level + FLIGHT
+
+    @cached_property
+    def down(self) -> Bools:
+        """(T, 2) whether each foot is on the floor."""
+        heights = np.stack([places[..., 2].min(axis=1) for places in self.sole_places], axis=1)
+        return heights < self.level + TOUCH
+
+    @cached_property
+    def forces(self) -> Floats:
+        """(T, nv) generalised forces besides the floor's (`robot.dynamics.required_forces`) [N, N m]."""
+        soles = feet_of(self.robot).corners
+        qpos = self.trajectory.qpos
+        return required_forces(self.robot, qpos, self.fps, soles, SMOOTH, self.standing & bool(len(soles)))
+
+    def floor_of(self, pose: Floats) -> float:
+        """Height of the lowest sole point in a pose (1, nq) [m]."""
+        return float(min(world_points(self.robot, sole, pose)[..., 2].min() for sole in self.soles))

@@ -1,0 +1,50 @@
+"""The one table of figures; a new figure is a file beside this one and a line here."""
+
+from robot_retarget.score import (
+    body_position,
+    contacts,
+    distances,
+    flight,
+    ground,
+    jerk,
+    limbs,
+    limits,
+    nmr,
+    omniretarget,
+    physics,
+    root,
+    root_path,
+    self_penetration,
+    skate,
+    speed,
+    torque,
+    twist,
+    wrench,
+    zmp,
+)
+from robot_retarget.score.figure import Figure, Measure
+
+MEASURES: tuple[Measure, ...] = (
+    limbs.MEASURE,
+    twist.MEASURE,
+    distances.MEASURE,
+    contacts.MEASURE,
+    self_penetration.MEASURE,
+    skate.MEASURE,
+    ground.MEASURE,
+    limits.MEASURE,
+    speed.MEASURE,
+    jerk.MEASURE,
+    root_path.MEASURE,
+    body_position.MEASURE,
+    omniretarget.PENETRATION,
+    omniretarget.SKATING,
+    nmr.MEASURE,
+    root.MEASURE,
+    flight.MEASURE,
+    wrench.MEASURE,
+    torque.MEASURE,
+    zmp.MEASURE,
+    physics.MEASURE,
+)
+FIGURES: dict[str, Figure] = {figure.name: figure for measure in MEASURES for figure in measure.figures}
