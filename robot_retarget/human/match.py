@@ -117,20 +117,20 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     human = _human_positions(motion.clip, recognition, shared)
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
-    source = _bone_lengths(human, parents)
+    source = bone_lengths(human, parents)
     return Match(
         recognition,
         anatomy,
         shared,
         frozen(parents, np.int64),
         human_bones=source,
-        robot_bones=_bone_lengths(rest, parents),
+        robot_bones=bone_lengths(rest, parents),
         rest=frozen(rest[0]),
         ankle_height=_ankle_height(anatomy),
     )
 
 
-def _bone_lengths(positions: Floats, parents: Ints) -> Floats:
+def bone_lengths(positions: Floats, parents: Ints) -> Floats:
     """Return the median lengths (K,) of the bones to the parents, 0 at the root [m]; positions are (T, K, 3)."""
     lengths = np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
     return frozen(np.median(lengths, axis=0))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from  import bone_lengths
+from robot_retarget.human.match import bone_lengths
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion, apply_override, recognise
 from robot_retarget.robot import Anatomy, Points, Robot, Spot, override, recognise_with, world_points
