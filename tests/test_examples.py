@@ -1,5 +1,6 @@
 """The examples do what they say, and docs/papers.md shows them as they are."""
 
+import json
 import re
 import runpy
 from typing import Any
@@ -48,6 +49,33 @@ def test_a_formation_stays_rigid_past_an_obstacle() -> None:
     rock, robots = found["x"][:, 6:], found["rigid"].positions[:, :6]
     assert np.linalg.norm(robots - rock, axis=-1).min() > 0.149
     np.testing.assert_array_equal(found["rigid"].positions[:, 6:], rock)
+
+
+FIRST_STEPS = sorted(path.stem for path in EXAMPLES.glob("[0-9]*_*.py"))
+
+
+@pytest.mark.parametrize("name", FIRST_STEPS)
+def test_first_steps_run_and_are_short(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith('"""') and lines[0].endswith('."""') and len(lines) <= 60
+    found = ran(name)
+    assert capsys.readouterr().out.strip()
+    assert (
+        name != "03_add_an_edge" or abs(found["distances"]["after"] - 0.2) < 0.02 < found["distances"]["before"] - 0.2
+    )
+
+
+def test_the_notebook_runs_from_top_to_bottom() -> None:
+    notebook = json.loads((EXAMPLES / "first_steps.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        exec(compile(cell, "first_steps.ipynb", "exec"), names)
+    assert names["report"].verdict == "pass" and not any(c.get("outputs") for c in notebook["cells"])
+
+
+def test_first_steps_are_numbered_without_a_gap() -> None:
+    assert [int(name[:2]) for name in FIRST_STEPS] == list(range(1, 11))
 
 
 @pytest.mark.parametrize("name", ["crowd", "posture", "formation"])
