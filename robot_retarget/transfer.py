@@ -88,13 +88,13 @@ class Result:
         """How like the human's the robot's motion is."""
         if self.balance is None:
             return likeness_of(self.graph, self.trajectory.qpos, unfinished=_unfinished(self.solution.status))
-        inside = self.balance.timeline.share >= 1
         return likeness_of(
-            self.graph.at(inside),
-            self.trajectory.qpos[inside],
+            self.graph,
+            self.trajectory.qpos,
+            self.balance.timeline.share >= 1,
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,
-            legs=self.balance.legs,
+            legs="instead" if self.balance.instead else self.balance.legs,
             unfinished=_unfinished(self.solution.status),
         )
 

@@ -92,9 +92,9 @@ def in_balance(
     return replace(balanced, instead=reason), graph, solution
 
 
-def _require_alike(graph: Graph, qpos: Floats, most: Acceptable) -> None:
+def _require_alike(graph: Graph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
     """Raises: BalanceError: legs or trunk are too far from the human's."""
-    likeness = likeness_of(graph, qpos)
+    likeness = likeness_of(graph, qpos, frames)
     for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
         off = likeness.part(part) or 0.0
         if off > bound:
@@ -116,9 +116,8 @@ def _played_as(
     frames = np.round(found.timeline.at).astype(int)
     motion = at_frames(clip.graph.motion, found.timeline.at, graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
-    inside = found.timeline.share >= 1
     if acceptable:
-        _require_alike(played.at(inside), found.qpos[inside], acceptable)
+        _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
     solution = solution_of(planter.solver, played, list(found.poses), draft.timings)
     times = np.interp(found.timeline.at, np.arange(len(graph)), draft.trajectory.source_time)
     return found, played, replace(solution, trajectory=replace(solution.trajectory, source_time=times))

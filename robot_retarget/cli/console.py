@@ -138,16 +138,18 @@ def _show_stress(facts: dict[str, Any]) -> None:
 
 def show_report(report: "Report") -> None:
     """Print a report: its verdict in a sentence, its reasons, what was judged and what else there is to know."""
-    from robot_retarget.simulate.words import facts, headline, judged_lines
+    from robot_retarget.simulate.report_text import facts, headline, judged_lines
 
-    colour = "green" if report.verdict.startswith("pass") else "red"
-    out.print(f"\nverdict: [bold {colour}]{report.judgement}[/]")
+    colour = {"pass": "green", "unlike": "yellow", "fail": "red"}[report.badge.level]
+    out.print(f"\nverdict: [bold {colour}]{report.badge.text}[/]")
     say(headline(report))
     for reason in (*report.reasons, *report.unlike):
         say(f"  {reason}")
     judged = [("yes" if line.held else "NO", *line[1:]) for line in judged_lines(report)]
     table("\nJudged", ("good", "what", "is", "at most"), judged)
     table("More figures", ("what", "value", "meaning"), facts(report.figures))
+    for sentence in report.figures["notes"]:
+        note(sentence)
 
 
 PLAYED = {
@@ -167,7 +169,7 @@ PLAYED = {
 
 def show_playback(figures: dict[str, Any]) -> None:
     """Print how a playback went; which joints were held back, and for how many ticks."""
-    from robot_retarget.simulate.words import shown
+    from robot_retarget.simulate.report_text import shown
 
     rows = [
         (what, value if isinstance(value, str) else shown(value, unit))

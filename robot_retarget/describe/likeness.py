@@ -1,4 +1,11 @@
-"""How like the human a robot moves: directions of limbs, contacts, pace, steps and path, at the human's own moments."""
+"""Likeness of a robot's motion to the human's: limb directions, hand contacts, pace, travel, heading and steps.
+
+    path_off     mean ‖Δp − r Δh‖ / max(mean ‖r Δh‖, ℓ)      pelvis p, human pelvis h, leg ratio r, robot leg ℓ
+    heading_off  90th percentile of |Δψ_p − Δψ_h|
+    steps_lost   1 − N_p / N_h
+
+Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
+"""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -8,90 +15,127 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, unit
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.path import pelvis_path
+from robot_retarget.describe.travel import Frames, Travel, human_travel, robot_travel
 from robot_retarget.robot import world_points
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
 """The keypoints at the ends of the bones of each part."""
 KEPT = 0.04
-"""A contact is kept where the robot's hand is no farther than this more than the human's, over the path between [-]."""
+"""A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
+LASTING = 0.9
+"""Quantile of the heading error that is judged: a turn counts if it lasts for a tenth of the time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Likeness:
-    """Of a robot's motion to the human's it comes from."""
+    """How similar a robot's motion is to the human's."""
 
     angles: dict[str, Floats]
-    """Per bone, named by the keypoint it ends in, (T,) the angle between the human's and the robot's, each seen from its own
+    """Per bone, named by the keypoint at its end, (T,) angle between the human's and the robot's, each seen from its own
     pelvis' heading [rad]."""
     contacts: float | None
-    """Share of the human's contacts of hands that the robot makes too; None where there are none."""
+    """Share of the human's hand contacts that the robot makes; None if there are none."""
+    human: Travel
+    """In the human's own metres."""
+    robot: Travel
+    path_off: float
+    """Error of the pelvis path over its length, as above [-]."""
     slowdown: float = 1.0
-    """Time it takes, over the human's."""
+    """Duration over the human's."""
     stride: float = 1.0
-    """Length of its steps, over the scaled human's."""
+    """Length of the robot's steps over the scaled human's."""
     legs: str = "follow"
-    """`follow` the human's, or `stand`: both feet in place, where legs, steps and path are not compared."""
-    path: float | None = None
-    """How far the pelvis is from the human's scaled path, on the mean, over that path's length or a leg [-]."""
+    """`follow` the human's, `stand` (both feet in place, chosen by the user) or `instead` (in place because following failed)."""
     unfinished: float = 0.0
-    """Share of the frames at which the solver was not done."""
+    """Share of the frames that the solver did not finish."""
+
+    @property
+    def heading_off(self) -> float:
+        """Error of the heading [rad]."""
+        return float(np.quantile(np.abs(self.robot.heading - self.human.heading), LASTING))
+
+    @property
+    def steps_lost(self) -> float | None:
+        """Share of the human's steps that the robot does not take; None if the human takes none."""
+        return max(0.0, 1 - self.robot.steps / self.human.steps) if self.human.steps else None
 
     def part(self, name: str) -> float | None:
-        """The mean angle of a part's bones [rad]; None where the robot lacks them."""
+        """The mean angle of a part's bones [rad]; None if the robot lacks them."""
         bones = [angle for bone, angle in self.angles.items() if bone.split("_")[-1] in PARTS[name]]
         return float(np.mean(bones)) if bones else None
 
     def worst(self) -> tuple[str, float]:
-        """The bone that is furthest off on the mean, and by how much [rad]."""
+        """The bone with the largest mean angle, and that angle [rad]."""
         means = {bone: float(angle.mean()) for bone, angle in self.angles.items()}
         return max(means.items(), key=lambda item: item[1]) if means else ("", 0.0)
 
     @property
     def sentence(self) -> str:
-        """How like it is, in a line."""
+        """A summary in one line."""
         parts = ((name, self.part(name)) for name in PARTS)
         off = ", ".join(f"{name} {np.degrees(angle):.0f}°" for name, angle in parts if angle is not None)
         pace = f", {self.slowdown:.1f} times as slow" if self.slowdown > 1.05 else ""
-        return f"{off} off the human's on the mean{pace}"
+        return f"{off} from the human's on average{pace}"
 
     def figures(self) -> dict[str, Any]:
-        """As reports have them: angles [rad], shares, factors."""
+        """The figures of reports: angles [rad], shares, factors."""
         bone, off = self.worst()
-        parts = {f"limb_rad_{name}": _rounded(self.part(name)) for name in PARTS}
+        mean = float(np.mean([angle.mean() for angle in self.angles.values()])) if self.angles else None
         return {
-            **parts,
-            "limb_rad": _rounded(float(np.mean([angle.mean() for angle in self.angles.values()])))
-            if self.angles
-            else None,
+            **{f"limb_rad_{name}": _rounded(self.part(name)) for name in PARTS},
+            "limb_rad": _rounded(mean),
             "limb_rad_worst": _rounded(off),
             "limb_worst": bone,
             "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
             "stride": round(self.stride, 3),
-            "steps_shortened": None if self.legs == "stand" else round(1 - self.stride, 3),
-            "path_off": None if self.legs == "stand" else _rounded(self.path),
             "unfinished_share": round(self.unfinished, 3),
             "legs": self.legs,
+            **self._travel_figures(),
+        }
+
+    def _travel_figures(self) -> dict[str, Any]:
+        """Travel of both; its errors are None where the user chose that both feet stay in place."""
+        errors = {
+            "path_off": _rounded(self.path_off),
+            "heading_off_rad": _rounded(self.heading_off),
+            "steps_lost": _rounded(self.steps_lost),
+            "steps_shortened": round(1 - self.stride, 3),
+        }
+        return {
+            **(dict.fromkeys(errors) if self.legs == "stand" else errors),
+            **{
+                f"{who}_{name}": value
+                for who, travel in (("human", self.human), ("robot", self.robot))
+                for name, value in travel.figures().items()
+            },
         }
 
 
 def likeness_of(
     graph: Graph,
     qpos: Floats,
+    frames: Frames = slice(None),
     *,
     slowdown: float = 1.0,
     stride: float = 1.0,
     legs: str = "follow",
     unfinished: float = 0.0,
 ) -> Likeness:
-    """Compare configurations (T, nq) with the human of a graph, frame by frame; the rest is known to who asks."""
-    match, human = graph.match, graph.human.positions
+    """Compare configurations (T, nq) with the human of a graph, frame by frame.
+
+    Args:
+        frames: consecutive ones that are compared; all by default.
+    """
+    match, performed = graph.match, human_travel(graph.motion, graph.match, frames)
+    moved = robot_travel(qpos[frames], graph.robot, match, graph.fps)
+    graph, qpos = graph.at(frames), qpos[frames]
     robot = world_points(graph.robot, match.points, qpos)
     compared = PARTS.keys() - ({"legs"} if legs == "stand" else set())
-    angles = bone_angles(human, robot, match.keypoints, match.parents, compared)
-    path = _path_off(graph, robot)
-    return Likeness(angles, _contacts_kept(graph, robot), slowdown, stride, legs, path, unfinished)
+    angles = bone_angles(graph.human.positions, robot, match.keypoints, match.parents, compared)
+    path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
+    contacts = _contacts_kept(graph, robot)
+    return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished)
 
 
 def bone_angles(
@@ -130,18 +174,14 @@ def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:
     return np.einsum("tij,tkj->tki", turn, x)
 
 
-def _path_off(graph: Graph, robot: Floats) -> float:
-    """The mean of ‖Δp − Δh‖ / max(L, ℓ): how far pelvis p and scaled human h, L its way, have come since the first frame."""
-    match = graph.match
-    wished = pelvis_path(graph.human, match)[:, :2]
-    pelvis = robot[:, match.index("pelvis") if "pelvis" in match.keypoints else 0, :2]
-    way = float(np.linalg.norm(np.diff(wished, axis=0), axis=1).sum())
-    off = np.linalg.norm((pelvis - pelvis[0]) - (wished - wished[0]), axis=1)
-    return float(off.mean()) / max(way, match.robot_leg)
+def _path_off(robot: Floats, human: Floats, leg: float) -> float:
+    """The error of a path (T, 2) against the scaled human's, over the human's mean distance from its start or a leg [-]."""
+    off, away = (np.linalg.norm(way, axis=1).mean() for way in (robot - human, human))
+    return float(off / max(away, leg))
 
 
 def _contacts_kept(graph: Graph, robot: Floats) -> float | None:
-    """Of what touches in the human's motion, the share that is as near on the robot."""
+    """The share of the human's contacts that are as near on the robot."""
     track = graph.kinds.get("touch")
     if track is None:
         return None

@@ -23,7 +23,7 @@ from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback, settled
 from robot_retarget.simulate.plant import Mode, Plant, limb_inertia
-from robot_retarget.simulate.within import within
+from robot_retarget.simulate.torque_limited_reference import torque_limited_reference
 from robot_retarget.trajectory import Trajectory
 
 SMOOTHING = 0.02
@@ -87,7 +87,7 @@ def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
     for k in plant.driven:
         if np.isfinite(bounds[k]):
             swung, braked = float(inertia[k]), float(damping[k])
-            changes[:, k] = within(torque[:, k], USABLE * float(bounds[k]), swung, braked, dt)
+            changes[:, k] = torque_limited_reference(torque[:, k], USABLE * float(bounds[k]), swung, braked, dt)
     return changes
 
 

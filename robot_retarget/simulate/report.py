@@ -15,6 +15,7 @@ from robot_retarget.describe.likeness import Likeness
 from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
 from robot_retarget.simulate.contacts import Contacts
+from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.figures import (
     Tracking,
     at_frames,
@@ -27,17 +28,16 @@ from robot_retarget.simulate.figures import (
     rollout_figures,
     tracking_figures,
 )
-from robot_retarget.simulate.foreseen import foreseen_figures, touches
 from robot_retarget.simulate.plant import Mode, Plant
 from robot_retarget.simulate.stance import Stance, planned_stance, stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
-from robot_retarget.simulate.thresholds import UNLIKE, Thresholds
+from robot_retarget.simulate.thresholds import Thresholds
+from robot_retarget.simulate.verdict import Badge, badge_of, judge, unlikeness
+from robot_retarget.simulate.warning_score import touches, warning_score
 from robot_retarget.trajectory import Trajectory
 
 FORMAT_VERSION = 2
 """Of `report.json`. 1, unnamed: reports of trajectories without their goals."""
-NAMED_PAIRS = 3
-"""So many overlapping pairs get a sentence of their own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,18 +76,18 @@ class Report:
         object.__setattr__(self, "series", {name: frozen(values) for name, values in self.series.items()})
 
     @property
-    def judgement(self) -> str:
-        """For people: `pass`, `pass, but unlike` or `fail`."""
-        return "pass, but unlike" if self.verdict == "pass" and self.unlike else self.verdict
+    def badge(self) -> Badge:
+        """The verdict with its conditions, worded and coloured alike in every output."""
+        return badge_of(self.reasons, self.unlike, self.figures)
 
     def __repr__(self) -> str:
         why = f": {'; '.join(self.reasons)}" if self.reasons else ""
-        return f"<Report {self.verdict}, {self.robot} {self.figures['mode']}{why}>"
+        return f"<Report {self.badge.text}, {self.robot}{why}>"
 
     def _repr_html_(self) -> str:
         shown = {name: value for name, value in self.figures.items() if isinstance(value, int | float | str)}
         facts = {name.replace("_", " "): f"{v:.4g}" if isinstance(v, float) else str(v) for name, v in shown.items()}
-        return card(f"{self.robot}: {self.verdict}", facts, self.reasons)
+        return card(f"{self.robot}: {self.badge.text}", facts, (*self.reasons, *self.unlike))
 
     def to_frame(self) -> Any:
         """What the servos did as a pandas DataFrame: columns (wanted | measured | error [rad] | torque [N m], joint).
@@ -110,6 +110,7 @@ class Report:
             "version": self.version,
             "format_version": FORMAT_VERSION,
             "unlike": list(self.unlike),
+            "badge": self.badge.contract(),
         }
 
     def save(self, path: str | Path) -> Path:
@@ -166,7 +167,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
         **(played.likeness.figures() if played.likeness else {}),
         "draws": len(played.fallen),
         **({"fallen_share": sum(played.fallen) / len(played.fallen)} if played.fallen else {}),
-        "notes": list(plant.notes),
+        "notes": [*plant.notes, *_choices(played)],
     }
     reasons, unlike = judge(figures, thresholds), unlikeness(figures, thresholds)
     series = {**_tracks(tracking, at_frames(trajectory, robot, played.plain), plant), **_stands(stance)}
@@ -179,11 +180,21 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
     )  # fmt: skip
 
 
+def _choices(played: Played) -> list[str]:
+    """Notes on what was not tried, and how to try it."""
+    notes, robot = [], played.plant.robot
+    if played.mode == "pinned" and robot.floating and feet_of(robot).names:
+        notes.append("the pelvis is held: balance is not tested; legs 'stand' keeps both feet in place and tests it")
+    if played.likeness and played.likeness.legs == "stand":
+        notes.append("both feet stay in place by choice (legs 'stand'): legs, path, heading and steps are not compared")
+    return notes
+
+
 def _foreseen(played: Played, until: float | None) -> dict[str, Any]:
     if played.warnings is None:
         return {}
     contacts = own_contacts(played.rollout, played.plant.robot, until)
-    return {"foreseen": foreseen_figures(played.warnings, contacts, played.rollout.times, played.plant.robot)}
+    return {"foreseen": warning_score(played.warnings, contacts, played.rollout.times, played.plant.robot)}
 
 
 def _tracks(tracking: Tracking, plain: Tracking, plant: Plant) -> dict[str, Floats]:
@@ -224,97 +235,3 @@ def _stands(stance: Stance | None) -> dict[str, Floats]:
         "soles": stance.points[..., :2],
         "down": stance.down,
     }
-
-
-def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
-    """The reasons against a trajectory, none for a pass."""
-    reasons = [*_upright(figures), *_servos(figures, most)]
-    reasons += _overlaps(figures["self_contacts"], most.penetration, "overlap")
-    if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
-        depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
-        pair = " and ".join(figures["between_frames_bodies"])
-        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
-    if figures.get("fall_s") is None:
-        planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
-        hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
-        reasons += _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
-        if figures.get("fallen_share", 0) > most.fallen_share:
-            share, count = figures["fallen_share"], figures["draws"]
-            reasons.append(
-                f"falls in {round(share * count)} of {count} worlds with other mass, friction, servos and tilt"
-            )
-        if (figures.get("foot_slip_m") or 0) > most.foot_slip:
-            reasons.append(f"a foot slides {100 * figures['foot_slip_m']:.1f} cm while it stands")
-    if figures["range_excess_rad"] > most.range_excess:
-        reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
-    return tuple(reasons)
-
-
-def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
-    """In what a motion is unlike the human's."""
-    said = []
-    for check in UNLIKE:
-        value, bound = figures.get(check.figure), getattr(most, check.threshold)
-        if value is None or value <= bound:
-            continue
-        if check.unit == "rad":
-            part = check.figure.rsplit("_", 1)[-1]
-            said.append(f"{part} are {np.degrees(value):.0f}° off the human's on the mean, {_worst(figures)}")
-        elif check.figure == "slowdown":
-            said.append(f"it takes {value:.1f} times as long as the human")
-        else:
-            said.append(f"{check.what}: {100 * value:.0f} %, more than {100 * bound:.0f} %")
-    return tuple(said)
-
-
-def _worst(figures: Mapping[str, Any]) -> str:
-    return f"most of all {figures['limb_worst']} by {np.degrees(figures['limb_rad_worst']):.0f}°"
-
-
-def _upright(figures: Mapping[str, Any]) -> list[str]:
-    """Whether the simulation and the robot came to the end."""
-    reasons = []
-    if figures["unstable_s"] is not None:
-        reasons.append(f"the simulation broke down at {figures['unstable_s']:g} s")
-    if figures.get("fall_s") is not None:
-        when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
-        body = figures["fall_body"]
-        reasons.append(f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}")
-    return reasons
-
-
-def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
-    """What is too much for the servos."""
-    reasons = []
-    if (figures.get("worst_joint_rms_rad") or 0) > most.tracking_rms:
-        reasons.append(
-            f"{figures['worst_joint']} tracks {figures['worst_joint_rms_rad']:.3g} rad off (rms), "
-            f"more than {most.tracking_rms:g} rad"
-        )
-    cap = figures.get("goal_step_limit_rad")
-    if cap is not None and figures["goal_step_rad"] > cap:
-        reasons.append(
-            f"{figures['goal_step_joint']} is {figures['goal_step_rad']:.2g} rad from its goal, and playback holds goals back "
-            f"beyond {cap:g} rad"
-        )
-    if figures["speed_ratio"] > most.speed_ratio:
-        reasons.append(
-            f"{figures['speed_ratio_joint']} would have to turn {figures['speed_ratio']:.2g} times as fast as it can"
-        )
-    if figures.get("saturated_share", 0) > most.saturated_share:
-        share = 100 * figures["saturated_share"]
-        reasons.append(f"{figures['saturated_joint']} gives all the torque it has {share:.0f} % of the time")
-    if figures.get("temperature_rise_K", 0) > most.temperature_rise:
-        reasons.append(f"{figures['hottest_joint']} warms up by {figures['temperature_rise_K']:.0f} K")
-    return reasons
-
-
-def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> list[str]:
-    """A sentence for each of the deepest pairs, and one for how many more there are; pairs come deepest first."""
-    deep = [line for line in pairs if line["depth_m"] > penetration]
-    sentences = [
-        f"{' and '.join(line['bodies'])} {what} by up to {1000 * line['depth_m']:.1f} mm, "
-        f"touching in {line['frames']} frames"
-        for line in deep[:NAMED_PAIRS]
-    ]
-    return [*sentences, f"{len(deep) - NAMED_PAIRS} more pairs {what}"] if len(deep) > NAMED_PAIRS else sentences

@@ -45,8 +45,13 @@ class Thresholds:
     """Share of the human's contacts of hands that the robot does not make."""
     steps_shortened: float = 0.6
     """By which share of the scaled human's steps are shorter."""
-    path_off: float = 0.5
-    """Distance of the pelvis from the human's scaled path on the mean, over its length: steps of half their length make 0.25."""
+    path_off: float = 0.6
+    """Mean error of the pelvis' place over the human's mean distance from its start, or a leg: steps of half their length make
+    0.5, standing in place makes 1."""
+    heading_off: float = 0.6
+    """Heading error that lasts for a tenth of the time [rad]."""
+    steps_lost: float = 0.5
+    """Share of the human's steps that the robot does not take."""
     unfinished: float = 0.25
     """Share of frames at which the solver was not done."""
 
@@ -85,7 +90,9 @@ UNLIKE = (
     Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
     Check("contacts_lost", "contacts_lost", "contacts of hands that are lost", "of all"),
     Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
-    Check("path_off", "path_off", "way off the human's path on the mean, over its length", "of all"),
+    Check("path_off", "path_off", "root path deviation, over the path's extent", "of all"),
+    Check("heading_off", "heading_off_rad", "heading error that lasts", "rad"),
+    Check("steps_lost", "steps_lost", "steps of the human that are left out", "of all"),
     Check("unfinished", "unfinished_share", "frames that were not solved to the end", "of all"),
 )
 """What a motion that passes is compared with the human by."""

@@ -15,7 +15,7 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.words import facts, headline, judged_lines
+from robot_retarget.simulate.report_text import facts, headline, judged_lines
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
@@ -55,9 +55,9 @@ def save_page(
     except ImportError:
         return Unavailable(NEEDS_MATPLOTLIB)
     page = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"{played.source or 'a trajectory'} on {report.robot}: {report.verdict}"),
-        verdict=report.verdict,
-        judgement=report.judgement,
+        title=html.escape(f"{played.source or 'a trajectory'} on {report.robot}: {report.badge.text}"),
+        level=report.badge.level,
+        badge=html.escape(report.badge.text),
         motion=html.escape(played.source or "a trajectory"),
         robot=html.escape(report.robot),
         how=_how(report),
@@ -85,11 +85,11 @@ def _how(report: Report) -> str:
 
 
 def _reasons(report: Report) -> str:
-    if not report.reasons and report.unlike:
-        return _list(report.unlike)
-    if not report.reasons:
+    """Reasons and differences from the human; advice on what failed."""
+    if report.badge.level == "pass":
         return "<p>Every limit below is kept.</p>"
-    return _list(report.reasons) + "".join(f"<p>{html.escape(sentence)}</p>" for sentence in _advice(report.figures))
+    advice = _advice(report.figures) if report.reasons else []
+    return _list((*report.reasons, *report.unlike)) + "".join(f"<p>{html.escape(text)}</p>" for text in advice)
 
 
 def _advice(f: Any) -> list[str]:

@@ -1,21 +1,29 @@
-"""What likeness says of motions whose unlikeness is known."""
+"""Likeness of motions whose differences from the human are known."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from shared_files import ROOT
+from scipy.spatial.transform import Rotation
+from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.describe.likeness import likeness_of
 from robot_retarget.describe.path import pelvis_path
-from robot_retarget.simulate.report import unlikeness
+from robot_retarget.describe.travel import human_travel
 from robot_retarget.simulate.thresholds import Thresholds
+from robot_retarget.simulate.verdict import unlikeness
 
 
 @pytest.fixture(scope="module")
 def walk() -> rr.Graph:
     return rr.describe(rr.read_motion(ROOT / "samples/walk.bvh"), rr.load_robot("op3"))
+
+
+@pytest.fixture(scope="module")
+def turning_walk() -> rr.Graph:
+    """A human who walks a little way, and turns round."""
+    return rr.describe(rr.read_motion(SHARED / "motions/bvh/mixamo/test_freebvh_walk.bvh"), rr.load_robot("op3"))
 
 
 def placed(graph: rr.Graph, share: float) -> np.ndarray:
@@ -26,17 +34,49 @@ def placed(graph: rr.Graph, share: float) -> np.ndarray:
     return qpos
 
 
+def turned(graph: rr.Graph, share: float) -> np.ndarray:
+    """(T, nq) a stiff robot that turns by a share of the human's heading."""
+    heading = human_travel(graph.motion, graph.match, slice(None)).heading
+    qpos, root = placed(graph, 1.0), graph.robot.root_address + 3
+    spin = Rotation.from_euler("z", share * heading[:, None])
+    qpos[:, root : root + 4] = (spin * Rotation.from_quat(qpos[:, root : root + 4], scalar_first=True)).as_quat(
+        scalar_first=True
+    )
+    return qpos
+
+
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.0, -1.0])
-def test_the_path_is_off_by_what_was_left_out_of_it(walk: rr.Graph, share: float) -> None:
-    path = pelvis_path(walk.human, walk.match)[:, :2]
-    way = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
-    expected = abs(1 - share) * np.linalg.norm(path - path[0], axis=1).mean() / way
-    assert likeness_of(walk, placed(walk, share)).path == pytest.approx(expected, abs=1e-9)
+def test_the_path_is_off_by_the_share_that_is_left_out(walk: rr.Graph, share: float) -> None:
+    assert likeness_of(walk, placed(walk, share)).path_off == pytest.approx(abs(1 - share), abs=1e-9)
 
 
-def test_feet_that_stand_are_asked_for_no_steps_and_no_path(walk: rr.Graph) -> None:
+@needs_shared
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
+def test_the_heading_is_off_by_the_share_of_the_turn_that_is_left_out(turning_walk: rr.Graph, share: float) -> None:
+    turn = human_travel(turning_walk.motion, turning_walk.match, slice(None)).heading
+    found = likeness_of(turning_walk, turned(turning_walk, share))
+    assert found.heading_off == pytest.approx((1 - share) * np.quantile(np.abs(turn), 0.9), abs=0.01)
+
+
+def test_steps_of_a_walk_are_counted_on_both_bodies(walk: rr.Graph) -> None:
+    human = human_travel(walk.motion, walk.match, slice(None))
+    assert human.steps == 8  # as the clip was made
+    followed = rr.solve(walk)
+    assert likeness_of(walk, followed.trajectory.qpos).steps_lost == pytest.approx(0.0, abs=0.13)  # one of eight
+
+
+@needs_shared
+def test_a_robot_that_stands_in_place_while_the_human_walks_and_turns_is_unlike(turning_walk: rr.Graph) -> None:
+    stands = likeness_of(turning_walk, placed(turning_walk, 0.0), legs="instead")
+    sentences = unlikeness(stands.figures(), Thresholds())
+    assert "stands in place: the human moves 0.9 m and turns 184° in 2 steps" in sentences
+
+
+def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.Graph) -> None:
     figures = likeness_of(walk, placed(walk, 0.0), legs="stand").figures()
-    assert figures["path_off"] is None and figures["steps_shortened"] is None
+    judged = ("path_off", "heading_off_rad", "steps_lost", "steps_shortened", "limb_rad_legs")
+    assert all(figures[name] is None for name in judged)
+    assert figures["human_steps"] == 8  # still reported
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from robot_retarget.simulate.figures import at_frames
 from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out
-from robot_retarget.simulate.within import within
+from robot_retarget.simulate.torque_limited_reference import torque_limited_reference
 from robot_retarget.trajectory import Trajectory
 
 OP3 = load_robot("op3")
@@ -126,9 +126,9 @@ def test_the_nearest_motion_within_the_torque_is_what_a_qp_solver_finds():
                 rows[k, j] = weight
     best, _, flag, _ = daqp.solve(np.eye(count), np.zeros(count), rows, bound - torque, -bound - torque)
     assert flag == 1 and np.abs(best).max() > 0.01
-    found = within(torque, bound, inertia, damping, dt)
+    found = torque_limited_reference(torque, bound, inertia, damping, dt)
     np.testing.assert_allclose(found, best, atol=0.03 * np.abs(best).max())
-    assert not within(torque, 3.0, inertia, damping, dt).any()
+    assert not torque_limited_reference(torque, 3.0, inertia, damping, dt).any()
 
 
 def test_the_report_tells_plain_and_compensated_tracking_apart():

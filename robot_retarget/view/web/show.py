@@ -186,9 +186,8 @@ def _report(robot: Robot, report: Report, shapes: list[Shape], packer: Packer) -
     series = report.series
     simulated = series.get("simulated", np.zeros((0, robot.model.nq)))
     return {
-        "verdict": report.verdict,
-        "reasons": list(report.reasons),
-        "mode": report.figures["mode"],
+        "badge": report.badge.contract(),
+        "reasons": [*report.reasons, *report.unlike],
         "fall": report.figures.get("fall_s"),
         "poses": packer.add(poses(robot, simulated, shapes), TURN) if len(simulated) else None,
         "error": packer.add(np.degrees(series["error"]), COARSE) if "error" in series else None,

@@ -113,7 +113,7 @@ heading.append(...verdict.map(({ title, report }) => {
   const line = document.createElement("div");
   line.append(Object.assign(document.createElement("b"), { textContent: title }));
   if (report) {
-    const badge = Object.assign(document.createElement("i"), { className: report.verdict, textContent: report.verdict });
+    const badge = Object.assign(document.createElement("i"), { className: report.badge.level, textContent: report.badge.text });
     line.append(badge, Object.assign(document.createElement("span"), { textContent: report.reasons[0] ?? "" }));
   }
   return line;

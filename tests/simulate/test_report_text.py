@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_retarget.simulate.words import shown
+from robot_retarget.simulate.report_text import shown
 
 
 @pytest.mark.parametrize(

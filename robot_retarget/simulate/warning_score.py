@@ -14,7 +14,7 @@ LATE = 0.25
 """Servos lag, so a contact may come so much later than the warning ends [s]."""
 
 
-def foreseen_figures(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
+def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
     """Count contacts (self-contacts `contacts` at `times` of their frames) and warnings against each other."""
     happened = touches(contacts, times, robot)
     told = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in warnings.events]

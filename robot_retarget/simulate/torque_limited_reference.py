@@ -19,7 +19,7 @@ ENOUGH = 1e-5
 """A change that alters less from round to round is found [rad]."""
 
 
-def within(torque: Floats, bound: float, inertia: float, damping: float, dt: float) -> Floats:
+def torque_limited_reference(torque: Floats, bound: float, inertia: float, damping: float, dt: float) -> Floats:
     """The change (N,) [rad] of a joint's motion that keeps its torque (N,) [N m] within ± `bound`, at best; 0 at both ends.
 
     Args:

@@ -1,0 +1,156 @@
+"""The verdict on a simulation: the reasons against it, its differences from the human, and the badge that names both."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.simulate.thresholds import UNLIKE, Check, Thresholds
+
+NAMED_PAIRS = 3
+"""The number of overlapping pairs that get a sentence of their own."""
+TRAVEL = ("path_off", "heading_off", "steps_lost")
+"""The thresholds that a robot exceeds by standing in place."""
+
+
+@dataclass(frozen=True)
+class Badge:
+    """The verdict as every output words it: terminal, `report.json`, report page and viewer."""
+
+    passed: bool
+    unlike: bool = False
+    """Whether the motion differs from the human's by more than the thresholds allow."""
+    pinned: bool = True
+    """Whether the pelvis was held; if not, the robot stood free."""
+    feedback: bool = False
+    """Whether balance feedback corrected the goals."""
+
+    @property
+    def level(self) -> str:
+        """`pass`, `unlike` or `fail`: the badge's colour."""
+        return ("unlike" if self.unlike else "pass") if self.passed else "fail"
+
+    @property
+    def text(self) -> str:
+        """For people: `pass (pinned)`, `pass, but unlike (free, with feedback)`, `fail (free)`."""
+        verdict = {"pass": "pass", "unlike": "pass, but unlike", "fail": "fail"}[self.level]
+        how = ("pinned" if self.pinned else "free") + (", with feedback" if self.feedback else "")
+        return f"{verdict} ({how})"
+
+    def contract(self) -> dict[str, str]:
+        """The content for JSON."""
+        return {"text": self.text, "level": self.level}
+
+
+def badge_of(reasons: tuple[str, ...], unlike: tuple[str, ...], figures: Mapping[str, Any]) -> Badge:
+    """Return the badge of a simulation with these reasons, differences and figures."""
+    return Badge(not reasons, bool(unlike), figures["mode"] == "pinned", bool(figures.get("feedback")))
+
+
+def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
+    """Return the reasons against a trajectory; none for a pass."""
+    reasons = [*_upright(figures), *_servos(figures, most)]
+    reasons += _overlaps(figures["self_contacts"], most.penetration, "overlap")
+    if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
+        depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
+        pair = " and ".join(figures["between_frames_bodies"])
+        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
+    if figures.get("fall_s") is None:
+        reasons += _standing(figures, most)
+    if figures["range_excess_rad"] > most.range_excess:
+        reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
+    return tuple(reasons)
+
+
+def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
+    """Return the differences from the human's motion that exceed the thresholds, a sentence each."""
+    over = [check for check in UNLIKE if (figures.get(check.figure) or 0.0) > getattr(most, check.threshold)]
+    stands = figures.get("legs") == "instead" and any(check.threshold in TRAVEL for check in over)
+    sentences = [stands_in_place(figures)] if stands else []
+    own = [check for check in over if not (stands and check.threshold in TRAVEL)]
+    return (*sentences, *(_difference(check, figures, most) for check in own))
+
+
+def stands_in_place(figures: Mapping[str, Any]) -> str:
+    """Return what the human does with the feet that a robot which stands in place leaves out."""
+    turn, steps = np.degrees(figures["human_turn_rad"]), figures["human_steps"]
+    stepping = f" in {steps} step{'s' if steps > 1 else ''}" if steps else ""
+    return f"stands in place: the human moves {figures['human_distance_m']:.1f} m and turns {turn:.0f}°{stepping}"
+
+
+def _difference(check: Check, figures: Mapping[str, Any], most: Thresholds) -> str:
+    value, bound = figures[check.figure], getattr(most, check.threshold)
+    if check.figure.startswith("limb_rad"):
+        part, worst = check.figure.rsplit("_", 1)[-1], np.degrees(figures["limb_rad_worst"])
+        verb = "is" if part == "trunk" else "are"
+        return f"{part} {verb} {np.degrees(value):.0f}° from the human's on average, {figures['limb_worst']} most ({worst:.0f}°)"
+    if check.figure == "slowdown":
+        return f"it takes {value:.1f} times as long as the human"
+    if check.unit == "rad":
+        return f"{check.what}: {np.degrees(value):.0f}°, more than {np.degrees(bound):.0f}°"
+    return f"{check.what}: {100 * value:.0f} %, more than {100 * bound:.0f} %"
+
+
+def _standing(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
+    """Hits, falls in other worlds and slipping feet of a robot that stays up."""
+    planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
+    hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
+    reasons = _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
+    if figures.get("fallen_share", 0) > most.fallen_share:
+        share, count = figures["fallen_share"], figures["draws"]
+        reasons.append(
+            f"falls in {round(share * count)} of {count} simulations with other mass, friction, servos and tilt"
+        )
+    if (figures.get("foot_slip_m") or 0) > most.foot_slip:
+        reasons.append(f"a foot slides {100 * figures['foot_slip_m']:.1f} cm while it stands")
+    return reasons
+
+
+def _upright(figures: Mapping[str, Any]) -> list[str]:
+    """Whether the simulation and the robot came to the end."""
+    reasons = []
+    if figures["unstable_s"] is not None:
+        reasons.append(f"the simulation broke down at {figures['unstable_s']:g} s")
+    if figures.get("fall_s") is not None:
+        when = f"at {figures['fall_s']:g} s" if figures["fall_s"] >= 0 else "in the first pose, before it began to move"
+        body = figures["fall_body"]
+        reasons.append(f"fell: {f'{body} touched the floor' if body else 'sank to half its height'} {when}")
+    return reasons
+
+
+def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
+    """Demands that the servos cannot meet."""
+    reasons = []
+    if (figures.get("worst_joint_rms_rad") or 0) > most.tracking_rms:
+        reasons.append(
+            f"{figures['worst_joint']} tracks {figures['worst_joint_rms_rad']:.3g} rad off (rms), "
+            f"more than {most.tracking_rms:g} rad"
+        )
+    cap = figures.get("goal_step_limit_rad")
+    if cap is not None and figures["goal_step_rad"] > cap:
+        reasons.append(
+            f"{figures['goal_step_joint']} is {figures['goal_step_rad']:.2g} rad from its goal, and playback holds goals back "
+            f"beyond {cap:g} rad"
+        )
+    if figures["speed_ratio"] > most.speed_ratio:
+        reasons.append(
+            f"{figures['speed_ratio_joint']} would have to turn {figures['speed_ratio']:.2g} times as fast as it can"
+        )
+    if figures.get("saturated_share", 0) > most.saturated_share:
+        share = 100 * figures["saturated_share"]
+        reasons.append(f"{figures['saturated_joint']} is at its torque limit {share:.0f} % of the time")
+    if figures.get("temperature_rise_K", 0) > most.temperature_rise:
+        reasons.append(f"{figures['hottest_joint']} warms up by {figures['temperature_rise_K']:.0f} K")
+    return reasons
+
+
+def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> list[str]:
+    """Return a sentence for each of the deepest pairs, and one for the number of the others; pairs come deepest first."""
+    deep = [line for line in pairs if line["depth_m"] > penetration]
+    sentences = [
+        f"{' and '.join(line['bodies'])} {what} by up to {1000 * line['depth_m']:.1f} mm, "
+        f"touching in {line['frames']} frames"
+        for line in deep[:NAMED_PAIRS]
+    ]
+    return [*sentences, f"{len(deep) - NAMED_PAIRS} more pairs {what}"] if len(deep) > NAMED_PAIRS else sentences
