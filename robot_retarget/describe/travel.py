@@ -10,11 +10,12 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Bools, Floats
-from robot_retarget.describe.match import Match
-from robot_retarget.describe.reading.contacts import contact_schedule, intervals
-from robot_retarget.describe.reading.ground import grounded
 from robot_retarget.describe.soles import sole_corners
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
+from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Robot, world_points
 
 Frames = slice | Bools

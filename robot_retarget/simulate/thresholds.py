@@ -73,13 +73,13 @@ class Check(NamedTuple):
 CHECKS = (
     Check("tracking_rms", "worst_joint_rms_rad", "tracking error of the worst joint (rms)", "rad"),
     Check("speed_ratio", "speed_ratio", "planned speed of the fastest joint, in its top speeds", ""),
-    Check("saturated_share", "saturated_share", "time a servo gives all it has", "of all"),
+    Check("saturated_share", "saturated_share", "time at torque limit", "of all"),
     Check("temperature_rise", "temperature_rise_K", "warming of the hottest servo", "K"),
     Check("penetration", "self_contact_depth_m", "overlap of the robot with itself, planned", "m"),
     Check("between_frames", "between_frames_depth_m", "the same between frames", "m"),
     Check("tracked_penetration", "tracked_self_contact_depth_m", "the same on the servos", "m"),
     Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m"),
-    Check("fallen_share", "fallen_share", "drawn worlds in which it falls", "of all"),
+    Check("fallen_share", "fallen_share", "randomised simulations in which it falls", "of all"),
     Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad"),
 )
 
