@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -19,13 +19,18 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 
+ALTERED = "--rate, --speed, --loop, --from and --to alter what was judged: say --plain, which simulates what it sends, or --unsafe"
+
 
 @commands.command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
 def play(
     trajectory: TrajectoryFile,
     servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
     port: Port = "",
-    report: Annotated[Path | None, typer.Option(help="report.json of the trajectory; beside it by default.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Report of the trajectory; beside it by default.")] = None,
+    loose: Annotated[
+        bool, typer.Option("--loose-thresholds", help="Accept a pass under thresholds above the defaults.")
+    ] = False,
     plain: Annotated[
         bool, typer.Option("--plain", help="Send the trajectory as it is, once that has passed in simulation.")
     ] = False,
@@ -34,7 +39,9 @@ def play(
         str | None,
         typer.Option("--robot", "-r", help="With --plain: what to simulate; by default the trajectory's own."),
     ] = None,
-    mode: Annotated[str, typer.Option(help="With --plain: free (on a floor) or pinned (held by the pelvis).")] = "free",
+    mode: Annotated[
+        Literal["free", "pinned"], typer.Option(help="free (on a floor), or pinned: the robot is held by its pelvis.")
+    ] = "free",
     rate: Annotated[
         float | None, typer.Option(min=10, max=1000, help="With --plain or --unsafe: ticks a second, 125 by default.")
     ] = None,
@@ -55,8 +62,10 @@ def play(
 ) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
     from robot_retarget.files import require_writable
+    from robot_retarget.servo.judgement import require_judged
     from robot_retarget.servo.map import load_map
     from robot_retarget.servo.outcome import Options
+    from robot_retarget.servo.plan import goal_plan
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import rehearse
     from robot_retarget.trajectory import load_trajectory
@@ -69,7 +78,10 @@ def play(
     elif unsafe:
         plan = _unjudged(read, part, servo_map, rate)
     else:
-        plan = _judged(trajectory, read, part, servo_map, servos, report, rate)
+        if part != Part() or rate is not None:
+            raise UsageError(ALTERED)
+        require_judged(trajectory, read, servo_map, servos, report, mode, loose)
+        plan = goal_plan(read, servo_map)
     if dry_run:
         facts = rehearse(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
@@ -96,32 +108,6 @@ class Part:
         from robot_retarget.servo.plan import part_of
 
         return part_of(trajectory, self.speed, self.loops, self.start, self.stop)
-
-
-def _judged(
-    path: Path,
-    trajectory: "Trajectory",
-    part: Part,
-    servo_map: "ServoMap",
-    servos: str,
-    report: Path | None,
-    rate: float | None,
-) -> "Plan":
-    """The goals that passed, exactly these."""
-    from robot_retarget.servo.judgement import require_judged
-    from robot_retarget.servo.plan import goal_plan
-
-    if part != Part() or rate is not None:
-        raise UsageError(
-            "--rate, --speed, --loop, --from and --to alter what was judged: say --plain, which simulates what it sends, or "
-            "--unsafe"
-        )
-    mode = require_judged(path, trajectory, servo_map, servos, report)
-    if mode == "pinned":
-        console.note(
-            "it passed with the pelvis held: hold the robot likewise; simulate --mode free lets it stand alone"
-        )
-    return goal_plan(trajectory, servo_map)
 
 
 def _plain(

@@ -28,7 +28,11 @@ def simulate(
         bool, typer.Option(help="Keep the judged goals in the trajectory's file, and write the report of it.")
     ] = True,
     report_file: Annotated[
-        Path | None, typer.Option("--report", help="The report to write; report.json beside the trajectory by default.")
+        Path | None,
+        typer.Option(
+            "--report",
+            help="The report to write; by default report.json (free) or report.pinned.json beside the trajectory.",
+        ),
     ] = None,
     draws: Draws = 10,
     thresholds: Thresholds = None,
@@ -39,11 +43,12 @@ def simulate(
 ) -> None:
     """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
     from robot_retarget.files import require_suffix, require_writable
+    from robot_retarget.report_file import NAMES
     from robot_retarget.trajectory import load_trajectory
 
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
-    where = report_file or trajectory.with_name("report.json")
+    where = report_file or trajectory.with_name(NAMES[mode])
     for path in (*([trajectory, where] if store else []), *([page] if page else [])):
         require_writable(path)
     model, played = load(robot, limits, servos), load_trajectory(trajectory)

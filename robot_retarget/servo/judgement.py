@@ -1,4 +1,4 @@
-"""Whether a trajectory's goals may be sent: they were judged, they passed, on these servos, and nothing changed since."""
+"""Whether the goals of a trajectory may be sent: they were judged on these servos, they passed, and nothing changed since."""
 
 import shlex
 from pathlib import Path
@@ -8,42 +8,56 @@ import numpy as np
 
 from robot_retarget.documents import read_json
 from robot_retarget.errors import ServoError
+from robot_retarget.report_file import FORMAT_VERSION, NAMES, content_sha256
 from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.scale import Scale
 from robot_retarget.trajectory import Trajectory, fingerprint
 
-FORMAT_VERSION = 2
-"""Of reports: earlier ones are of trajectories that do not hold the goals that were judged."""
-
 
 def require_judged(
-    path: str | Path, trajectory: Trajectory, servo_map: ServoMap, servos: str, report: str | Path | None = None
-) -> str:
-    """See to it that the goals in a trajectory file are those that passed; in which mode they did.
+    path: str | Path,
+    trajectory: Trajectory,
+    servo_map: ServoMap,
+    servos: str,
+    report: str | Path | None = None,
+    mode: str = "free",
+    loose: bool = False,
+) -> None:
+    """Check that the goals in a trajectory file are those that passed.
 
     Args:
-        path: the file that the trajectory was read from.
-        servos: what the servo map is called on the command line.
-        report: its `report.json`; by default beside it.
+        path: file that the trajectory was read from.
+        servos: name of the servo map on the command line.
+        report: its report; by default the one of the mode beside it, or for `pinned` the `report.json` of `run`.
+        mode: `free`, or `pinned` for a robot that is held by its pelvis.
+        loose: accept a pass under thresholds above the defaults.
 
     Raises:
-        ServoError: why not, and the command that judges it anew.
+        ServoError: the goals may not be sent; the message gives the reason and the command that judges them again.
     """
-    where = Path(report) if report is not None else Path(path).with_name("report.json")
-    content, found = _content(where)
-    figures = content.get("figures")
-    mode = figures.get("mode", "free") if isinstance(figures, dict) else "free"
-    why = found or _objection(content, path, trajectory, servo_map, servos, where)
+    where = Path(report) if report is not None else _beside(Path(path), mode)
+    content, why = _content(where)
+    why = (
+        why
+        or _unsuitable(content, mode, loose, where)
+        or _mismatch(content, path, trajectory, servo_map, servos, where)
+    )
     if why is None:
-        return str(mode)
+        return
     command = ["robot-retarget", "simulate", path, "--robot", trajectory.robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
     raise ServoError(f"{why}; judge it anew: {shlex.join(map(str, command))}")
 
 
+def _beside(path: Path, mode: str) -> Path:
+    """Return the report of a mode beside a trajectory; `run` writes `report.json` in either mode."""
+    own = path.with_name(NAMES[mode])
+    return own if own.exists() else path.with_name(NAMES["free"])
+
+
 def _content(where: Path) -> tuple[dict[str, Any], str | None]:
-    """A report, and what is wrong with it as a file."""
+    """Return a report's content, and what is wrong with its file."""
     try:
         content = read_json(where, ServoError) if where.exists() else None
     except ServoError as error:
@@ -53,26 +67,51 @@ def _content(where: Path) -> tuple[dict[str, Any], str | None]:
     return (content, None) if isinstance(content, dict) else ({}, f"{where} is no report")
 
 
-def _objection(
+def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) -> str | None:
+    """Return why a report does not allow playback in a mode, whatever trajectory it is of."""
+    if content.get("format_version") != FORMAT_VERSION:
+        return f"{where} is a report of another version ({content.get('version', 'unknown')})"
+    if content.get("report_sha256") != content_sha256(content):
+        return f"{where} was edited since it was written"
+    if content.get("verdict") != "pass":
+        reasons = content.get("reasons")
+        listed = "; ".join(map(str, reasons)) if isinstance(reasons, list) else ""
+        return f"it did not pass: {listed or content.get('verdict')}"
+    if content.get("mode") != mode:
+        hint = "; --mode pinned plays it on a robot that is held by its pelvis" if mode == "free" else ""
+        return f"it passed in mode {content.get('mode')} ({where}), not {mode}{hint}"
+    raised = _raised(content)
+    if raised and not loose:
+        return f"it passed under thresholds above the defaults ({', '.join(raised)}); --loose-thresholds accepts them"
+    return None
+
+
+def _raised(content: dict[str, Any]) -> list[str]:
+    """Return the thresholds above their defaults, as `name value, default value`."""
+    try:
+        changed = {name: (float(line["value"]), float(line["default"])) for name, line in content["thresholds"].items()}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return ["not recorded as numbers"]
+    return [f"{name} {own:g}, default {usual:g}" for name, (own, usual) in changed.items() if not own <= usual]
+
+
+def _mismatch(
     content: dict[str, Any], path: str | Path, trajectory: Trajectory, servo_map: ServoMap, servos: str, where: Path
 ) -> str | None:
-    """What speaks against sending the goals, or None."""
-    if content.get("format_version") != FORMAT_VERSION:
-        return f"{where} is a report of another version ({content.get('version', 'unknown')}), which judged no stored goals"
+    """Return how trajectory, report and servo map disagree."""
     if content.get("trajectory_sha256") != fingerprint(path):
         return f"{where} is about another trajectory than {path}, or it was edited since"
-    if content.get("verdict") != "pass":
-        reasons = "; ".join(map(str, content.get("reasons", ()))) or str(content.get("verdict"))
-        return f"{path} did not pass: {reasons}"
+    if content.get("robot") != trajectory.robot:
+        return f"{path} is of the robot {trajectory.robot!r}, {where} of {content.get('robot')!r}"
     if trajectory.goals is None:
         return f"{path} holds no goals"
     if trajectory.goals.servos != servo_map.fingerprint:
-        return f"{path} was judged on other servos than those of {servos}: models, gears, ranges, speed or jump differ"
+        return f"{path} was judged on other servos than those of {servos}: robot, models, gears, ranges, speed or jump differ"
     return _cut(trajectory, servo_map, servos)
 
 
 def _cut(trajectory: Trajectory, servo_map: ServoMap, servos: str) -> str | None:
-    """Zeros may differ from robot to robot, and with them where a servo's turn ends."""
+    """Return the joint whose goals the end of its servo's turn cuts off: zeros differ from robot to robot."""
     plan, scale = goal_plan(trajectory, servo_map), Scale(servo_map)
     excess = np.maximum(plan.angles - scale.upper, scale.lower - plan.angles).max(axis=0)
     worst = int(excess.argmax())

@@ -174,12 +174,12 @@ class ServoMap:
 
     @property
     def fingerprint(self) -> str:
-        """The sha256 of what a judgement of goals rests on: joints, models, gears, ranges, speed and step cap.
+        """The sha256 of what a judgement of goals rests on: robot, joints, models, gears, ranges, speed and step cap.
 
-        What differs from robot to robot is left out: ids, signs, zeros, the bus.
+        What differs between two robots of one kind is left out: ids, signs, zeros, the bus.
         """
         servos = sorted((s.joint, s.type.name, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos)
-        rest = [servos, float(self.limits.speed), float(self.limits.jump)]
+        rest = [self.robot, servos, float(self.limits.speed), float(self.limits.jump)]
         return hashlib.sha256(json.dumps(rest).encode()).hexdigest()
 
     def __getitem__(self, joint: str) -> Servo:

@@ -14,6 +14,7 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.describe.likeness import Likeness
 from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
+from robot_retarget.report_file import FORMAT_VERSION, sealed
 from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.figures import (
@@ -35,9 +36,6 @@ from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.simulate.verdict import Badge, badge_of, judge, unlikeness
 from robot_retarget.simulate.warning_score import touches, warning_score
 from robot_retarget.trajectory import Trajectory
-
-FORMAT_VERSION = 2
-"""Of `report.json`. 1, unnamed: reports of trajectories without their goals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +98,22 @@ class Report:
         return frame(columns, self.series.get("time", np.zeros(0)))
 
     def contract(self) -> dict[str, Any]:
-        """The content of `report.json`."""
-        return {
-            "verdict": self.verdict,
-            "reasons": list(self.reasons),
-            "figures": dict(self.figures),
-            "trajectory_sha256": self.trajectory_sha256,
-            "robot": self.robot,
-            "version": self.version,
-            "format_version": FORMAT_VERSION,
-            "unlike": list(self.unlike),
-            "badge": self.badge.contract(),
-        }
+        """Return the content of `report.json`, sealed."""
+        return sealed(
+            {
+                "verdict": self.verdict,
+                "reasons": list(self.reasons),
+                "figures": dict(self.figures),
+                "trajectory_sha256": self.trajectory_sha256,
+                "robot": self.robot,
+                "version": self.version,
+                "format_version": FORMAT_VERSION,
+                "unlike": list(self.unlike),
+                "badge": self.badge.contract(),
+                "mode": self.figures["mode"],
+                "thresholds": self.thresholds.changed,
+            }
+        )
 
     def save(self, path: str | Path) -> Path:
         """Write `report.json`, whole or not at all.

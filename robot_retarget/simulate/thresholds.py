@@ -60,6 +60,13 @@ class Thresholds:
             if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0:
                 raise UsageError(f"the threshold {name} must be a number, 0 or more, got {value!r}")
 
+    @property
+    def changed(self) -> dict[str, dict[str, str]]:
+        """Thresholds that differ from their defaults: `{name: {"value": …, "default": …}}`, as decimal texts."""
+        usual = vars(Thresholds())
+        changed = {name: (float(value), usual[name]) for name, value in vars(self).items() if value != usual[name]}
+        return {name: {"value": repr(value), "default": repr(default)} for name, (value, default) in changed.items()}
+
 
 class Check(NamedTuple):
     """Which figure a threshold bounds, and how to say so."""

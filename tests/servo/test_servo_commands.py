@@ -16,6 +16,7 @@ from emulated import ARM, emulated, until
 from shared_files import ROOT
 
 from robot_retarget.goals import Goals
+from robot_retarget.report_file import sealed
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.map import dump_map, load_map
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
@@ -63,8 +64,8 @@ def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path
         refused = call(*command)
         assert refused.returncode == 2 and "no report at" in refused.stderr
         assert not (tmp_path / "play.npz").exists()
-        content = {"verdict": "pass", "trajectory_sha256": fingerprint(path), "format_version": 2}
-        report.write_text(json.dumps(content))
+        content = {"verdict": "pass", "robot": "arm", "mode": "free", "thresholds": {}, "format_version": 3}
+        report.write_text(json.dumps(sealed(content | {"trajectory_sha256": fingerprint(path)})))
         played = call(*command, "--json")
         assert played.returncode == 0, played.stderr
         told = json.loads(played.stdout)

@@ -12,11 +12,13 @@ from emulated import ARM
 from made_trajectories import hold
 from test_servo_commands import call
 
-from robot_retarget.errors import ServoError
+from robot_retarget.errors import ServoError, TrajectoryError
 from robot_retarget.goals import Goals
+from robot_retarget.report_file import sealed
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
 from robot_retarget.servo.map import Servo, ServoMap
+from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 QPOS = np.zeros((11, 4))
@@ -24,21 +26,91 @@ GOALS = Goals(0.1 * np.sin(np.arange(151)[:, None] / 20) * np.ones(4), 125.0, 0.
 JUDGED = Trajectory(QPOS, 50, ARM.joints, "arm", goals=GOALS)
 
 
-def passing(folder: Path, trajectory: Trajectory = JUDGED, **changes: Any) -> Path:
-    """A trajectory's file with a report that says pass, but for the changes."""
+PASS = {
+    "verdict": "pass",
+    "reasons": [],
+    "figures": {},
+    "robot": "arm",
+    "format_version": 3,
+    "version": "9",
+    "mode": "free",
+}
+
+
+def passing(folder: Path, trajectory: Trajectory = JUDGED, name: str = "report.json", **changes: Any) -> Path:
+    """A trajectory's file with a sealed report that says pass, but for the changes."""
     path = trajectory.save(folder / "t.npz")
-    content = {"verdict": "pass", "reasons": [], "figures": {"mode": "free"}, "format_version": 2, "version": "9"}
-    (folder / "report.json").write_text(json.dumps(content | {"trajectory_sha256": fingerprint(path)} | changes))
+    content = sealed(PASS | {"thresholds": {}, "trajectory_sha256": fingerprint(path)} | changes)
+    (folder / name).write_text(json.dumps(content))
     return path
 
 
 def test_goals_that_passed_on_these_servos_may_be_sent(tmp_path: Path) -> None:
     path = passing(tmp_path)
-    assert require_judged(path, load_trajectory(path), ARM, "arm.toml") == "free"
+    require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
+@pytest.mark.parametrize(
+    "edit", [{"verdict": "pass", "reasons": []}, {"mode": "free"}, {"thresholds": {}}, {"robot": "leg"}]
+)
+def test_a_report_that_was_edited_is_refused(tmp_path: Path, edit: dict[str, Any]) -> None:
+    loose = {"tracking_rms": {"value": "inf", "default": "0.2"}}
+    path = passing(tmp_path, verdict="fail", reasons=["fell"], mode="pinned", thresholds=loose)
+    report = tmp_path / "report.json"
+    report.write_text(json.dumps(json.loads(report.read_text()) | edit))
+    with pytest.raises(ServoError, match=r"report\.json was edited since it was written; judge it anew"):
+        require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
+def test_a_pass_with_the_pelvis_held_plays_only_where_that_is_said(tmp_path: Path) -> None:
+    path = passing(tmp_path, mode="pinned")
+    with pytest.raises(
+        ServoError, match=r"passed in mode pinned .*, not free; --mode pinned plays it on a robot that is"
+    ):
+        require_judged(path, JUDGED, ARM, "arm.toml")
+    require_judged(path, JUDGED, ARM, "arm.toml", mode="pinned")
+
+
+def test_a_pinned_report_does_not_stand_in_for_a_free_one_that_failed(tmp_path: Path) -> None:
+    passing(tmp_path, name="report.pinned.json", mode="pinned")
+    path = passing(tmp_path, verdict="fail", reasons=["fell: j1 touched the floor"])
+    with pytest.raises(ServoError, match="did not pass: fell: j1"):
+        require_judged(path, JUDGED, ARM, "arm.toml")
+    require_judged(path, JUDGED, ARM, "arm.toml", mode="pinned")
+
+
+def test_thresholds_above_the_defaults_need_a_flag(tmp_path: Path) -> None:
+    own = Thresholds(tracking_rms=float("inf"), foot_slip=0.005).changed
+    path = passing(tmp_path, thresholds=own)
+    with pytest.raises(ServoError, match=r"above the defaults \(tracking_rms inf, default 0\.2\); --loose-thresholds"):
+        require_judged(path, JUDGED, ARM, "arm.toml")
+    require_judged(path, JUDGED, ARM, "arm.toml", loose=True)
+    require_judged(passing(tmp_path, thresholds=Thresholds(foot_slip=0.005).changed), JUDGED, ARM, "arm.toml")
+
+
+def test_a_trajectory_of_another_robot_than_judged_is_refused(tmp_path: Path) -> None:
+    path = passing(tmp_path, replace(JUDGED, robot="leg"))
+    with pytest.raises(ServoError, match=r"is of the robot 'leg', .*report\.json of 'arm'"):
+        require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
+@pytest.mark.parametrize(
+    "nonsense", [{"thresholds": [1]}, {"thresholds": {"a": 1}}, {"mode": [1]}, {"reasons": 1, "verdict": 2}]
+)
+def test_a_sealed_report_of_nonsense_is_refused_in_a_sentence(tmp_path: Path, nonsense: dict[str, Any]) -> None:
+    path = passing(tmp_path, **nonsense)
+    with pytest.raises(ServoError, match="judge it anew"):
+        require_judged(path, JUDGED, ARM, "arm.toml")
+
+
+@pytest.mark.parametrize("rate", [0.5, 1001.0, 1e9, float("nan")])
+def test_goals_come_at_a_rate_that_servos_take(rate: float) -> None:
+    with pytest.raises(TrajectoryError, match="goals_rate must be in 1 … 1000"):
+        replace(GOALS, rate=rate)
 
 
 def test_calibration_and_bus_are_the_robot_s_own_affair() -> None:
-    own = ServoMap("mine", tuple(replace(s, id=s.id + 9, zero=s.zero + 3, sign=-s.sign) for s in ARM.servos), 57600)
+    own = ServoMap("arm", tuple(replace(s, id=s.id + 9, zero=s.zero + 3, sign=-s.sign) for s in ARM.servos), 57600)
     assert own != ARM and own.fingerprint == ARM.fingerprint
 
 
@@ -48,7 +120,7 @@ def test_calibration_and_bus_are_the_robot_s_own_affair() -> None:
         ({"verdict": "fail", "reasons": ["fell: j1 touched the floor"]}, "did not pass: fell: j1"),
         ({"trajectory_sha256": "0"}, "about another trajectory than .*, or it was edited since"),
         ({"format_version": None, "version": "0.1.0"}, r"a report of another version \(0\.1\.0\)"),
-        ({"format_version": 1}, "a report of another version"),
+        ({"format_version": 2}, "a report of another version"),
     ],
 )
 def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
@@ -59,9 +131,10 @@ def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: d
 
 def test_a_missing_or_broken_report_is_refused(tmp_path: Path) -> None:
     path = passing(tmp_path)
-    (tmp_path / "report.json").write_text("[1]")
-    with pytest.raises(ServoError, match="is no report; judge it anew"):
-        require_judged(path, JUDGED, ARM, "arm.toml")
+    for text in ("[1]", "{", "[" * 100_000):
+        (tmp_path / "report.json").write_text(text)
+        with pytest.raises(ServoError, match=r"no report.*; judge it anew"):
+            require_judged(path, JUDGED, ARM, "arm.toml")
     (tmp_path / "report.json").unlink()
     with pytest.raises(ServoError, match=r"no report at .*; judge it anew"):
         require_judged(path, JUDGED, ARM, "arm.toml")
@@ -81,6 +154,7 @@ def test_a_file_without_goals_or_with_edited_ones_is_refused(tmp_path: Path) -> 
 
 
 OTHER = {
+    "robot": replace(ARM, robot="leg"),
     "speed": replace(ARM, limits=replace(ARM.limits, speed=3.0)),
     "jump": replace(ARM, limits=replace(ARM.limits, jump=0.4)),
     "model": replace(ARM, servos=(replace(ARM.servos[0], model="XM430-W210"), *ARM.servos[1:])),
@@ -109,6 +183,9 @@ def test_simulate_keeps_what_play_sends_and_the_command_of_a_refusal_mends_it(tm
     op3 = load_robot("op3")
     path = hold(op3, 0.4).save(tmp_path / "stand.npz")
     play = ("play", path, "--servos", "op3", "--dry-run", "--json")
+    held = call("simulate", path, "--robot", "op3", "--mode", "pinned")
+    assert held.returncode == 0 and (tmp_path / "report.pinned.json").exists()
+    assert call(*play, "--mode", "pinned").returncode == 0
     refused = call(*play)
     assert refused.returncode == 2 and "no report at" in refused.stderr
     command = shlex.split(refused.stderr.replace("\n", " ").partition("judge it anew: ")[2])

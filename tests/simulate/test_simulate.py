@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.report_file import content_sha256
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.servo_model import drives_of
@@ -181,7 +182,8 @@ def test_the_report_of_a_simulation_is_the_contract_and_names_the_file(tmp_path)
     report = simulate(trajectory.save(tmp_path / "t.npz"), OP3)
     kept = json.loads(report.save(tmp_path / "report.json").read_text(encoding="utf-8"))
     contract = ["verdict", "reasons", "figures", "trajectory_sha256", "robot", "version"]
-    assert list(kept) == [*contract, "format_version", "unlike", "badge"]
+    assert list(kept) == [*contract, "format_version", "unlike", "badge", "mode", "thresholds", "report_sha256"]
+    assert kept["report_sha256"] == content_sha256(kept) != content_sha256(kept | {"verdict": "pass"})
     assert report.trajectory is not None
     path = report.trajectory.save(tmp_path / "t.npz")
     assert kept["trajectory_sha256"] == fingerprint(path) == simulate(trajectory, OP3).trajectory_sha256
