@@ -16,8 +16,8 @@ from robot_retarget.goals import FIELDS as GOAL_FIELDS
 from robot_retarget.goals import Goals, read_goals, require_angles
 from robot_retarget.notebook import card, frame
 
-FORMAT_VERSION = 2
-"""1: without `source_time` and goals; still read."""
+FORMAT_VERSION = 3
+"""1: without `source_time` and goals. 2: without `source_sha256`, and `source_time` counts from the first frame used. Both are read."""
 FIELDS = {
     "qpos": Field("number", ("T", "nq")),
     "fps": Field("number"),
@@ -26,6 +26,7 @@ FIELDS = {
     "source": Field("text"),
     "format_version": Field("integer", bounds=(1, FORMAT_VERSION)),
     "source_time": Field("number", ("T",), required=False),
+    "source_sha256": Field("text", required=False),
     **GOAL_FIELDS,
 }
 """Of the trajectory file."""
@@ -56,9 +57,11 @@ class Trajectory:
     """The motion it came from."""
     notes: tuple[str, ...] = field(default=())
     source_time: Floats = field(default_factory=lambda: np.zeros(0))
-    """(T,) the time in the source that each frame answers to [s]; left out, that of its own: k / fps."""
+    """(T,) time in the source file of each frame [s]; k / fps by default."""
     goals: Goals | None = None
-    """What the servos are sent in its place, where it was simulated."""
+    """Goals of the servos, once it is simulated."""
+    source_sha256: str = ""
+    """The hash of the source file (`Motion.source_sha256`); empty if unknown."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "qpos", frozen(self.qpos))
@@ -135,6 +138,18 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.qpos)
 
+    def require_source(self, source: str, sha256: str) -> None:
+        """Require that a motion is the one this trajectory was made of, by its hash, or by its name if the hash is unknown.
+
+        Raises:
+            TrajectoryError: it is another one.
+        """
+        hashed = bool(self.source_sha256 and sha256)
+        own, given = Path(self.source).name, Path(source).name
+        if self.source_sha256 != sha256 if hashed else own and Path(own).stem != Path(given).stem:
+            why = "their contents differ" if hashed else "their names differ"
+            raise TrajectoryError(f"the trajectory was made of {own or 'another motion'}, not of {given}: {why}")
+
     @property
     def duration(self) -> float:
         """From the first frame to the last [s]."""
@@ -163,6 +178,7 @@ class Trajectory:
             source=self.source,
             format_version=FORMAT_VERSION,
             source_time=self.source_time,
+            source_sha256=self.source_sha256,
             **(self.goals.arrays() if self.goals else {}),
         )
         return stream.getvalue()
@@ -202,6 +218,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
             str(values["source"]),
             source_time=values.get("source_time", np.zeros(0)),
             goals=read_goals(values),
+            source_sha256=str(values.get("source_sha256", "")),
         )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None

@@ -90,9 +90,17 @@ def test_simulate_takes_thresholds_and_writes_a_page(solved: Path, tmp_path: Pat
 def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
     done = run("simulate", solved, "--robot", "op3", "--json")
     report = json.loads(done.stdout)
-    assert {"verdict", "reasons", "figures", "trajectory_sha256", "robot", "version", "format_version", "unlike"} == {
-        *report
-    }
+    assert {
+        "verdict",
+        "reasons",
+        "figures",
+        "trajectory_sha256",
+        "robot",
+        "version",
+        "format_version",
+        "unlike",
+        "badge",
+    } == {*report}
     assert done.returncode == (0 if report["verdict"] == "pass" else 1)
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
-from robot_retarget.cli.stages import load, read_clip
+from robot_retarget.cli.options import Force, Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
+from robot_retarget.cli.stages import load, read_clip, require_source
 
 commands = typer.Typer()
 
@@ -25,6 +25,7 @@ def mend(
     up: Up = None,
     map_file: Overrides = None,
     limits: Limits = None,
+    force: Force = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -37,8 +38,9 @@ def mend(
 
     require_writable(output)
     model, edits = load(robot, limits), read_edits(edges)
-    played = load_trajectory(trajectory, model)
-    made, told = all_mended(graph_of(read_clip(motion, frames, up=up), model, played, map_file), played, edits)
+    played, clip = load_trajectory(trajectory, model), read_clip(motion, frames, up=up)
+    require_source(played, clip, force)
+    made, told = all_mended(graph_of(clip, model, played, map_file), played, edits)
     made.save(output)
     facts = {"output": str(output), "edits": len(edits), "reached": told}
     console.tell(facts, "\n".join([*told, f"wrote {output}; simulate it before you play it"]), json)

@@ -73,6 +73,7 @@ Up = Annotated[
     str | None,
     typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default told from the poses."),
 ]
+Force = Annotated[bool, typer.Option("--force", help="Accept a motion that the trajectory was not made of.")]
 Repair = Annotated[
     bool,
     typer.Option(

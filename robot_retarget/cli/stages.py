@@ -276,6 +276,21 @@ def read_clip(
         raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
 
 
+def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
+    """Require that a trajectory was made of a motion, unless forced.
+
+    Raises:
+        UsageError: it was made of another one.
+    """
+    from robot_retarget.errors import TrajectoryError
+
+    try:
+        trajectory.require_source(motion.source, motion.source_sha256)
+    except TrajectoryError as error:
+        if not force:
+            raise UsageError(f"{error}; --force accepts it") from error
+
+
 def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
     """A robot by name or file, its missing limits and its servos from files of their own."""
     from robot_retarget.robot import load_robot

@@ -7,8 +7,8 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
-from robot_retarget.cli.options import Frames, Json, Limits, Overrides, Quiet, Up
-from robot_retarget.cli.stages import FILM_COST, load, read_clip
+from robot_retarget.cli.options import Force, Frames, Json, Limits, Overrides, Quiet, Up
+from robot_retarget.cli.stages import FILM_COST, load, read_clip, require_source
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def view(
     port: Annotated[int, typer.Option(help="Where to serve the page; 0 takes a free port.")] = 8410,
     browser: Annotated[bool, typer.Option(help="Open a browser on it, where there is a screen.")] = True,
     limits: Limits = None,
+    force: Force = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -58,7 +59,7 @@ def view(
     for path in filter(None, (static, video, gif, strip)):
         require_writable(path)
     clip = None if motion is None else read_clip(motion, frames, up=up)
-    takes = _takes(trajectories, robot, clip, map_file, simulated, limits)
+    takes = _takes(trajectories, robot, clip, map_file, simulated, limits, force)
     _draw(takes[0], video, gif, strip)
     if static is not None:
         page = Viewer(takes).save(static)
@@ -77,6 +78,7 @@ def _takes(
     map_file: Path | None,
     mode: str | None,
     limits: Path | None,
+    force: bool,
 ) -> "tuple[Take, ...]":
     from robot_retarget.formats import load_trajectory
     from robot_retarget.simulate.rollout import simulate
@@ -88,6 +90,8 @@ def _takes(
     takes = []
     for path, name in zip(trajectories, robots * (len(trajectories) // len(robots)), strict=True):
         played = load_trajectory(path, models[name])
+        if clip is not None:
+            require_source(played, clip, force)
         report = None if mode is None else simulate(played, models[name], mode=mode)
         takes.append(take_of(played, models[name], clip, overrides=map_file, report=report))
     return tuple(takes)

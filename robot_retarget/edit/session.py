@@ -9,7 +9,6 @@ from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.edit.touchup import Mended, mended
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion
-from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
@@ -20,7 +19,7 @@ def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: st
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
     """
-    in_step = at_frames(motion, trajectory.source_time * motion.fps, trajectory.fps)
+    in_step = motion.at_source_time(trajectory.source_time, trajectory.fps)
     return describe(in_step, robot, fps=trajectory.fps, overrides=overrides)
 
 

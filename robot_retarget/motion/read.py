@@ -1,6 +1,8 @@
 """One door for every motion file: the content chooses the reader, `upright` does the rest."""
 
+import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.errors import MotionError, UsageError
@@ -49,7 +51,15 @@ def read_motion(
         capture = chosen.read(file, request)
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
-    return upright(capture, up, repair)
+    return replace(upright(capture, up, repair), source_sha256=_hashed(file, clip))
+
+
+def _hashed(file: Path, clip: str | None) -> str:
+    """The hash of a file, and of the name of a motion in it."""
+    with file.open("rb") as content:
+        digest = hashlib.file_digest(content, "sha256")
+    digest.update((clip or "").encode())
+    return digest.hexdigest()
 
 
 def _part(path: Path) -> tuple[Path, str | None]:

@@ -43,7 +43,8 @@ def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
     """
     at = np.clip(frames, 0, len(motion) - 1)
     contacts = None if motion.contacts is None else motion.contacts[np.round(at).astype(int)]
-    motion = replace(motion, contacts=None)
+    began = motion.start_time + float(frames[0]) / motion.fps if len(frames) else motion.start_time
+    motion = replace(motion, contacts=None, start_time=began)
     if len(motion) == 1:
         return replace(
             motion,

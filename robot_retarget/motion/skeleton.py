@@ -92,6 +92,10 @@ class Motion:
     """The clip that this was cut out of: what it is recognised by, and what tells its floor. Once changed it is no part any more."""
     start: int = field(default=0, compare=False)
     """Frame of the whole with which it begins."""
+    start_time: float = 0.0
+    """Time in the source file of the first frame [s]."""
+    source_sha256: str = ""
+    """The hash of the source file; empty for a motion made in memory."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))
@@ -162,6 +166,17 @@ class Motion:
         """From the first frame to the last [s]."""
         return (len(self) - 1) / self.fps
 
+    @property
+    def source_time(self) -> Floats:
+        """(T,) time in the source file of every frame [s]."""
+        return self.start_time + np.arange(len(self)) / self.fps
+
+    def at_source_time(self, times: Floats, fps: float) -> "Motion":
+        """Return the motion at times (T,) in the source file [s], played at `fps`; times beyond it take its ends."""
+        from robot_retarget.motion.resample import at_frames
+
+        return at_frames(self, (times - self.start_time) * self.fps, fps)
+
     def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
         """The frames start … stop − 1, a part that keeps the clip's map, floor and contacts.
 
@@ -180,6 +195,7 @@ class Motion:
             contacts=contacts,
             whole=self.clip,
             start=self.span.start + start,
+            start_time=self.start_time + start / self.fps,
         )
 
     def resample(self, fps: float) -> "Motion":

@@ -57,7 +57,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     notes = (*axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
-    return _motion(capture, metres, axis, notes)
+    return replace(_motion(capture, metres, axis, notes), start_time=proper.start / capture.fps)
 
 
 def signed_axis(name: str) -> str:

@@ -118,6 +118,8 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     """
     found = apply_override(recognise(motion.skeleton, motion.clip.positions), motion.skeleton, lines)
     shared = tuple(k for k in COMPARED if k in found.marks and k in body.spots)
-    nearest = np.clip(np.round(trajectory.source_time * motion.fps).astype(int), 0, len(motion) - 1)
+    nearest = np.clip(
+        np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int), 0, len(motion) - 1
+    )
     human = found.place(motion.positions[nearest])[:, [found.keypoints.index(k) for k in shared]]
     return Pair(shared, human, body.places(robot, shared, trajectory.qpos))

@@ -66,7 +66,12 @@ def solution_of(
         anticipating: whether interaction edges were minimised too.
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
-    trajectory = Trajectory(qpos, graph.fps, graph.robot.joint_names, graph.robot.name, Path(graph.motion.source).name)
+    motion = graph.motion
+    source, times = Path(motion.source).name, motion.source_time[: len(qpos)]
+    trajectory = Trajectory(
+        qpos, graph.fps, graph.robot.joint_names, graph.robot.name, source,
+        source_time=times, source_sha256=motion.source_sha256,
+    )  # fmt: skip
     measured = measured_by(problem, graph, qpos)
     every = np.concatenate(list(measured.values()), axis=1)
     stress = {name: edges.sum(axis=1) for name, edges in stresses(graph.tracks, every).items()}

@@ -7,7 +7,6 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion
-from robot_retarget.motion.resample import at_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.simulate.report import Report
@@ -88,4 +87,4 @@ def take_of(
 
 def _in_step(motion: Motion, trajectory: Trajectory) -> Motion:
     """The motion at the frames of the trajectory."""
-    return at_frames(motion, trajectory.source_time * motion.fps, trajectory.fps)
+    return motion.at_source_time(trajectory.source_time, trajectory.fps)
