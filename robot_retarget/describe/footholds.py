@@ -101,6 +101,38 @@ def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]
     return float(np.linalg.norm((left - right)[:2])) / 2, own
 
 
+def relaxed(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
+    """Free both feet while the robot's legs cannot put them on their footholds together.
+
+    The legs put the feet to `corners` by themselves. Footholds that differ from these by more than `reach`, after the best
+    common shift and turn, ask for another placement of one foot relative to the other than the legs can give.
+
+    Args:
+        held: (T, F, 4) which corners stand.
+        corners: (T, F, 4, 3) where the legs put the corners [m].
+        reach: [m].
+        fixed: number of frames at the beginning that stay as they are.
+
+    Returns:
+        (T, F, 4) which corners stand.
+    """
+    held = held.copy()
+    while True:
+        places = np.stack([settled(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])], axis=1)
+        both = np.flatnonzero(np.asarray(held.any(axis=2)).sum(axis=1) > 1)
+        apart = [t for t in both if t >= fixed and _misfit(corners[t][held[t]], places[t][held[t]]) > reach]
+        if not apart:
+            return held
+        held[apart] = False
+
+
+def _misfit(corners: Floats, places: Floats) -> float:
+    """Return the largest distance between points (N, 3) along the floor after the best common shift and turn [m]."""
+    a, b = ((x[:, 0] + 1j * x[:, 1]) - (x[:, 0] + 1j * x[:, 1]).mean() for x in (corners, places))
+    turn = (a.conj() * b).sum()
+    return float(np.abs(a * turn / max(abs(turn), 1e-12) - b).max())
+
+
 def settled(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
     """(T, 4, 3) one foot at its footholds while it stands, on its swing reference while it does not [m].
 

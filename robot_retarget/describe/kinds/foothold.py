@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.footholds import Footholds, footholds_of, settled
+from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, settled
 from robot_retarget.describe.kinds.kind import AXES, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.soles import CORNER_NAMES
@@ -27,6 +27,10 @@ class Foothold:
     name: str = "foothold"
     tilting: float = 20.0
     """π across the floor of soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
+
+    reach: float = 0.1
+    """Feet whose footholds are farther than this from where the legs put them do not stand both, over the leg [-]: 0.03 … 0.1
+    in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips do."""
 
     def wish(self, scene: Scene) -> Track | None:
         """Footholds read off the human."""
@@ -62,11 +66,21 @@ class Foothold:
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
         """Footholds where the robot puts its feet by itself: measured (T, E) corners [m], the first frames `fixed`."""
-        held = self._held(track)
-        corners = measured.reshape(*held.shape, len(AXES))
+        stood = self._held(track)
+        corners = measured.reshape(*stood.shape, len(AXES))
+        held = relaxed(stood, corners, self.reach * float(track.scale[0]), fixed)
         places = [settled(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
         places = np.stack(places, axis=1).reshape(measured.shape)
-        return replace(track, lower=places, upper=places)
+        priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
+        return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
+
+    @staticmethod
+    def _freed(priority: Floats, freed: np.ndarray) -> Floats:
+        """Return π (T, F, 4, 3) where freed corners stay on the floor, but follow their reference along it as in swing."""
+        swing = priority[(priority > 0) & (priority < HARD)]
+        priority = priority.copy()
+        priority[freed, :2] = np.median(swing) if swing.size else 0.0
+        return priority
 
     @staticmethod
     def _held(track: Track) -> np.ndarray:
