@@ -22,6 +22,8 @@ _RATIO = {"arm": 1.17, "leg": 1.0}
 """Upper over lower bone: the medians of 14 exporters (0.9 to 1.5 and 0.8 to 1.4)."""
 _ARM_TO_LEG = 0.61
 """Shoulder to wrist over hip to ankle: the median of the same 14 (0.47 to 0.68)."""
+_LONGEST = 32
+"""Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
 _ELSEWHERE = 0.05
 """Two joints are at one place where they are nearer than this share of the limb."""
 _BOTH = 4.0
@@ -182,6 +184,8 @@ def _pairs(body: Body, kind: str) -> list[Pair]:
         branches = [child for child in children if body.branch(child) > long]
         for left, right in combinations(branches, 2):
             chains = body.chain(left), body.chain(right)
+            if max(map(len, chains)) > _LONGEST:
+                continue
             one, two = _fit(body, chains[0], chains[1], kind), _fit(body, chains[1], chains[0], kind)
             if one is not None and two is not None:
                 uneven = abs(np.log(one.upper / two.upper)) + abs(np.log(one.lower / two.lower))
@@ -207,6 +211,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
     points = body.positions[:, list(chain)]
     apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
     mean, spread = apart.mean(axis=0), apart.std(axis=0)
+    bulges = _bulges(mean)
     below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
     between = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3).mean(axis=0).min(axis=1)
     # A sword in one hand makes that chain longer, not its arm.
@@ -221,7 +226,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
         score = (
             max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0 + 2.0 * max(named, 0.0))
             + 1.5 * min(0.0, np.log((upper + lower) / total))
-            - 4 * (_bulge(mean, a, b) + _bulge(mean, b, c))
+            - 4 * (bulges[a, b] + bulges[b, c])
             - min(4.0, 20 * (spread[a, b] / upper + spread[b, c] / lower))
             - min(3.0, 2 * max(0.0, below[c] / lower - 0.95))
             - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
@@ -246,11 +251,16 @@ def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:
     return "clavicle" in senses[0].parts and any(sense.agreement(part) > 0 for sense in senses[1:])
 
 
-def _bulge(mean: Floats, a: int, b: int) -> float:
-    """How far the joints between two others stand off their line, over its length (Heron's formula)."""
-    base, worst = mean[a, b], 0.0
-    for k in range(a + 1, b):
-        s = (base + mean[a, k] + mean[k, b]) / 2
-        area = np.sqrt(max(0.0, s * (s - base) * (s - mean[a, k]) * (s - mean[k, b])))
-        worst = max(worst, 2 * area / base**2)
+def _bulges(mean: Floats) -> Floats:
+    """(N, N) how far the joints between two others stand off their line, over its length (Heron's formula).
+
+    Args:
+        mean: (N, N) distances between the joints of a chain.
+    """
+    worst = np.zeros_like(mean)
+    for a, b in combinations(range(len(mean)), 2):
+        base, first, second = mean[a, b], mean[a, a + 1 : b], mean[a + 1 : b, b]
+        s = (base + first + second) / 2
+        squared = s * (s - base) * (s - first) * (s - second)
+        worst[a, b] = 2 * np.sqrt(np.maximum(squared, 0.0)).max(initial=0.0) / max(base**2, 1e-12)
     return worst
