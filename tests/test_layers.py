@@ -49,7 +49,7 @@ LIBRARIES = {
     "rich": ("cli/console.py", "cli/bars.py"),
     "pythonosc": ("live/protocols/osc.py", "live/send.py"),
     "matplotlib": ("view/",),
-    "ezc3d": ("motion/formats/c3d/file.py",),
+    "ezc3d": ("motion/formats/c3d/child.py",),
     "fast_simplification": ("view/web/",),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -174,3 +174,13 @@ def test_a_missing_marker_a_strange_unit_and_a_cut_file_are_named(tmp_path):
     (tmp_path / "cut.c3d").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(MotionError, match="truncated: 149 of 300 frames are there"):
         read_motion(tmp_path / "cut.c3d")
+
+
+@pytest.mark.parametrize("place", [525, 681, 912, 1033, 1243])
+def test_a_changed_byte_at_which_ezc3d_crashes_is_a_sentence_and_the_interpreter_lives(place, tmp_path):
+    path = written(tmp_path / "a.c3d", adult())
+    data = bytearray(path.read_bytes())
+    data[place] = 255
+    path.write_bytes(data)
+    with pytest.raises(MotionError, match=r"a\.c3d"):
+        c3d.read(path, Request())

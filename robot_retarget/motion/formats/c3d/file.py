@@ -1,7 +1,10 @@
 """C3D files of labelled markers: joint centres by published regressions (`markers`)."""
 
-import re
+import importlib.util
 import struct
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +12,12 @@ import numpy as np
 
 from robot_retarget.errors import MotionError, install_line
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.c3d import child
 from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centres
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.unpack import load_npz
 
 _BIG_ENDIAN = 86
 """The kind of processor whose numbers begin with their highest byte."""
@@ -51,25 +56,34 @@ def read(path: Path, request: Request) -> Capture:
 
 def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
     """Each point's subject and label, the points (T, M, 3) in metres, NaN where lost, and their rate [1/s]."""
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path) from error
-    try:
-        file = ezc3d.c3d(str(path))
-        said, data = file["parameters"]["POINT"], file["data"]["points"]
-    except (RuntimeError, OSError, ValueError, KeyError, IndexError) as error:
-        raise MotionError(
-            f"not a C3D file that can be read: {str(error).strip() or 'it is cut short'}", path
-        ) from error
-    points = np.moveaxis(np.asarray(data, dtype=float)[:3], 0, 2).transpose(1, 0, 2)
+    stated = _decoded(path)
+    points = np.moveaxis(stated["points"], 0, 2).transpose(1, 0, 2)
     if not points.size:
         raise MotionError("POINT: it holds no points over time", path)
     points[(points == 0).all(axis=2)] = np.nan
-    titles = [_parts(label) for label in _all_labels(said)]
+    titles = [_parts(label) for label in stated["labels"].tolist()]
     titles = [*titles, *[("", "")] * points.shape[1]][: points.shape[1]]
-    rate = [value for value in said.get("RATE", {}).get("value", []) if value > 0]
-    return titles, points * _unit(said, path), float(rate[0]) if rate else None
+    rate = stated["rate"][stated["rate"] > 0]
+    return titles, points * _unit(stated["units"].tolist(), path), float(rate[0]) if rate.size else None
+
+
+def _decoded(path: Path) -> dict[str, np.ndarray]:
+    """The points and parameters of a file, decoded in another process.
+
+    Raises:
+        MotionError: ezc3d is not installed, or refuses the file, or crashes at it.
+    """
+    if importlib.util.find_spec("ezc3d") is None:
+        raise MotionError(f"C3D files need ezc3d: {install_line('c3d')}", path)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "points.npz"
+        command = [sys.executable, child.__file__, str(path.absolute()), str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        if done.returncode == child.BROKEN:
+            raise MotionError(f"not a C3D file that can be read: {done.stderr.strip().splitlines()[-1]}", path)
+        if done.returncode != 0:
+            raise MotionError("not a C3D file that can be read: ezc3d crashes at it, so its counts are broken", path)
+        return dict(load_npz(out).items())
 
 
 def _announced(path: Path) -> int:
@@ -80,20 +94,14 @@ def _announced(path: Path) -> int:
     return last - first + 1
 
 
-def _all_labels(said: Any) -> list[str]:
-    """Labels beyond 255 stand in LABELS2 and on."""
-    keys = ["LABELS", *sorted(key for key in said if re.fullmatch(r"LABELS\d+", key))]
-    return [str(label) for key in keys if key in said for label in said[key]["value"]]
-
-
 def _parts(label: str) -> tuple[str, str]:
     """`Anna:LKNE` as subject and label."""
     subject, _, bare = label.rpartition(":")
     return subject.strip(), bare.strip().upper()
 
 
-def _unit(said: Any, path: Path) -> float:
-    units = {str(unit).strip().lower() for unit in said.get("UNITS", {}).get("value", ["mm"])} - {""} or {"mm"}
+def _unit(stated: list[str], path: Path) -> float:
+    units = {unit.strip().lower() for unit in stated} - {""} or {"mm"}
     if len(units) > 1 or not units <= UNITS.keys():
         raise MotionError(f"POINT:UNITS: expected one of {', '.join(UNITS)}, found {', '.join(sorted(units))}", path)
     return UNITS[units.pop()]
