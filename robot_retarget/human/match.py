@@ -11,8 +11,9 @@ from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, parents_within
-from robot_retarget.motion import Motion, Recognition, apply_override, recognise
-from robot_retarget.robot import Anatomy, Points, Robot, recognise_with, world_points
+from robot_retarget.motion import Motion, Recognition, recognise_with
+from robot_retarget.robot import Anatomy, Points, Robot, world_points
+from robot_retarget.robot import recognise_with as recognise_robot_with
 
 TABLES = ("human", "robot")
 
@@ -94,9 +95,8 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
             share too little.
     """
     tables = read_map(Path(overrides)) if overrides is not None else {}
-    recognition = recognise(motion.skeleton, motion.clip.positions)
-    recognition = apply_override(recognition, motion.skeleton, tables.get("human", {}))
-    anatomy = recognise_with(robot, tables.get("robot", {}))
+    recognition = recognise_with(motion.skeleton, motion.clip.positions, tables.get("human", {}))
+    anatomy = recognise_robot_with(robot, tables.get("robot", {}))
     return match_bodies(motion, robot, recognition, anatomy)
 
 

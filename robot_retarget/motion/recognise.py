@@ -6,6 +6,7 @@ works in any unit and any axes, on the names of any exporter, and with less cert
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,24 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
     return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, sided.notes)
 
 
-def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, str | list[str]]) -> Recognition:
+def recognise_with(skeleton: Skeleton, positions: Floats, table: Mapping[str, Any]) -> Recognition:
+    """Find the keypoints of a skeleton, given the table `[human]` of a map file.
+
+    A table that names every keypoint is used even if nothing is recognised.
+
+    Raises:
+        MatchError: Nothing is recognised and the table lacks a keypoint, or it names what is not there.
+    """
+    try:
+        found = recognise(skeleton, positions)
+    except MatchError as error:
+        if not table.keys() >= set(KEYPOINTS):
+            raise
+        found = Recognition({}, (f"{error}; the map, which names every keypoint, is used",))
+    return apply_override(found, skeleton, table)
+
+
+def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, Any]) -> Recognition:
     """Replace keypoints by the joints a user names: `l_hand = "LeftHand"`, or several whose mean is taken.
 
     Raises:

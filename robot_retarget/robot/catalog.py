@@ -15,7 +15,7 @@ from robot_retarget.robot.model import Robot, robot_from_model
 from robot_retarget.robot.names import described
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.servos import with_servos
-from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, urdf_notes, urdf_speeds
+from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, rod_notes, urdf_notes, urdf_speeds
 from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import MODELS
 
@@ -78,6 +78,7 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
         model = spec.compile()
     except ValueError as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+    notes = (*rod_notes(path), *notes)
     if is_urdf(path):
         notes = (*urdf_notes(path), *notes)
         tables = {**tables, "speed": {**urdf_speeds(path), **tables.get("speed", {})}}

@@ -13,13 +13,16 @@ LEFT_WORDS = {"l", "left", "ll", "fl"}
 RIGHT_WORDS = {"r", "right", "lr", "fr"}
 ELBOW_WORDS = {"elbow", "el", "elb", "forearm", "lowerarm", "radius", "lradius", "rradius"}
 KNEE_WORDS = {"knee", "kne", "shin", "tibia", "shank", "kfe", "calf"}
-ARM_WORDS = ELBOW_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
-_FINGER_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little"}
+GRASP_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little", "gripper", "claw", "jaw"}
+"""Names of fingers and grippers, which are neither legs nor heads."""
+ARM_WORDS = ELBOW_WORDS | GRASP_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
 _LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
 TWIST = 0.7
 """An axis whose direction has at least this cosine with the limb turns the limb about itself."""
 MEETING = 0.25
 """Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
+CANTED = 0.5
+"""A hip flexion axis has at least this cosine with the hip line; robots cant it by up to 45°."""
 UNDER = 0.3
 """A knee is under a hip, and under the axes that meet there, by this share of the thigh."""
 MIRROR = 0.1
@@ -88,13 +91,13 @@ class Pair:
 
 
 def mirrored_pairs(links: Links) -> list[Pair]:
-    """Every pair of leaves whose chains mirror each other in a vertical plane."""
+    """Every pair of leaves whose chains mirror each other in a vertical plane, other than the fingers of one hand."""
     pairs = []
     for a, b in itertools.combinations(links.leaves, 2):
         path_a, path_b = links.path(a), links.path(b)
         shared = sum(x == y for x, y in zip(path_a, path_b, strict=False))
         pair = _mirrored(links, path_a[shared - 1], (path_a[shared:], path_b[shared:]))
-        if pair is not None:
+        if pair is not None and not any(words(links.words(limb)) & GRASP_WORDS for limb in pair.limbs):
             pairs.append(pair)
     return [p for p in pairs if p.miss <= min(other.miss for other in pairs if other.limbs == p.limbs) + TWIN]
 
@@ -155,7 +158,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
 
     Nothing where the knee is not under the hip: a robot that lies or stands on its head.
     """
-    flexions = [a for a in chain.axes if abs(a.direction @ lateral) > 0.8]
+    flexions = _flexions(chain, lateral)
     if len(flexions) < 2:
         return {}
     hip_axis, knee_axis = flexions[:2]
@@ -167,11 +170,24 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     later = [a for a in flexions if a.anchor[2] < knee_axis.anchor[2] - 0.05 * chain.reach]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = knee_axis.nearest(ankle.point)
-    thigh = hip_axis.nearest(knee) - knee
+    beside = hip_axis.beside(knee, lateral)
+    thigh = beside - knee
     if thigh[2] <= UNDER * np.linalg.norm(thigh):
         return {}
-    hip = _hip(links, chain, hip_axis, knee)
+    hip = _hip(links, chain, hip_axis, beside, knee)
     return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
+
+
+def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
+    """The axes that flex a leg: those parallel to the hip line, after the axis of a hip whose flexion axis is canted."""
+    along = [abs(float(a.direction @ lateral)) for a in chain.axes]
+    parallel = [a for a, cosine in zip(chain.axes, along, strict=True) if cosine > 0.8]
+    if not parallel:
+        return []
+    before = chain.axes.index(parallel[0])
+    above = [k for k in range(before) if chain.axes[k].anchor[2] > parallel[0].anchor[2] + UNDER * chain.reach]
+    hip = max(above, key=along.__getitem__, default=None)
+    return parallel if hip is None or along[hip] < CANTED else [chain.axes[hip], *parallel]
 
 
 def foot_links(links: Links, legs: Pair) -> list[int]:
@@ -209,9 +225,8 @@ def _twists(axis: Axis, start: Axis, end: Axis) -> bool:
     return bool(abs(axis.direction @ limb) > TWIST * np.linalg.norm(limb))
 
 
-def _hip(links: Links, chain: Chain, flexion: Axis, knee: Floats) -> Centre:
-    """On the flexion axis beside the knee, drawn to the other hip axes that pass close by."""
-    point = flexion.nearest(knee)
+def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats) -> Centre:
+    """The hip: the point of the flexion axis beside the knee, moved to where other hip axes meet that pass close by."""
     thigh = knee - point
     length = float(np.linalg.norm(thigh))
     upper = [
@@ -295,7 +310,7 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
     first = chain.links.index(elbow) + 1
     for count, link in enumerate(chain.links[first:], first):
         palm = chain.links[count - 1]
-        if len(links.children[palm]) > 2 or words(links.words(link)) & _FINGER_WORDS:
+        if len(links.children[palm]) > 2 or words(links.words(link)) & GRASP_WORDS:
             own = chain.links[:count]
             return Chain(own, tuple(axis for axis in chain.axes if axis.link in own), box_middle(links.surface(palm)))
     return chain

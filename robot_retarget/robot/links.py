@@ -39,6 +39,10 @@ class Axis:
         """The point of the line nearest to `point`."""
         return self.anchor + self.direction * (self.direction @ (point - self.anchor))
 
+    def beside(self, point: Floats, lateral: Floats) -> Floats:
+        """The point of the line as far along `lateral`, a unit vector not across the line, as `point` is."""
+        return self.anchor + self.direction * float(lateral @ (point - self.anchor) / (lateral @ self.direction))
+
     def distance(self, point: Floats) -> float:
         """From `point` to the line [m]."""
         return float(np.linalg.norm(point - self.nearest(point)))

@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.errors import MatchError, known
-from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.keypoints import KEYPOINTS, SIDES
 from robot_retarget.robot.anatomy import Anatomy, Spot
+from robot_retarget.robot.facing import Facing
+from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.recognise import recognise
+from robot_retarget.robot.recognise import assemble, recognise
+from robot_retarget.robot.soles import flat_footed
 
 FARTHEST = 10.0
 """A keypoint farther from its body is a mistake [m]."""
@@ -23,13 +26,38 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     """What is recognised in a robot, given the table `[robot]` of a map file.
 
     The line `forward = [x, y, z]` says where the robot looks in its reference pose; left and right follow. Lines
-    `keypoint = ["body", x, y, z]` replace keypoints (`override`).
+    `keypoint = ["body", x, y, z]` replace keypoints (`override`). Lines for all keypoints are used even if nothing is
+    recognised.
 
     Raises:
-        MatchError: the robot is no humanoid, or a line is not of these forms.
+        MatchError: Nothing is recognised and the table lacks a keypoint, or a line is not of these forms.
     """
     lines = {keypoint: line for keypoint, line in table.items() if keypoint != FORWARD}
-    return override(recognise(robot, _told(table[FORWARD]) if FORWARD in table else None), robot, lines)
+    forward = _told(table[FORWARD]) if FORWARD in table else None
+    try:
+        found = recognise(robot, forward)
+    except MatchError as error:
+        if not lines.keys() >= set(KEYPOINTS):
+            raise
+        found = _from_map(robot, _spots(robot, lines), forward, str(error))
+    return override(found, robot, lines)
+
+
+def _from_map(robot: Robot, spots: dict[str, Spot], forward: Floats | None, reason: str) -> Anatomy:
+    """The anatomy of a robot whose keypoints are all given: left is from the right hip to the left one.
+
+    Args:
+        forward: (3,) where the robot looks, if it is given too.
+        reason: Why nothing was recognised.
+    """
+    links = Links(robot)
+    across = links.place(spots["l_hip"].body, spots["l_hip"].offset)
+    across = across - links.place(spots["r_hip"].body, spots["r_hip"].offset)
+    up = np.array([0.0, 0.0, 1.0])
+    left = unit(np.cross(up, forward) if forward is not None else across * [1, 1, 0])
+    notes = (f"{reason}; the map, which names every keypoint, is used",)
+    ankles = sorted({int(links.weld[spots[f"{side}_ankle"].body]) for side in SIDES})
+    return assemble((links, flat_footed(links, ankles)), spots, Facing(np.cross(left, up), left, notes))
 
 
 def _told(line: Any) -> Floats:
@@ -53,8 +81,13 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
     Raises:
         MatchError: an unknown keypoint or body, or a line of another form.
     """
+    return replace(anatomy, spots={**anatomy.spots, **_spots(robot, table)})
+
+
+def _spots(robot: Robot, table: Mapping[str, Any]) -> dict[str, Spot]:
+    """The keypoints of lines `keypoint = ["body", x, y, z]`."""
     bodies = {robot.model.body(b).name: b for b in range(1, robot.model.nbody)}
-    spots = dict(anatomy.spots)
+    spots = {}
     for keypoint, line in table.items():
         if keypoint not in KEYPOINTS:
             raise MatchError(f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD))}")
@@ -63,4 +96,4 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
         if line[0] not in bodies:
             raise MatchError(f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies)}")
         spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
-    return replace(anatomy, spots=spots)
+    return spots

@@ -17,6 +17,7 @@ from robot_retarget.robot.evening import both_soles, evened
 from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
+    GRASP_WORDS,
     Pair,
     arm_centres,
     box_middle,
@@ -38,6 +39,10 @@ NECK = 0.3
 """A neck whose hinges do not tell where it begins is this share of the way from the shoulders to the head."""
 KEPT = 4
 """Robots whose anatomy is remembered: recognition takes half a second and several stages ask for it."""
+APART = 1.0
+"""Arms on the world that begin farther apart than this share of their reach belong to no trunk."""
+UNSURE = 0.3
+"""Greatest confidence in a keypoint, other than a hand, on a finger or gripper."""
 LEGS_BELOW = 0.35
 """Legs begin below this share of the trunk's height, head included, arms above it."""
 
@@ -70,8 +75,12 @@ def _anatomy(robot: Robot, forward: Floats | None) -> Anatomy:
             f"{robot.name} is no humanoid: no two chains of hinges mirror each other as arms or legs "
             f"({len(robot.joint_names)} hinges, {len(links.leaves)} ends)"
         )
+    if legs is None and arms is not None:
+        _refuse_arms_on_a_table(robot, arms)
     flat = flat_footed(links, foot_links(links, legs) if legs else [])
-    return _assemble(robot, (links, flat), legs, arms, facing(links, flat, legs, arms, forward))
+    sides = facing(links, flat, legs, arms, forward)
+    limbs = _limbs(links, sides, legs, arms)
+    return assemble((links, flat), limbs | _trunk(links, legs, arms, limbs), sides)
 
 
 def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
@@ -120,19 +129,32 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
         )
 
 
-def _assemble(robot: Robot, poses: tuple[Links, Links], legs: Pair | None, arms: Pair | None, sides: Facing) -> Anatomy:
+def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
+    """Refuse two arms that are bolted to the world so far apart that there is no trunk between them."""
+    apart = float(np.linalg.norm(arms.chains[0].start - arms.chains[1].start))
+    if arms.carrier == 0 and apart > APART * max(chain.reach for chain in arms.chains):
+        raise MatchError(
+            f"{robot.name} is no humanoid: two arms are bolted to the world {apart:.2f} m apart, with no trunk between them"
+        )
+
+
+def assemble(poses: tuple[Links, Links], spots: dict[str, Spot], sides: Facing) -> Anatomy:
+    """Complete the keypoints that were found to an anatomy: toes, soles, and how each segment is turned.
+
+    Args:
+        poses: The links in the reference pose, and with level soles.
+        spots: The keypoints; toes are added for each ankle that has none.
+    """
     links, standing = poses
-    spots = _limbs(links, sides, legs, arms)
-    spots |= _trunk(links, legs, arms, spots)
     feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
     ankles = {side: _world(standing, spots[f"{side}_ankle"]) for side in feet}
     surfaces = both_soles({s: standing.surface(foot, seen=True) for s, foot in feet.items()}, ankles, sides.left)
     for side, foot in feet.items():
         toe = toe_centre(standing, foot, surfaces[side], ankles[side], sides.forward)
-        spots[f"{side}_toe"] = _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)
-    spots = _evened(links, spots, sides.left)
+        spots = {f"{side}_toe": _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)} | spots
+    spots = {k: _doubted(links, k, spot) for k, spot in _evened(links, spots, sides.left).items()}
     soles = {side: sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
-    notes = [*sides.notes, *robot.notes, *_partial(spots)]
+    notes = [*sides.notes, *links.robot.notes, *_partial(spots)]
     treads = {side: tread(standing, foot) for side, foot in feet.items()}
     return Anatomy(spots, _frames(links, standing, spots, sides), soles, treads, frozen(sides.forward), tuple(notes))
 
@@ -141,6 +163,14 @@ def _evened(links: Links, spots: dict[str, Spot], left: Floats) -> dict[str, Spo
     """The spots where both sides of the robot, meant to be alike, have them."""
     places = evened({k: _world(links, spot) for k, spot in spots.items()}, left)
     return {k: replace(spot, offset=links.local(spot.body, places[k])) for k, spot in spots.items()}
+
+
+def _doubted(links: Links, keypoint: str, spot: Spot) -> Spot:
+    """The spot, no surer than `UNSURE` on a finger or gripper; hands may be there."""
+    grasps = words(links.words(int(links.weld[spot.body]))) & GRASP_WORDS
+    if keypoint.endswith("hand") or not grasps:
+        return spot
+    return replace(spot, confidence=min(spot.confidence, UNSURE), evidence=f"{spot.evidence}, on a finger or gripper")
 
 
 def _limbs(links: Links, sides: Facing, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
@@ -171,7 +201,7 @@ def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: s
 def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
     """Pelvis between the hips, chest a little under the shoulders, neck and head above."""
     lower = legs.carrier if legs else links.root
-    used = {link for pair in (legs, arms) if pair for link in pair.links}
+    used = {link for pair in (legs, arms) if pair for limb in pair.limbs for link in links.links_of(limb)}
     upper = arms.carrier if arms else _armless_trunk(links, used)
     trunk = links.surface(upper)
     if "l_hip" in limbs and "r_hip" in limbs:
@@ -211,6 +241,7 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     """The head by name, else the topmost link above the shoulders, else the top of the trunk itself."""
     height = float(shoulders[2] - pelvis[2])
     free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
+    free = [x for x in free if not words(links.words(x)) & GRASP_WORDS]
     top = _topmost(links, trunk, free, shoulders) if free else _trunk_top(links, trunk, shoulders, height)
     if top is None or not (free or arms):
         return {}

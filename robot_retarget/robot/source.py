@@ -42,11 +42,36 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
     """
     try:
         spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+        for rod in rods(spec):
+            spec.delete(rod)
         if freed is not None:
             set_free(spec, freed)
     except (ValueError, OSError, ET.ParseError) as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
     return spec
+
+
+def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
+    """Bodies on ball joints that carry no other joint: the rods of closed chains, which nothing moves by itself."""
+    ball, found = mujoco.mjtJoint.mjJNT_BALL, []
+    for joint in spec.joints:
+        body = joint.parent
+        if joint.type == ball and all(other.type == ball for other in body.find_all("joint")):
+            found.append(body)
+    inside = {child.id for rod in found for child in rod.find_all("body")}
+    return [rod for rod in found if rod.id not in inside]
+
+
+def rod_notes(path: Path) -> tuple[str, ...]:
+    """Which rods of an MJCF are left out."""
+    names = [] if is_urdf(path) else [rod.name for rod in rods(mujoco.MjSpec.from_file(str(path)))]
+    return (f"rods on ball joints left out, with the loops they close: {_some(names)}",) if names else ()
+
+
+def _some(names: list[str]) -> str:
+    """The first names of a list, and the number of the rest."""
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"{', '.join(names[:4])}{more}"
 
 
 def is_urdf(path: Path) -> bool:
@@ -84,8 +109,7 @@ def urdf_notes(path: Path) -> tuple[str, ...]:
     ]
     if not lost:
         return ()
-    more = f" and {len(lost) - 4} more" if len(lost) > 4 else ""
-    return (f"meshes not found, or none that MuJoCo reads ({', '.join(MESHES)}): {', '.join(lost[:4])}{more}",)
+    return (f"meshes not found, or none that MuJoCo reads ({', '.join(MESHES)}): {_some(lost)}",)
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:

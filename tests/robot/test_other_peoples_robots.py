@@ -1,0 +1,172 @@
+"""Robots as others model them: canted hips, grippers, rods on ball joints, arms on a table, maps that name everything."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_retarget.errors import MatchError, RobotError
+from robot_retarget.human.match import match
+from robot_retarget.keypoints import KEYPOINTS
+from robot_retarget.motion import Motion, Skeleton, read_motion
+from robot_retarget.robot import Robot, load_robot, recognise, recognise_with, world_points
+from robot_retarget.shipped import SAMPLES
+
+
+def leg(side: str, sign: int, pitch: str = "0 1 0", rod: str = "") -> str:
+    """A leg whose hip pitches about an axis given by `pitch`, and whose yaw sits at the knee."""
+    return f"""
+      <body name="{side}1" pos="0 {sign * 0.1} 0"><joint name="{side}2" axis="{pitch}"/>
+       <geom type="sphere" size="0.03" mass="0.1"/>
+       <body name="{side}3"><joint name="{side}4" axis="1 0 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="0.3"/>
+        <body name="{side}5" pos="0 0 -0.3"><joint name="{side}6" axis="0 0 1"/>
+         <geom type="sphere" size="0.03" mass="0.1"/>
+         <body name="{side}7"><joint name="{side}8" axis="0 1 0" range="0 2"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="0.3"/>{rod}
+          <body name="{side}9" pos="0 0 -0.3"><joint name="{side}10" axis="0 1 0"/>
+           <geom type="sphere" size="0.02" mass="0.1"/>
+           <body name="{side}11"><joint name="{side}12" axis="1 0 0"/>
+            <geom type="box" size="0.08 0.03 0.01" pos="0.03 0 -0.04" mass="0.1"/>
+           </body></body></body></body></body></body>"""
+
+
+def legged(legs: str, upper: str = "") -> str:
+    return f"""<mujoco><compiler angle="radian"/><worldbody>
+     <body name="base" pos="0 0 0.7"><freejoint/>
+      <geom type="box" size="0.06 0.1 0.2" pos="0 0 0.25" mass="3"/>{upper}{legs}
+     </body></worldbody></mujoco>"""
+
+
+def arm(side: str, sign: int, end: str = "") -> str:
+    return f"""
+      <body name="{side}13" pos="0 {sign * 0.15} 0.4"><joint name="{side}14" axis="0 1 0"/>
+       <geom type="sphere" size="0.03" mass="0.1"/>
+       <body name="{side}15"><joint name="{side}16" axis="1 0 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02" mass="0.2"/>
+        <body name="{side}17" pos="0 0 -0.2"><joint name="{side}_elbow" axis="0 1 0" range="-2 0"/>
+         <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02" mass="0.2"/>{end}
+        </body></body></body>"""
+
+
+def written(folder: Path, xml: str) -> Path:
+    (folder / "robot.xml").write_text(xml)
+    return folder / "robot.xml"
+
+
+def places(robot: Robot, keypoints: tuple[str, ...] = KEYPOINTS) -> dict[str, np.ndarray]:
+    anatomy = recognise(robot)
+    names = [k for k in keypoints if k in anatomy.spots]
+    points = world_points(robot, anatomy.points_of(names), np.array(robot.model.qpos0)[None])[0]
+    return dict(zip(names, points, strict=True))
+
+
+@pytest.mark.parametrize("degrees", [0, 10, 25, 45, 55])
+def test_a_canted_hip_is_where_its_axes_cross(degrees: int, tmp_path: Path) -> None:
+    y, z = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    legs = leg("l", 1, f"0 {y} {z}") + leg("r", -1, f"0 {y} {-z}")
+    found = places(load_robot(written(tmp_path, legged(legs))))
+    np.testing.assert_allclose(found["l_hip"], [0, 0.1, 0.7], atol=1e-6)
+    np.testing.assert_allclose(found["l_knee"], [0, 0.1, 0.4], atol=1e-6)
+    np.testing.assert_allclose(found["r_ankle"], [0, -0.1, 0.1], atol=1e-6)
+
+
+ROD = """
+  <body name="crank{0}" pos="0.02 0 0"><joint name="crank{0}" axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.05"/>
+   <body name="rod{0}" pos="0 0 -0.01"><joint name="ball{0}" type="ball"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.28" size="0.004" mass="0.02"/></body></body>"""
+
+
+def test_rods_on_ball_joints_are_left_out_and_reported(tmp_path: Path) -> None:
+    loops = '<equality><connect body1="l11" body2="rodl" anchor="0.02 0 0"/></equality>'
+    xml = legged(leg("l", 1, rod=ROD.format("l")) + leg("r", -1, rod=ROD.format("r")))
+    robot = load_robot(written(tmp_path, xml.replace("</mujoco>", f"{loops}</mujoco>")))
+    assert robot.model.neq == 0 and robot.model.nq == 7 + len(robot.joint_names)
+    assert "rods on ball joints left out, with the loops they close: rodl, rodr" in robot.notes
+    assert set(places(robot)) >= {"l_hip", "l_knee", "l_ankle"}
+    assert robot.spec().compile().nq == robot.model.nq
+
+
+def test_a_ball_joint_that_carries_a_limb_is_refused(tmp_path: Path) -> None:
+    xml = legged(leg("l", 1) + leg("r", -1)).replace(
+        '<joint name="l2" axis="0 1 0"/>', '<joint name="l2" type="ball"/>'
+    )
+    with pytest.raises(RobotError, match="ball joint 'l2'"):
+        load_robot(written(tmp_path, xml))
+
+
+FINGERS = "".join(
+    f"""<body name="{{0}}_finger_{k}" pos="{x} 0 -0.22"><joint axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.01"/>
+     <body name="{{0}}_finger_{k}b" pos="0 0 -0.03"><joint axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.01"/>
+      <body name="{{0}}_finger_{k}c" pos="0 0 -0.03"><joint axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.01"/>
+      </body></body></body>"""
+    for k, x in enumerate((-0.02, 0.02))
+)
+
+
+@pytest.mark.parametrize("height", ["-0.22", "0.5"], ids=["hanging", "above the shoulders"])
+def test_fingers_are_neither_legs_nor_a_head(height: str, tmp_path: Path) -> None:
+    fingers = FINGERS.replace("-0.22", height)
+    xml = legged("", arm("l", 1, fingers.format("l")) + arm("r", -1, fingers.format("r")))
+    robot = load_robot(written(tmp_path, xml))
+    anatomy = recognise(robot)
+    assert "l_hip" not in anatomy.spots and "l_elbow" in anatomy.spots
+    on_fingers = [k for k, spot in anatomy.spots.items() if "finger" in robot.model.body(spot.body).name]
+    assert not on_fingers
+
+
+def test_the_fingers_of_one_hand_are_no_pair_of_arms(tmp_path: Path) -> None:
+    xml = legged("", arm("l", 1, FINGERS.format("l")))
+    with pytest.raises(MatchError, match="no two chains"):
+        recognise(load_robot(written(tmp_path, xml)))
+
+
+def test_a_gripper_moves_no_hand_from_its_wrist(tmp_path: Path) -> None:
+    jaw = '<body name="{0}_gripper" pos="0.001 0 -0.2"><joint axis="0.01 0 1"/><geom type="box" size=".02 .01 .04" mass=".1"/></body>'
+    legs = leg("l", 1) + leg("r", -1)
+    found = places(
+        load_robot(written(tmp_path, legged(legs, arm("l", 1, jaw.format("l")) + arm("r", -1, jaw.format("r")))))
+    )
+    assert np.linalg.norm(found["l_hand"] - found["l_elbow"]) < 0.25
+
+
+def test_two_arms_on_a_table_are_no_humanoid(tmp_path: Path) -> None:
+    base = '<body name="{0}_base" pos="0 {1} 0"><geom type="box" size="0.1 0.1 0.02"/>{2}</body>'
+    station = base.format("l", 0.45, arm("l", 1)) + base.format("r", -0.45, arm("r", -1))
+    xml = f"<mujoco><worldbody><geom type='plane' size='2 2 0.1'/>{station}</worldbody></mujoco>"
+    with pytest.raises(MatchError, match=r"two arms are bolted to the world 1\.20 m apart"):
+        recognise(load_robot(written(tmp_path, xml)))
+
+
+def test_a_map_of_all_keypoints_is_used_where_no_robot_is_recognised(tmp_path: Path) -> None:
+    lopsided = leg("l", 1) + leg("r", -1).replace("0 0 -0.3", "0 -0.1 -0.25").replace('axis="1 0 0"', 'axis="0 1 0.6"')
+    robot = load_robot(written(tmp_path, legged(lopsided)))
+    with pytest.raises(MatchError):
+        recognise(robot)
+    bodies = {"hip": "3", "knee": "7", "ankle": "11", "toe": "11"}
+    lines = {k: ["base", 0.0, 0.0, 0.0] for k in KEYPOINTS}
+    lines |= {f"{s}_{k}": [f"{s}{b}", 0.0, 0.0, 0.0] for s in "lr" for k, b in bodies.items()}
+    anatomy = recognise_with(robot, lines)
+    assert set(anatomy.names) == set(KEYPOINTS) and set(anatomy.soles) == {"l", "r"}
+    np.testing.assert_allclose(anatomy.forward, [1, 0, 0], atol=1e-9)
+    assert any("the map, which names every keypoint, is used" in note for note in anatomy.notes)
+    del lines["head"]
+    with pytest.raises(MatchError):
+        recognise_with(robot, lines)
+
+
+def test_a_map_of_all_keypoints_is_used_where_no_human_is_recognised(tmp_path: Path) -> None:
+    wave = read_motion(SAMPLES / "wave.bvh")
+    human = match(wave, load_robot("op3")).recognition
+    joints = [human.marks[k].joints[0] for k in KEYPOINTS]
+    names = tuple(f"p{k}" for k in range(len(joints)))
+    cloud = Motion(
+        Skeleton(names, np.full(len(names), -1), np.zeros((len(names), 3))), wave.positions[:, joints], None, 30
+    )
+    with pytest.raises(MatchError):
+        match(cloud, load_robot("op3"))
+    path = tmp_path / "map.toml"
+    path.write_text("[human]\n" + "".join(f'{k} = "p{i}"\n' for i, k in enumerate(KEYPOINTS)))
+    found = match(cloud, load_robot("op3"), path)
+    assert found.keypoints == match(wave, load_robot("op3")).keypoints
+    assert any("the map, which names every keypoint, is used" in note for note in found.notes)
