@@ -4,6 +4,7 @@ from .formats.bvh import write_bvh as write_bvh
 from .read import read_motion as read_motion
 from .recognise import Mark as Mark
 from .recognise import Recognition as Recognition
+from .recognise import apply_override as apply_override
 from .recognise import recognise as recognise
 from .recognise import recognise_with as recognise_with
 from .resample import resample as resample

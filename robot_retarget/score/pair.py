@@ -10,7 +10,8 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.human.match import bone_lengths
 from robot_retarget.keypoints import KEYPOINTS, parents_within
-from robot_retarget.motion import Motion, recognise_with
+from robot_retarget.motion import Motion
+from robot_retarget.motion import recognise_with as recognise_human_with
 from robot_retarget.robot import Anatomy, Points, Robot, Spot, override, recognise_with, world_points
 from robot_retarget.trajectory import Trajectory
 
@@ -116,7 +117,7 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     Raises:
         MatchError: the motion is not human, or a line names a joint that does not exist.
     """
-    found = recognise_with(motion.skeleton, motion.clip.positions, lines)
+    found = recognise_human_with(motion.skeleton, motion.clip.positions, lines)
     shared = tuple(k for k in COMPARED if k in found.marks and k in body.spots)
     nearest = np.clip(
         np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int), 0, len(motion) - 1
