@@ -129,7 +129,7 @@ def test_a_robot_without_feet_has_the_figures_that_need_none(tmp_path: Path) -> 
 
 def test_a_trajectory_of_another_robot_is_refused(robot: rr.Robot) -> None:
     with pytest.raises(rr.RobotRetargetError, match="trajectory is of 'another'"):
-        score(rr.Trajectory(np.zeros((3, 8)), 30.0, ("strange",), "another"), robot)
+        score(rr.Trajectory(np.tile([0, 0, 0, 1.0, 0, 0, 0, 0], (3, 1)), 30.0, ("strange",), "another"), robot)
 
 
 def test_every_figure_has_a_unit_a_range_and_a_source_in_its_file() -> None:
