@@ -27,6 +27,7 @@ LAYERS = {
     "servo": {"motion", "robot", "servo"},
     "edit": {"motion", "robot", "human", "describe", "solve", "edit"},
     "view": {"motion", "dgp", "robot", "human", "describe", "solve", "collision", "simulate", "view"},
+    "batch": {"motion", "robot", "score", "formats", "edit", "view", "batch"},
     "live": {"motion", "robot", "servo", "collision", "simulate", "view", "live"},
 }
 SERVO_MAP = "robot_retarget.servo.map"
@@ -47,6 +48,8 @@ LIBRARIES = {
     "dynamixel_sdk": ("servo/bus.py",),
     "typer": ("cli/",),
     "rich": ("cli/console.py", "cli/bars.py"),
+    "ray": ("batch/cluster.py",),
+    "pyarrow": ("batch/summary.py",),
     "pythonosc": ("live/protocols/osc.py", "live/send.py"),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/child.py",),

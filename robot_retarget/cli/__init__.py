@@ -12,6 +12,7 @@ import typer
 
 from robot_retarget import __version__
 from robot_retarget.cli import (
+    batch,
     cut,
     formats,
     graph,
@@ -29,7 +30,7 @@ from robot_retarget.cli import (
 )
 from robot_retarget.cli.ending import Interruptible, ending
 
-GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, formats, play, stream, servos)
+GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, batch, formats, play, stream, servos)
 
 app = typer.Typer(
     cls=Interruptible,

@@ -1,6 +1,6 @@
 """A progress bar with the time left."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from time import monotonic
 
@@ -58,3 +58,30 @@ def progress(costs: Mapping[str, float]) -> Iterator[Stages]:
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
     with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
         yield Stages(bars, costs)
+
+
+@contextmanager
+def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool], None]]:
+    """A bar over independent pieces: how many are done, how many failed, a rate and the time left.
+
+    Yields a function to be told of each piece whether it was done.
+    """
+    began, failed, done = monotonic(), 0, 0
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+        TimeLeft(),
+    )
+    with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
+        task = bars.add_task("clips", total=total, ends=began)
+
+        def told(well: bool) -> None:
+            nonlocal failed, done
+            done, failed = done + 1, failed + (not well)
+            now = monotonic()
+            rate = done / max(now - began, 1e-9)
+            said = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
+            bars.update(task, completed=done, ends=now + (total - done) / rate, description=said)
+
+        yield told

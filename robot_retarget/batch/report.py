@@ -1,0 +1,75 @@
+"""Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of extremes."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from robot_retarget.batch.duplicates import near_duplicates
+from robot_retarget.batch.filters import Chosen, Filter, choose
+from robot_retarget.batch.manifest import Row
+from robot_retarget.batch.page import Shown, extremes_of, save_page
+from robot_retarget.batch.settings import Job
+from robot_retarget.batch.summary import save_csv, save_parquet
+from robot_retarget.batch.task import robot_of
+from robot_retarget.errors import RobotRetargetError
+from robot_retarget.files import folder, replacing
+
+LISTS, PICTURES = "lists", "extremes"
+
+
+def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, extremes: int) -> list[Chosen]:
+    """Write `summary.csv`, `summary.parquet`, `summary.html`, `lists/` and `extremes/` into the folder of results.
+
+    Args:
+        extremes: how many of the worst and of the best clips get a strip and a viewer.
+    """
+    out = job.out
+    save_csv(rows, out / "summary.csv")
+    save_parquet(rows, out / "summary.parquet")
+    chosen = [choose(rows, one) for one in filters]
+    for one in chosen:
+        _save_lists(one, folder(out / LISTS))
+    pairs = near_duplicates(rows)
+    _save_table(folder(out / LISTS) / "near_duplicates.csv", ("robot", "clip", "like"), pairs)
+    shown = [_pictured(row, job) for row in extremes_of(rows, extremes)] if extremes else []
+    save_page(rows, chosen, shown, len(pairs), out / "summary.html")
+    return chosen
+
+
+def _save_lists(one: Chosen, target: Path) -> None:
+    """The outputs that pass, a path a line, and the others with their reasons."""
+    with replacing(target / f"{one.filter.name}.txt") as scratch:
+        scratch.write_text("".join(f"{row.robot}/{row.clip}.npz\n" for row in one.passed), encoding="utf-8")
+    rejected = ((row.robot, row.clip, "; ".join(reasons)) for row, reasons in one.rejected)
+    _save_table(target / f"{one.filter.name}_rejected.csv", ("robot", "clip", "reasons"), list(rejected))
+
+
+def _save_table(path: Path, columns: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(lines)
+    with replacing(path) as scratch:
+        scratch.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _pictured(row: Row, job: Job) -> Shown:
+    """A strip and a viewer of a row, where they can be made."""
+    from robot_retarget.trajectory import load_trajectory
+    from robot_retarget.view import Picture, strip
+    from robot_retarget.view.web import Take, Viewer
+
+    name = next(name for name in job.robots if robot_of(name, job.settings.limits).name == row.robot)
+    robot, target = robot_of(name, job.settings.limits), folder(job.out / PICTURES)
+    stem = f"{row.robot}-{row.clip.replace('/', '-')}"
+    try:
+        trajectory = load_trajectory(job.out / row.robot / f"{row.clip}.npz")
+        Viewer((Take(robot, trajectory),)).save(target / f"{stem}.html")
+        picture = strip(robot, trajectory, count=6, height=240)
+    except RobotRetargetError:
+        return Shown(row, None, None)
+    if isinstance(picture, Picture):
+        picture.save(target / f"{stem}.png")
+    drawn = f"{PICTURES}/{stem}.png" if isinstance(picture, Picture) else None
+    return Shown(row, drawn, f"{PICTURES}/{stem}.html")

@@ -1,0 +1,158 @@
+"""One clip onto one robot: the work that every engine does alike."""
+
+import resource
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robot_retarget.batch.settings import Settings, sha256_of
+from robot_retarget.errors import OutputError, RobotRetargetError
+
+if TYPE_CHECKING:
+    from robot_retarget.robot import Robot
+    from robot_retarget.trajectory import Trajectory
+
+DONE, FAILED, TIMEOUT, MEMORY, CRASHED = "done", "failed", "timeout", "memory", "crashed"
+STATES = (DONE, FAILED, TIMEOUT, MEMORY, CRASHED)
+UNWRITABLE = "unwritable"
+"""The outcome of a task whose output cannot be written: it ends the run and is not kept."""
+MIRROR = "_mirror"
+"""Ends the names of mirrored outputs."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A clip and a robot, and where the outputs go."""
+
+    path: str
+    clip: str
+    robot: str
+    """As the user names it."""
+    robot_name: str
+    """The folder of its outputs."""
+    digest: str
+    """Of the clip, the robot and the settings."""
+    out: str
+    settings: Settings
+
+    @property
+    def output(self) -> Path:
+        """The trajectory's file."""
+        return Path(self.out) / self.robot_name / f"{self.clip}.npz"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task."""
+
+    clip: str
+    robot: str
+    digest: str
+    state: str
+    message: str = ""
+    """The reason of a failure; the remarks of reading and solving otherwise."""
+    frames: int = 0
+    fps: float = 0.0
+    figures: dict[str, Any] = field(default_factory=dict)
+    output_sha256: str = ""
+    signature: tuple[float, ...] = ()
+    """Mean and deviation of every hinge [rad], by which near-duplicates are found."""
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+    """Of the process that did it, until then."""
+
+
+def perform(task: Task) -> Outcome:
+    """Read, retarget, score and write one clip. Whatever goes wrong with the clip is an outcome, never an exception."""
+    began = time.perf_counter()
+    state, message, made = DONE, "", {}
+    try:
+        made = _made(task)
+    except OutputError as error:
+        state, message = UNWRITABLE, str(error)
+    except RobotRetargetError as error:
+        state, message = FAILED, str(error)
+    except MemoryError:
+        state, message = MEMORY, "out of memory"
+    except Exception as error:  # a defect of one clip must not end thousands of others
+        state, message = FAILED, f"a defect of robot-retarget: {type(error).__name__}: {error}"
+    blank = Outcome(task.clip, task.robot_name, task.digest, state, message)
+    return replace(blank, **made, seconds=round(time.perf_counter() - began, 3), peak_mb=peak_memory())
+
+
+def peak_memory() -> float:
+    """The most resident memory of this process so far [MB]."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(used / (1e6 if sys.platform == "darwin" else 1e3), 1)
+
+
+def _made(task: Task) -> dict[str, Any]:
+    """The fields of the outcome of a clip that could be done; its files are written."""
+    from robot_retarget.motion import read_motion
+    from robot_retarget.score.score import score
+    from robot_retarget.transfer import retarget
+
+    settings, robot = task.settings, robot_of(task.robot, task.settings.limits)
+    motion = read_motion(task.path, up=settings.up, repair=settings.repair)
+    result = retarget(
+        motion,
+        robot,
+        fps=settings.fps,
+        overrides=settings.map_file,
+        favour=settings.favour,
+        legs=settings.legs,
+        balance=settings.balance,
+    )
+    trajectory = result.trajectory
+    found = score(trajectory, robot, motion, overrides=settings.map_file)
+    write(task, trajectory, robot)
+    return {
+        "message": " ".join(result.notes),
+        "frames": len(trajectory),
+        "fps": trajectory.fps,
+        "figures": dict(found.figures),
+        "output_sha256": sha256_of(task.output),
+        "signature": _signature(trajectory, robot),
+    }
+
+
+@lru_cache(maxsize=8)
+def robot_of(name: str, limits: str | None) -> "Robot":
+    """The robot, loaded once per process."""
+    from robot_retarget.robot import load_robot
+
+    return load_robot(name, limits)
+
+
+def write(task: Task, trajectory: "Trajectory", robot: "Robot") -> None:
+    """Write the trajectory, the other formats and the mirror images; every file whole or not at all."""
+    from robot_retarget.edit.cuts import mirrored
+    from robot_retarget.formats import FORMATS, export
+
+    takes = {"": trajectory} | ({MIRROR: mirrored(trajectory, robot)} if task.settings.mirror else {})
+    for ending, take in takes.items():
+        target = task.output.with_name(f"{task.output.stem}{ending}.npz")
+        _folder(target)
+        take.save(target)
+        for format in task.settings.formats:
+            kind = FORMATS[format]
+            place = Path(task.out) / f"{task.robot_name}-{format}" / f"{task.clip}{ending}{kind.suffix}"
+            _folder(place)
+            export(take, robot, format, place)
+
+
+def _folder(target: Path) -> None:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {target.parent}: {error.strerror or error}") from error
+
+
+def _signature(trajectory: "Trajectory", robot: "Robot") -> tuple[float, ...]:
+    angles = trajectory.qpos[:, robot.qpos_index]
+    return tuple(round(float(value), 3) + 0.0 for value in np.concatenate([angles.mean(axis=0), angles.std(axis=0)]))
