@@ -12,6 +12,8 @@ The public names below are loaded when they are first used: importing the packag
 """
 
 import importlib
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -72,8 +74,8 @@ _HOME = {
     "load_trajectory": "formats",
     "view": "view.web.page",
 }
-_FOLDERS = {"describe", "score", "simulate", "solve", "view"}
-"""Folders that are called like their function."""
+_FOLDERS = ("describe", "score", "simulate", "solve", "view")
+"""Folders that have the name of a public function."""
 
 
 def public(name: str) -> Any:
@@ -84,11 +86,26 @@ def public(name: str) -> Any:
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"robot_retarget has no {name!r}; it has {', '.join(sorted(_HOME))}")
-    # A folder that is called like its function is the public name itself: it can be called (`stage.py`).
-    value = importlib.import_module(f"robot_retarget.{name}") if name in _FOLDERS else public(name)
-    globals()[name] = value
+    globals()[name] = value = public(name)
     return value
 
 
 def __dir__() -> list[str]:
     return sorted(_HOME)
+
+
+class _Package(ModuleType):
+    """The package as a module: `rr.solve` is the function, `from robot_retarget.solve import …` the folder.
+
+    Python sets a folder as an attribute of its package when it first imports it. Properties of the module's class take
+    precedence and ignore that.
+    """
+
+
+def _function(name: str) -> property:
+    return property(lambda _: public(name), lambda _, folder: None)
+
+
+for _name in _FOLDERS:
+    setattr(_Package, _name, _function(_name))
+sys.modules[__name__].__class__ = _Package

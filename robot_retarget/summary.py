@@ -1,5 +1,6 @@
 """What a motion, a robot or a solution is, as plain values: for `info`, for `--explain`, for JSON."""
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -136,7 +137,8 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "machine_code": solution.native,
         "sigma": {k.value: round(float(v.mean()), 6) for k, v in solution.sigma.items()},
         **describe_stress(solution),
-        "notes": [*notes, *_jumps_told(solution)],
+        "unmet": [edge.sentence for edge in solution.unmet],
+        "notes": [*notes, *_unmet_notes(solution), *_jumps_told(solution)],
     }
 
 
@@ -178,6 +180,16 @@ def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
             for edge in solution.costliest(count)
         ],
     }
+
+
+def _unmet_notes(solution: Solution) -> list[str]:
+    """The hard edge of every kind that misses its interval most, and the number of the others."""
+    worst = {edge.kind: edge for edge in reversed(solution.unmet)}
+    counts = Counter(edge.kind for edge in solution.unmet)
+    return [
+        edge.sentence + (f" (and {counts[kind] - 1} more hard {kind} edges)" if counts[kind] > 1 else "")
+        for kind, edge in worst.items()
+    ]
 
 
 def _jumps_told(solution: Solution) -> list[str]:

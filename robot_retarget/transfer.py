@@ -161,8 +161,8 @@ def solve(
 
 
 def retarget(
-    motion: Motion,
-    robot: Robot,
+    motion: Motion | str | Path,
+    robot: Robot | str | Path,
     *,
     fps: float | None = None,
     overrides: str | Path | None = None,
@@ -175,7 +175,12 @@ def retarget(
     balance: str = "off",
     progress: Progress | None = None,
 ) -> Result:
-    """Carry a human motion over to a robot: `describe`, then `solve`, whose arguments and errors these are."""
+    """Retarget a human motion to a robot: `describe`, then `solve`; arguments and errors are theirs.
+
+    Args:
+        motion: a motion, or a file that `read_motion` reads.
+        robot: a robot, or a name or model file that `load_robot` loads.
+    """
     began = time.perf_counter()
     graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights, favour=favour)
     prepared = time.perf_counter() - began

@@ -131,8 +131,8 @@ def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: b
     """The configurations that follow an outline; `near` where the clip's configurations have been planted before."""
     tracks = asked(planter, clip, outline)
     wishes, graph, robot = wishes_of(tracks), clip.graph, planter.robot
-    smooth = smoothness(robot, graph.weights.smooth, graph.weights.smooth_root, clip.fps)
-    solver_clip = SolverClip(planter.solver, wishes, Smoothing(), smooth, clip.fps)
+    smooth, inertia = smoothness(robot, graph.weights, clip.fps)
+    solver_clip = SolverClip(planter.solver, wishes, Smoothing(), smooth, inertia, clip.fps)
     count.expect(round(ROUNDS * len(outline.wished) * ((0 if near else IN_TURN) + Smoothing().passes)))
     start = list(outline.wished) if near else _in_turn(planter, outline, solver_clip, count)
     poses = clip_passes(solver_clip, start, count)

@@ -7,7 +7,7 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.options import Force, Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
-from robot_retarget.cli.stages import load, read_clip, require_source
+from robot_retarget.cli.stages import load, own_unmet, read_clip, require_source
 
 commands = typer.Typer()
 
@@ -29,7 +29,7 @@ def mend(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Solve the frames around each edit again, the rest as it is: what `view` does, to the same bytes."""
+    """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
     from robot_retarget.describe.edits import read_edits
     from robot_retarget.edit.session import graph_of
     from robot_retarget.edit.touchup import all_mended
@@ -40,7 +40,11 @@ def mend(
     model, edits = load(robot, limits), read_edits(edges)
     played, clip = load_trajectory(trajectory, model), read_clip(motion, frames, up=up)
     require_source(played, clip, force)
-    made, told = all_mended(graph_of(clip, model, played, map_file), played, edits)
+    made, outcomes = all_mended(graph_of(clip, model, played, map_file), played, edits)
     made.save(output)
-    facts = {"output": str(output), "edits": len(edits), "reached": told}
-    console.tell(facts, "\n".join([*told, f"wrote {output}; simulate it before you play it"]), json)
+    reached = [outcome.reached for outcome in outcomes if outcome.reached]
+    unmet = own_unmet(edge for outcome in outcomes for edge in outcome.unmet)
+    facts = {"output": str(output), "edits": len(edits), "reached": reached, "unmet": unmet}
+    console.tell(facts, "\n".join([*reached, *unmet, f"wrote {output}; simulate it before you play it"]), json)
+    if unmet:
+        raise typer.Exit(1)

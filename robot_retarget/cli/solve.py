@@ -25,7 +25,7 @@ from robot_retarget.cli.options import (
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import Wishes, carried_over, load, read_clip, retarget_cost
+from robot_retarget.cli.stages import Wishes, carried_over, load, own_unmet, read_clip, retarget_cost
 
 commands = typer.Typer()
 
@@ -51,7 +51,7 @@ def solve(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Retarget a motion: the trajectory only."""
+    """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
     from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.summary import describe_solution
 
@@ -68,3 +68,5 @@ def solve(
     else:
         console.show_solution(facts, explain)
         console.say(f"wrote {output}")
+    if own_unmet(result.solution.unmet):
+        raise typer.Exit(1)

@@ -1,5 +1,6 @@
 """What the commands have the stages do, from files to files, and what they say of it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
     from robot_retarget.simulate.report import Report
+    from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
     from robot_retarget.transfer import Result
 
@@ -244,7 +246,14 @@ def described(
     from robot_retarget.describe.graph import describe
 
     edits = read_edits(edges) if edges else []
-    return edited(describe(motion, robot, fps=fps, overrides=map_file, favour=favour), edits, edges or "")
+    return edited(describe(motion, robot, fps=fps, overrides=map_file, favour=favour), edits)
+
+
+def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
+    """A sentence for each hard edge of the user that is not met: the command then exits with 1."""
+    from robot_retarget.describe.kinds.own import Own
+
+    return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == Own.name))
 
 
 def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, progress: "Progress") -> "Result":

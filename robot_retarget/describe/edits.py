@@ -38,7 +38,14 @@ class Edit:
     """`edge`, `weigh` or `drop`."""
     values: Mapping[str, Any]
     line: int = 0
-    """Where it stands in its file; 0 of one that stands in none."""
+    """Of its header in the file; 0 without a file."""
+    path: str = ""
+    """Of the file; empty without one."""
+
+    @property
+    def where(self) -> str:
+        """`EDITS.toml:2: `, the head of a message; empty without a file."""
+        return f"{self.path}:{self.line}: " if self.path else ""
 
 
 def read_edits(path: str | Path) -> list[Edit]:
@@ -56,7 +63,7 @@ def read_edits(path: str | Path) -> list[Edit]:
                 f"{path}:{_line(lines, name)}: unknown table [{name}]; {known([f'[[{k}]]' for k in KEYS])}"
             )
     found = [
-        Edit(name, values, line)
+        Edit(name, values, line, str(path))
         for name, rows in tables.items()
         for values, line in zip(rows, _headers(lines, name), strict=True)
     ]
@@ -68,18 +75,18 @@ def read_edits(path: str | Path) -> list[Edit]:
     return sorted(found, key=lambda edit: edit.line)
 
 
-def edited(graph: Graph, edits: Iterable[Edit], path: str | Path = "edits") -> Graph:
-    """The graph with edits made, one after the other.
+def edited(graph: Graph, edits: Iterable[Edit]) -> Graph:
+    """Apply edits to a graph, in order.
 
     Raises:
-        GraphError: an edit that the graph refuses, with the file and line it stands in.
+        GraphError: the graph refuses an edit; the message begins with its file and line.
     """
     for edit in edits:
         try:
             graph = _made(graph, edit.action, edit.values)
         except (GraphError, TypeError, ValueError, KeyError) as error:
             reason = f"[[{edit.action}]] needs {error}" if isinstance(error, KeyError) else str(error)
-            raise GraphError(f"{path}:{edit.line}: {reason}") from error
+            raise GraphError(edit.where + reason) from error
     return graph
 
 
@@ -104,8 +111,8 @@ def _made(graph: Graph, action: str, values: Mapping[str, Any]) -> Graph:
         interval = (float(at[0]), float(at[1])) if isinstance(at, list) else float(at)
         frames = values.get("frames")
         return graph.with_edge(
-            _end(values["a"]),
-            _end(values["b"]),
+            end_of(values["a"]),
+            end_of(values["b"]),
             interval,
             frames=None if frames is None else (int(frames[0]), int(frames[1])),
             priority=values.get("priority"),
@@ -115,7 +122,8 @@ def _made(graph: Graph, action: str, values: Mapping[str, Any]) -> Graph:
     return graph.without(what) if action == "drop" else graph.with_priority(what, float(values["factor"]))
 
 
-def _end(value: Any) -> End:
+def end_of(value: Any) -> End:
+    """The end that a value of a table names."""
     if isinstance(value, str):
         return value
     if isinstance(value, list) and value and isinstance(value[0], str):

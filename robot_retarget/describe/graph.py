@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget import dgp
 from robot_retarget.arrays import Floats
+from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.kinds import KINDS, Kind
 from robot_retarget.describe.kinds.kind import Renewable, Scene
@@ -25,16 +26,14 @@ from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import GraphError, UsageError, known
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match
-from robot_retarget.motion import Motion
-from robot_retarget.robot import Robot
+from robot_retarget.motion import Motion, read_motion
+from robot_retarget.robot import Robot, load_robot
 
 MOST_FPS = 30.0
 """Motions of a higher rate are described at this one unless told otherwise, as reference motions are by custom [1/s]."""
 PLAUSIBLE_FPS = (5.0, 120.0)
 """Rates that may be asked for besides the motion's own [1/s]: below, limbs swing unseen between frames; above, frames are
 interpolated ones, which playback makes by itself."""
-GENTLY = 0.2
-"""An added edge comes on and goes over this time [s]."""
 ROW = np.dtype(
     [
         ("kind", "U16"),
@@ -131,33 +130,19 @@ class Graph:
         Args:
             a: a keypoint, a point `(body, (x, y, z))` [m] of the robot, or a place `(x, y, z)` in the world [m].
             b: the other end.
-            at: the wished distance, or the least and the most [m]; the most may be ∞.
-            frames: the first and the last; all by default. The edge comes on before and goes over after, over `GENTLY`.
-            priority: π over the squared leg; 100 by default.
-            hard: held within a millimetre wherever it can be reached.
+            at: the distance, or its lower and upper bound [m]; the upper may be ∞.
+            frames: the first and the last; all by default. The priority rises before and falls after (`added.FADE`).
+            priority: π over the squared leg; `added.SOFT` by default.
+            hard: held within a millimetre; a frame where that fails is reported (`Solution.unmet`).
 
         Raises:
-            GraphError: an unknown end, an interval upside down, frames outside the clip, or two hard edges of the same
-                ends and frames that contradict each other.
+            GraphError: an unknown end, an empty or unreachable interval, frames outside the clip, or two hard edges of
+                the same ends and frames that contradict each other.
         """
-        least, most = (float(at), float(at)) if np.isscalar(at) else map(float, at)  # type: ignore[arg-type]
-        ends = (self._end(a), self._end(b))
-        name = f"{end_name(ends[0])} – {end_name(ends[1])}"
-        if end_name(ends[0]) == end_name(ends[1]):
-            raise GraphError(f"edge {name} joins an end to itself")
-        if priority is not None and not 0 < priority < np.inf:
-            raise GraphError(f"edge {name}: a priority is a number above 0, got {priority}")
-        if not 0 <= least <= most or np.isinf(least):
-            raise GraphError(
-                f"edge {name} asks for {least:g} … {most:g} m: the least must be 0 or more, the most no less"
-            )
-        if hard and priority is not None:
-            raise GraphError(f"edge {name}: a hard edge has no priority; give one or the other")
-        span = self._span(name, frames)
-        if hard:
-            self._refuse_contradiction(ends, least, most, span)
-        profile = self._gently(span) * (HARD if hard else 100.0 if priority is None else priority)
-        return self._with_own(ends, (least, most), profile)
+        edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
+        own = next((track for track in self.tracks if isinstance(track.kind, Own)), None)
+        grown = with_added(own, edge, len(self), self.fps, self.match.robot_leg)
+        return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
     def with_priority(self, what: str | tuple[str, str], factor: float) -> "Graph":
         """The graph with a kind, or the edges between two ends, weighed by a factor.
@@ -215,71 +200,10 @@ class Graph:
             return np.full(len(track), track.name == what)
         return track.joins(*what)
 
-    def _end(self, end: End) -> End:
-        """An end that the robot has, arrays checked.
-
-        Raises:
-            GraphError: it has none such.
-        """
-        if isinstance(end, str):
-            if end not in self.match.keypoints:
-                raise GraphError(f"no keypoint {end!r}; {known(self.match.keypoints)}")
-            return end
-        if isinstance(end, tuple) and len(end) == 2 and isinstance(end[0], str):
-            names = [self.robot.model.body(b).name for b in range(self.robot.model.nbody)]
-            if end[0] not in names:
-                raise GraphError(f"{self.robot.name} has no body {end[0]!r}; {known(names)}")
-            return end[0], _place(end[1])
-        return _place(np.asarray(end))
-
-    def _span(self, name: str, frames: tuple[int, int] | None) -> tuple[int, int]:
-        first, last = (0, len(self) - 1) if frames is None else frames
-        if not 0 <= first <= last < len(self):
-            raise GraphError(f"edge {name}: frames {first} … {last} are not within 0 … {len(self) - 1}")
-        return first, last
-
-    def _gently(self, span: tuple[int, int]) -> Floats:
-        """(T,) 1 within the frames, from and to 0 over `GENTLY` around them by squares."""
-        away = np.maximum(span[0] - np.arange(len(self)), np.arange(len(self)) - span[1])
-        return np.square(np.clip(1 - np.maximum(away, 0) / (GENTLY * self.fps + 1), 0.0, 1.0))
-
-    def _own(self) -> Track | None:
-        return next((track for track in self.tracks if track.name == Own.name), None)
-
-    def _with_own(self, ends: tuple[End, End], interval: tuple[float, float], profile: Floats) -> "Graph":
-        own, names = self._own(), (end_name(ends[0]), end_name(ends[1]))
-        lower, upper = (np.full((len(self), 1), bound) for bound in interval)
-        if own is None:
-            track = Track(Own((ends,)), (names,), lower, upper, profile[:, None], np.full(1, self.match.robot_leg))
-            return replace(self, tracks=(*self.tracks, track))
-        assert isinstance(own.kind, Own)
-        grown = Track(
-            Own((*own.kind.ends, ends)),
-            (*own.ends, names),
-            np.hstack([own.lower, lower]),
-            np.hstack([own.upper, upper]),
-            np.hstack([own.priority, profile[:, None]]),
-            np.append(own.scale, self.match.robot_leg),
-        )
-        return replace(self, tracks=tuple(grown if track is own else track for track in self.tracks))
-
-    def _refuse_contradiction(self, ends: tuple[End, End], least: float, most: float, span: tuple[int, int]) -> None:
-        own, names = self._own(), {end_name(end) for end in ends}
-        if own is None:
-            return
-        for edge, joined in enumerate(own.ends):
-            hard = own.priority[span[0] : span[1] + 1, edge] >= HARD
-            low, high = own.lower[span[0], edge], own.upper[span[0], edge]
-            if set(joined) == names and hard.any() and (least > high or most < low):
-                raise GraphError(
-                    f"hard edges of {joined[0]} – {joined[1]} contradict each other: {low:g} … {high:g} m and "
-                    f"{least:g} … {most:g} m in the same frames"
-                )
-
 
 def describe(
-    motion: Motion,
-    robot: Robot,
+    motion: Motion | str | Path,
+    robot: Robot | str | Path,
     *,
     fps: float | None = None,
     overrides: str | Path | None = None,
@@ -287,9 +211,11 @@ def describe(
     favour: str = "balanced",
     kinds: Iterable[Kind] = KINDS,
 ) -> Graph:
-    """The graph of a human motion on a robot.
+    """Build the graph of a human motion on a robot.
 
     Args:
+        motion: a motion, or a file that `read_motion` reads.
+        robot: a robot, or a name or model file that `load_robot` loads.
         fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
@@ -301,7 +227,8 @@ def describe(
         UsageError: fps out of range, or an unknown word to favour.
     """
     weighed = (weights or Weights()).favouring(favour)
-    motion = at_rate(motion, fps)
+    motion = at_rate(motion if isinstance(motion, Motion) else read_motion(motion), fps)
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
     matched = match(motion, robot, overrides)
     graph = graph_of(motion, robot, matched, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
@@ -351,23 +278,6 @@ def _less(track: Track, edges: np.ndarray) -> Track:
     """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
     whole = isinstance(track.kind, Renewable) and not edges.all()
     return track.weighed(0.0, edges) if whole else track.subset(~edges)
-
-
-def end_name(end: End) -> str:
-    """An end in words: a keypoint, `body@(x, y, z)` or `(x, y, z)`."""
-    if isinstance(end, str):
-        return end
-    body = end[0] if isinstance(end, tuple) and isinstance(end[0], str) else None
-    place = np.asarray(end if body is None else end[1], dtype=float)  # type: ignore[index]
-    words = "(" + ", ".join(f"{c:g}" for c in place) + ")"
-    return words if body is None else f"{body}@{words}"
-
-
-def _place(values: ArrayLike) -> Floats:
-    place = np.asarray(values, dtype=float)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise GraphError(f"a point takes three finite coordinates [m], got {values!r}")
-    return place
 
 
 def _rows(track: Track, frames: np.ndarray) -> np.ndarray:

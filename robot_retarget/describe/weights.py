@@ -1,6 +1,6 @@
 """How much each kind of edge counts."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 from robot_retarget.errors import UsageError, known
 
@@ -10,7 +10,7 @@ FAVOURS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
 
 @dataclass(frozen=True)
 class Weights:
-    """π of every kind; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
+    """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
 
     near: float = 56.0
     """Distances between keypoints that are near each other, over the path between them ..."""
@@ -57,6 +57,17 @@ class Weights:
     """Squared second differences of the joints at 30 frames a second [1/rad²]."""
     smooth_root: float = 10.0
     """How much more the root's count, per rad² and per m² [-]."""
+
+    def __post_init__(self) -> None:
+        for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
+            positive = name in ("reach", "give")
+            if not (value > 0 if positive else value >= 0) or value == float("inf"):
+                raise UsageError(
+                    f"Weights.{name} must be a number {'above 0' if positive else 'of 0 or more'}, got {value}"
+                )
+
+    def _numbers(self) -> list[tuple[str, float]]:
+        return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
 
     def favouring(self, what: str) -> "Weights":
         """The weights with distances between keypoints weighed by `FAVOURS`.

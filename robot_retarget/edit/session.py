@@ -93,7 +93,7 @@ class Session:
     def told(self) -> dict[str, Any]:
         """How it stands, for a page."""
         seconds = None if self.last is None else round(self.last.seconds, 3)
-        reached = "" if self.last is None else self.last.reached
+        reached = "" if self.last is None else "; ".join([self.last.reached, *self.last.own_unmet])
         return {
             "edits": len(self.edits),
             "undone": len(self._states) - 1 - self._at,

@@ -1,33 +1,44 @@
-"""A trajectory mended: a wish of one's own becomes an edge of the graph, and the frames around it are solved again.
+"""Touch-up: add an edge to a solved trajectory and solve the frames around it again.
 
-The window of an edge are its frames and as much time before and after as a smooth path needs to leave and come back
-(`AROUND`). It is solved from the trajectory as it is, by the passes that solve whole clips, its first frames fixed. What
-it is away from the trajectory fades over the last of that time, so that everything before and after stays as it was.
+The window of an edge is its frames and the time before and after that the joints need to come and go (`AROUND` at least).
+The frames of the edge are solved alone first, and the frames around lead there and back smoothly. From there the passes of
+a whole clip solve the window, its first frames fixed. The change fades out before the window ends: all frames outside stay.
 """
 
+import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.edits import Edit, edited
+from robot_retarget.describe.added import SOFT, end_name
+from robot_retarget.describe.edits import Edit, edited, end_of
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.kinds.own import Own
+from robot_retarget.describe.soles import smoothstep
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import Clip, clip_passes, renewed_tracks, smoothness
 from robot_retarget.solve.options import Options, Smoothing
-from robot_retarget.solve.problem import build_problem, wishes_of
+from robot_retarget.solve.problem import Wishes, build_problem, wishes_of
+from robot_retarget.solve.solution import UnmetEdge
+from robot_retarget.solve.solve import measured_by
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.unmet import unmet_edges
 from robot_retarget.trajectory import Trajectory
 
 AROUND = 0.5
-"""Time before and after an edge that is solved with it [s]."""
+"""Least time before and after an edge that is solved with it [s]."""
+FADING = 0.25
+"""Time after that, in which the change fades out [s]."""
+SMOOTHSTEP_PEAK = 1.5
+"""Largest slope of 3 u² − 2 u³ [-]."""
 MISSED = 1.0
-"""A soft edge that nowhere comes nearer to what it asks for is said to be too weak [cm]."""
+"""The report of a soft edge that misses its interval by more in every frame suggests a higher priority [cm]."""
 FIXED = 2
-"""Frames at the beginning of a window that stay: position and velocity go on."""
+"""Frames at the beginning of a window that stay: they keep position and velocity continuous."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +52,16 @@ class Mended:
     last: int
     """Frames that were solved again."""
     seconds: float
-    """How long that took [s]."""
+    """Time of the solve [s]."""
     reached: str = ""
-    """What came of an edge, in a sentence."""
+    """The measured and the requested interval of an edge, in a sentence."""
+    unmet: tuple[UnmetEdge, ...] = ()
+    """Hard edges of the window that miss their interval."""
+
+    @property
+    def own_unmet(self) -> tuple[str, ...]:
+        """A sentence for each of the user's edges among them."""
+        return tuple(edge.sentence for edge in self.unmet if edge.kind == Own.name)
 
 
 def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
@@ -58,64 +76,89 @@ def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
     began = time.perf_counter()
     wished = edited(graph, [edit])
     first, last = edit.values.get("frames", (0, len(graph) - 1))
-    around = round(AROUND * graph.fps)
-    start, stop = max(first - around, 0), min(last + around + 1, len(graph))
-    part = wished.frames(start, stop)
-    solver = FrameSolver(build_problem(part.robot, part.match, part.tracks), Options())
-    smoothing, known = Smoothing(), [np.array(q) for q in trajectory.qpos[start:stop]]
-    fixed = 0 if start == 0 else min(FIXED, len(known) - 1)
-    tracks = renewed_tracks(solver, part, known, fixed)
-    smooth = smoothness(part.robot, part.weights.smooth, part.weights.smooth_root, part.fps)
-    clip = Clip(solver, wishes_of(tracks), smoothing, smooth, part.fps, fixed)
-    count = Count(None, len(known) * smoothing.passes)
-    poses = [pose.qpos for pose in clip_passes(clip, known, count)]
+    solver = FrameSolver(build_problem(graph.robot, graph.match, wished.tracks), Options())
+    known = [np.array(q) for q in trajectory.qpos]
+    tracks = renewed_tracks(solver, wished, known)
+    offsets = _offsets(solver, wishes_of(tracks), known, first, last)
+    around = max(round(AROUND * graph.fps), _frames_needed(solver, offsets, graph.fps))
+    fading = round(FADING * graph.fps)
+    start, stop = max(first - around, 0), min(last + around + fading + 1, len(graph))
+    shares = _shares(np.arange(start, stop), first, last, around)
+    led = np.clip(np.arange(start, stop), first, last) - first
+    begin = [
+        integrate(graph.robot, known[t], w * offsets[k])
+        for t, w, k in zip(range(start, stop), shares, led, strict=True)
+    ]
+    fixed = 0 if start == 0 else min(FIXED, first - start)
+    part = wishes_of([track.at(slice(start, stop)) for track in tracks])
+    smooth, inertia = smoothness(graph.robot, graph.weights, graph.fps)
+    clip = Clip(solver, part, Smoothing(), smooth, inertia, graph.fps, fixed)
+    poses = [pose.qpos for pose in clip_passes(clip, begin, Count(None, len(begin) * Smoothing().passes))]
     qpos = np.array(trajectory.qpos)
-    qpos[start:stop] = _faded(graph, known, poses, 0 if stop == len(graph) else around)
-    done = replace(trajectory, qpos=qpos, goals=None)
-    measured = np.array([solver.problem.values(q) for q in qpos[first : last + 1]])
-    return Mended(wished, done, start, stop - 1, time.perf_counter() - began, _reached(wished, edit, measured))
+    qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
+    done, window = replace(trajectory, qpos=qpos, goals=None), slice(start, stop)
+    solved = replace(wished.at(window), tracks=tuple(track.at(window) for track in tracks))
+    measured = measured_by(solver.problem, solved, qpos[window])
+    unmet = unmet_edges(solver, solved, measured, qpos[window])
+    reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start))
+    return Mended(wished, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
-def _reached(graph: Graph, edit: Edit, measured: Floats) -> str:
-    """What an edge asks for and what it came to, from what all edges measure (T, E) at its frames."""
-    ends = np.cumsum([len(track) for track in graph.tracks])
-    own = next((int(end) for track, end in zip(graph.tracks, ends, strict=True) if track.name == "own"), None)
-    if edit.action != "edge" or own is None:
+def _offsets(solver: FrameSolver, wishes: Wishes, known: Sequence[Floats], first: int, last: int) -> list[Floats]:
+    """Per frame of the edge (nv,) the change that solves it alone, from the change of the frame before."""
+    offsets, offset = [], np.zeros(solver.robot.model.nv)
+    for t in range(first, last + 1):
+        pose = solver.descend(integrate(solver.robot, known[t], offset), wishes.at(t))
+        offset = difference(solver.robot, known[t], pose.qpos)
+        offsets.append(offset)
+    return offsets
+
+
+def _frames_needed(solver: FrameSolver, offsets: Sequence[Floats], fps: float) -> int:
+    """Frames in which joints at their speed cover the largest change on a smooth way."""
+    way = np.abs(np.array([offsets[0], offsets[-1]])[:, solver.hinges])
+    return math.ceil(float((SMOOTHSTEP_PEAK * way / solver.speed).max(initial=0.0)) * fps)
+
+
+def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:
+    """Per frame the share of the edge's change: 1 within its frames, smoothly 0 at `around` frames from them."""
+    away = np.maximum(np.maximum(first - frames, frames - last), 0)
+    return smoothstep(np.clip(1 - away / around, 0.0, 1.0))
+
+
+def _reached(graph: Graph, edit: Edit, measured: Mapping[str, Floats], frames: slice) -> str:
+    """The requested interval of an edge and its measured range at its frames."""
+    if edit.action != "edge":
         return ""
-    here, asked = 100 * measured[:, own - 1], np.atleast_1d(edit.values["at"])
-    wished = " to ".join(f"{100 * float(value):.3g}" for value in asked)
-    missed = np.abs(here - np.clip(here, 100 * asked[0], 100 * asked[-1])).min()
-    firmer = (
-        "; hard = true, or a priority over 100, brings them nearer"
-        if missed > MISSED and "hard" not in edit.values
-        else ""
-    )
-    apart = f"{here.min():.1f} to {here.max():.1f} cm apart"
-    return f"{edit.values['a']} and {edit.values['b']} are {apart}, asked for {wished} cm{firmer}"
+    a, b = (end_name(end_of(edit.values[end])) for end in "ab")
+    column = int(np.flatnonzero(graph.kinds[Own.name].joins(a, b))[-1])
+    values, bounds = 100 * measured[Own.name][frames, column], 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
+    interval = " to ".join(f"{bound:.3g}" for bound in bounds)
+    missed = np.abs(values - np.clip(values, bounds[0], bounds[-1])).min()
+    weak = missed > MISSED and not edit.values.get("hard")
+    firmer = f"; hard = true, or a priority over {SOFT:g}, brings them nearer" if weak else ""
+    return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart, requested {interval} cm{firmer}"
 
 
 def _faded(graph: Graph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:
-    """The poses, brought back to what was known over the last so many frames: q ⊕ w (p ⊖ q), w = 1 − 3u² + 2u³."""
+    """(T, nq) the poses, faded to the known ones over the last `frames`: q ⊕ w (p ⊖ q), w a smoothstep."""
     ahead = len(poses) - 1 - np.arange(len(poses))
-    u = np.clip(1 - ahead / frames, 0, 1) if frames else np.zeros(len(poses))
-    shares = 1 - 3 * u**2 + 2 * u**3
-    return np.array(
-        [
-            integrate(graph.robot, q, share * difference(graph.robot, q, p))
-            for q, p, share in zip(known, poses, shares, strict=True)
-        ]
-    )
+    shares = smoothstep(np.clip(ahead / frames, 0.0, 1.0)) if frames else np.ones(len(poses))
+    changes = [difference(graph.robot, q, p) for q, p in zip(known, poses, strict=True)]
+    return np.array([integrate(graph.robot, q, w * v) for q, w, v in zip(known, shares, changes, strict=True)])
 
 
-def all_mended(graph: Graph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[str]]:
-    """Every edit in turn, each on what the one before left; the trajectory, and what came of each edge.
+def all_mended(graph: Graph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[Mended]]:
+    """Apply edits in order, each to the result of the one before.
+
+    Returns:
+        The trajectory, and the outcome of each edit.
 
     Raises:
         GraphError: the graph refuses an edit.
     """
-    told = []
+    outcomes = []
     for edit in edits:
-        done = mended(graph, trajectory, edit)
-        graph, trajectory = done.graph, done.trajectory
-        told += [done.reached] if done.reached else []
-    return trajectory, told
+        outcomes.append(mended(graph, trajectory, edit))
+        graph, trajectory = outcomes[-1].graph, outcomes[-1].trajectory
+    return trajectory, outcomes

@@ -9,6 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Renewable
 from robot_retarget.describe.track import Track, joined
+from robot_retarget.describe.weights import Weights
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
@@ -41,6 +42,8 @@ class Clip:
     smoothing: Smoothing
     smooth: Floats
     """(nv,) π of squared second differences, per tangent direction."""
+    inertia: Floats
+    """(nv,) weight of the tangent directions against each other, 1 for hinges [-]."""
     fps: float
     fixed: int = 0
 
@@ -54,7 +57,7 @@ def clip_poses(
     """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.Renewable`)."""
     poses: list[Pose] = []
     asked: list[list[Track]] = []
-    smooth = smoothness(solver.robot, graph.weights.smooth, graph.weights.smooth_root, graph.fps)
+    smooth, inertia = smoothness(solver.robot, graph.weights, graph.fps)
     windows = list(smoothing.windows.cut(len(graph), graph.fps))
     count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
     for window in windows:
@@ -62,7 +65,7 @@ def clip_poses(
         coarse = coarse_path(solver, part, wishes_of(coarse_tracks(part)), search, [pose.qpos for pose in known])
         count.one(COARSE * (len(part) - window.fixed))
         tracks = renewed_tracks(solver, part, coarse, window.fixed)
-        clip = Clip(solver, wishes_of(tracks), smoothing, smooth, graph.fps, window.fixed)
+        clip = Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, graph.fps, window.fixed)
         kept = slice(window.fixed, window.final - window.first)
         poses += clip_passes(clip, coarse, count)[kept]
         asked.append([track.at(kept) for track in tracks])
@@ -84,11 +87,15 @@ def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixe
     return tracks
 
 
-def smoothness(robot: Robot, joints: float, root: float, fps: float) -> Floats:
-    """(nv,) π of squared second differences  κ ‖q_{t−1} − 2 q_t + q_{t+1}‖²  at a frame rate, given at 30 a second."""
-    weight = np.full(robot.model.nv, root * joints)
-    weight[robot.dof_index] = joints
-    return weight * (fps / 30) ** 4
+def smoothness(robot: Robot, weights: Weights, fps: float) -> tuple[Floats, Floats]:
+    """Weights of the squared second differences  κ ‖q_{t−1} − 2 q_t + q_{t+1}‖².
+
+    Returns:
+        (nv,) κ at a frame rate, which `weights.smooth` gives at 30 a second, and (nv,) its ratio to that of a hinge.
+    """
+    inertia = np.full(robot.model.nv, weights.smooth_root)
+    inertia[robot.dof_index] = 1.0
+    return weights.smooth * (fps / 30) ** 4 * inertia, inertia
 
 
 def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
@@ -103,7 +110,7 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     path = _at_speeds(clip, start)
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
-    rho = smoothing.proximal * clip.smooth / clip.smooth[robot.dof_index].max()
+    rho = smoothing.proximal * clip.inertia
     met: set[int] = set()
     for number in range(smoothing.passes):
         if number in smoothing.looks:

@@ -69,7 +69,7 @@ class Part:
         model = self._model(ca.Function("slopes", [q], [found.values, found.slopes]), at, asked)
         alone = ca.Function("cost", [at, *asked], [ca.densify(self.terms.around(measure(at), *asked)[0])])
         self.model, self.cost = Upgraded(model.expand(), native), Upgraded(alone.expand(), native)
-        self.values = dense_function("values", [at], [measure(at)[found.rows.tolist()]])
+        self.values = dense_function("values", [at], [ca.vec(measure(at)[found.rows.tolist()])])
 
     def _model(self, slopes: ca.Function, q: ca.MX, asked: list[ca.MX]) -> ca.Function:
         """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
@@ -168,7 +168,7 @@ class _Terms:
 
     def around(self, values: ca.MX, lower: ca.MX, upper: ca.MX, priority: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """The cost, and per row the sum of weighted residuals and the sum of weights."""
-        d = values[self.rows.tolist()]
+        d = ca.vec(values[self.rows.tolist()])  # of a single row, indexing makes a row vector
         residual, weight = d - lower, priority / self.scale**2
         if self.open:
             low, high, own = lower[self.open], upper[self.open], d[self.open]

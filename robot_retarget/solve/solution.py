@@ -10,7 +10,6 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.expansion import between_points, places_of
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.track import HARD
 from robot_retarget.dgp.stress import Objective, edge_terms
 from robot_retarget.trajectory import Trajectory
 
@@ -18,8 +17,6 @@ JUMP = 15.0
 """A hinge that turns faster is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos turn at up to 10."""
 PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
 """The papers' objectives."""
-UNREACHED = 1e-3
-"""A hard edge that misses its interval by more could not be reached [m]."""
 
 
 class Status(Enum):
@@ -30,7 +27,35 @@ class Status(Enum):
     BLOCKED = "no admissible step was found; the previous pose is kept"
     CALIBRATING = "the performer is being watched; the robot stands meanwhile"
     HELD = "no frame came; the robot comes to rest"
-    UNREACHED = "a hard edge of your own cannot be reached; the pose comes as near as it can"
+    UNREACHED = "a hard edge cannot be reached; the pose comes as near as it can"
+
+
+@dataclass(frozen=True)
+class UnmetEdge:
+    """A hard edge and the frames at which it misses its interval."""
+
+    kind: str
+    name: str
+    frames: tuple[int, ...]
+    """That miss."""
+    frame: int
+    """Of the largest miss."""
+    measured: float
+    """There [m]."""
+    lower: float
+    upper: float
+    """The interval there [m]."""
+    reasons: tuple[str, ...]
+    """Limits that are active there; empty where none is."""
+
+    @property
+    def sentence(self) -> str:
+        """For a person."""
+        asked = f"{self.lower:.3g} m" if self.lower == self.upper else f"{self.lower:.3g} … {self.upper:.3g} m"
+        first, last, count = self.frames[0], self.frames[-1], len(self.frames)
+        when = f"frame {first}" if count == 1 else f"{count} frames of {first} … {last}"
+        why = "; ".join(self.reasons) or "other edges oppose it"
+        return f"hard edge {self.name}: {self.measured:.3f} m at frame {self.frame} instead of {asked}, unmet in {when}: {why}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +77,8 @@ class Solution:
     """Seconds spent, by stage."""
     native: bool = False
     """Whether machine code served, not CasADi's virtual machine; the results are the same."""
+    unmet: tuple[UnmetEdge, ...] = ()
+    """The hard edges that miss their interval, with the limits that keep them from it."""
 
     def errors(self, kind: str) -> Floats:
         """(T, E) signed errors (d − y)/scale of a kind's edges [-]."""
@@ -125,13 +152,3 @@ class EdgeError:
     error: float
     """(d − y)/scale [-]."""
     priority: float
-
-
-def unreached(graph: Graph, measured: Mapping[str, Floats]) -> np.ndarray:
-    """(T,) whether a hard edge of one's own misses its interval by more than `UNREACHED`."""
-    own = graph.kinds.get("own")
-    if own is None:
-        return np.zeros(len(graph), dtype=bool)
-    d = measured["own"]
-    missed = np.abs(d - np.clip(d, own.lower, own.upper)) > UNREACHED
-    return np.asarray((missed & (own.priority >= HARD)).any(axis=1))

@@ -14,8 +14,9 @@ from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, smoothness
 from robot_retarget.solve.options import Options, Search, Smoothing
 from robot_retarget.solve.problem import Problem, build_problem, stresses, wishes_of
-from robot_retarget.solve.solution import Solution, Status, unreached
+from robot_retarget.solve.solution import Solution, Status
 from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.unmet import unmet_edges
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
@@ -80,12 +81,13 @@ def solution_of(
     stress["smoothness"] = _smoothness(graph, qpos)
     if anticipating:
         stress["interaction"] = _interaction(solver, qpos, graph.fps)
-    far, wishes = unreached(graph, measured), wishes_of(graph.tracks)
-    status = tuple(Status.UNREACHED if off else pose.status for off, pose in zip(far, poses, strict=True))
+    wishes, unmet = wishes_of(graph.tracks), unmet_edges(solver, graph, measured, qpos)
+    missed = {t for edge in unmet for t in edge.frames}
+    status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
     cost = np.array([solver.costs.cost(q, wishes.at(t)) for t, q in enumerate(qpos)])
     cost += stress["smoothness"] + stress.get("interaction", 0.0)
     iterations = np.array([pose.iterations for pose in poses])
-    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native)
+    return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native, unmet)
 
 
 def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Floats]:
@@ -108,7 +110,7 @@ def _smoothness(graph: Graph, qpos: Floats) -> Floats:
     """(T,) κ ‖second difference‖² about every frame; 0 at both ends."""
     robot, found = graph.robot, np.zeros(len(qpos))
     if len(qpos) > 2:
-        weight = smoothness(robot, graph.weights.smooth, graph.weights.smooth_root, graph.fps)
+        weight, _ = smoothness(robot, graph.weights, graph.fps)
         speed = np.array([difference(robot, a, b) for a, b in pairwise(qpos)])
         found[1:-1] = (weight * np.diff(speed, axis=0) ** 2).sum(axis=1)
     return found

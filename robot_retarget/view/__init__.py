@@ -4,12 +4,9 @@ They need Pillow and, for films, imageio-ffmpeg: the extra `video`. Where there 
 (EGL, OSMesa) figures are drawn instead of rendered; what cannot be shown at all comes back as `Unavailable`.
 """
 
-from robot_retarget.stage import make_callable
 from robot_retarget.view.gif import gif as gif
 from robot_retarget.view.picture import Picture as Picture
 from robot_retarget.view.picture import Unavailable as Unavailable
 from robot_retarget.view.strip import strip as strip
 from robot_retarget.view.video import Film as Film
 from robot_retarget.view.video import video as video
-
-make_callable(__name__)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.describe.graph import GENTLY, Graph, describe
+from robot_retarget.describe.added import FADE
+from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.track import HARD
 from robot_retarget.errors import GraphError
@@ -103,8 +104,8 @@ def test_an_added_edge_comes_on_before_its_frames_and_goes_after_them(one: int, 
     track = clap().with_edge(*HAND_TO_HEAD, (0.02, 0.05), frames=(first, last), priority=priority).kinds["own"]
     asked, edge = track.priority[:, 0], np.arange(FRAMES)
     away = np.maximum(np.maximum(first - edge, edge - last), 0) / 30
-    assert np.allclose(asked[first : last + 1], priority) and (asked[away > GENTLY] == 0).all()
-    assert ((asked > 0) == (away <= GENTLY + 1e-9)).all()
+    assert np.allclose(asked[first : last + 1], priority) and (asked[away > FADE] == 0).all()
+    assert ((asked > 0) == (away <= FADE + 1e-9)).all()
     assert (np.diff(asked[: first + 1]) >= 0).all() and (np.diff(asked[last:]) <= 0).all()
     assert np.abs(np.diff(asked)).max(initial=0.0) < 0.3 * priority
     assert (track.lower == 0.02).all() and (track.upper == 0.05).all() and not (asked >= HARD).any()
@@ -167,9 +168,9 @@ def test_without_a_kind_or_a_pair_the_rest_stays() -> None:
         (lambda g: g.with_edge(("l_el", (0, 0, 0)), "head", 0.1), r"op3 has no body 'l_el'.*l_el_link"),
         (lambda g: g.with_edge("l_hand", (0.1, 0.2), 0.1), r"three finite coordinates"),
         (lambda g: g.with_edge("l_hand", (0.1, 0.2, np.nan), 0.1), r"three finite coordinates"),
-        (lambda g: g.with_edge("l_hand", "head", (0.3, 0.1)), r"l_hand – head asks for 0.3 … 0.1 m"),
-        (lambda g: g.with_edge("l_hand", "head", -0.1), r"l_hand – head asks for -0.1"),
-        (lambda g: g.with_edge("l_hand", "head", np.nan), r"l_hand – head asks for nan"),
+        (lambda g: g.with_edge("l_hand", "head", (0.3, 0.1)), r"l_hand – head has the interval 0.3 … 0.1 m"),
+        (lambda g: g.with_edge("l_hand", "head", -0.1), r"l_hand – head has the interval -0.1"),
+        (lambda g: g.with_edge("l_hand", "head", np.nan), r"l_hand – head has the interval nan"),
         (lambda g: g.with_edge("l_hand", "head", np.inf), r"l_hand – head"),
         (lambda g: g.with_edge("l_hand", "head", 0.1, priority=-3.0), r"l_hand – head.*-3"),
         (lambda g: g.with_edge("l_hand", "head", 0.1, priority=np.nan), r"l_hand – head.*nan"),

@@ -56,6 +56,13 @@ def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[Gra
     assert done.first == 30 - round(AROUND * graph.fps)
 
 
+def test_a_hard_edge_holds_from_its_first_frame_to_its_last(solved: tuple[Graph, Trajectory]) -> None:
+    table = {"a": "l_hand", "b": "head", "at": 0.12, "frames": [30, 45], "hard": True}
+    done = mended(*solved, Edit("edge", table))
+    assert np.abs(apart(solved[0], done.trajectory, "l_hand", "head")[30:46] - 0.12).max() < 1e-3
+    assert not done.unmet
+
+
 def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tuple[Graph, Trajectory]) -> None:
     graph, trajectory = solved
     hinges = mended(graph, trajectory, HANDS).trajectory.qpos[:, OP3.qpos_index]

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import unit
+from robot_retarget.describe import graph as graph_module
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
@@ -92,6 +93,6 @@ def test_a_robot_taken_back_to_front_is_refused_unless_the_map_insists(
     turned.write_text("[robot]\nforward = [-1, 0, 0]\n")
     result = retarget(motion, robot, overrides=turned)
     assert "knee does not bend that way" in result.notes[0] and "forward = [x, y, z]" in result.notes[0]
-    monkeypatch.setattr("robot_retarget.describe.graph.match", lambda *_: result.match)
+    monkeypatch.setattr(graph_module, "match", lambda *_: result.match)
     with pytest.raises(MatchError, match=r"does not do what .* shows"):
         retarget(motion, robot)

@@ -17,6 +17,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.robot.kinematics import point_function
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve import solve as solve_module
 from robot_retarget.solve.native import machine_code
 from robot_retarget.solve.problem import Problem, build_problem, wishes_of
 from robot_retarget.transfer import retarget
@@ -90,7 +91,7 @@ def test_clips_of_two_seconds_are_solved_by_machine_code_with_the_same_result(
     graph = describe(motion, robot)
     built(graph, native=True)  # kept from now on
     compiled = retarget(motion, robot).solution
-    monkeypatch.setattr("robot_retarget.solve.solve.WORTH_COMPILING", len(graph) + 1)
+    monkeypatch.setattr(solve_module, "WORTH_COMPILING", len(graph) + 1)
     interpreted = retarget(motion, robot).solution
     assert (compiled.native, interpreted.native) == (len(graph) >= 60, False)
     assert (compiled.trajectory.qpos == interpreted.trajectory.qpos).all()

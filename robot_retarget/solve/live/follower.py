@@ -54,8 +54,8 @@ class Follower:
         self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
         frames = FrameSolver(self.problem)
         self.solver = RealTimeSolver(frames, options, w.smooth_root)
-        smooth = smoothness(graph.robot, w.smooth, w.smooth_root, graph.fps)
-        self.lag = FixedLag(frames, lag, smooth, Smoothing()) if lag else None
+        smooth, inertia = smoothness(graph.robot, w, graph.fps)
+        self.lag = FixedLag(frames, lag, smooth, inertia, Smoothing()) if lag else None
         self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
         self.asked: Wish | None = None
         self.latest: HumanFeatures | None = None

@@ -32,15 +32,16 @@ class Solved:
 class FixedLag:
     """Gives poses out `lag` frames late."""
 
-    def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, smoothing: Smoothing):
+    def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, inertia: Floats, smoothing: Smoothing):
         """Wait for so many frames.
 
         Args:
             smooth: (nv,) π of squared second differences at this rate, κ.
+            inertia: (nv,) ratio of κ to that of a hinge [-].
         """
         self.solver, self.lag, self.robot = solver, lag, solver.robot
-        rho = smoothing.proximal * smooth / smooth[solver.hinges].max()
-        self.weight, self.stiffness = rho, float((smooth / rho).max())
+        self.weight = smoothing.proximal * inertia
+        self.stiffness = float((smooth / self.weight).max())
         self.waiting: deque[Solved] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 

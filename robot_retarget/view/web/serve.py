@@ -108,7 +108,10 @@ class Desk:
                     raise UsageError("nothing can be touched up without the motion")
                 return self._done(what, self._editor, content)
             except (RobotRetargetError, ValueError) as error:
-                return HTTPStatus.BAD_REQUEST, "application/json", json.dumps({"error": str(error)}).encode()
+                return _refused(HTTPStatus.BAD_REQUEST, str(error))
+            except Exception as error:  # a defect reaches the page as a sentence, and the server goes on
+                reason = f"a defect of robot-retarget: {type(error).__name__}: {error}"
+                return _refused(HTTPStatus.INTERNAL_SERVER_ERROR, reason)
 
     def _done(self, what: str, editor: Editor, content: bytes) -> tuple[HTTPStatus, str, bytes]:
         if what == "save":
@@ -125,6 +128,10 @@ class Desk:
         self._viewer = replace(self._viewer, takes=(take, *others))
         told = {"touch": editor.told()}
         return HTTPStatus.OK, "application/octet-stream", Viewer((take,)).packed(told)
+
+
+def _refused(status: HTTPStatus, reason: str) -> tuple[HTTPStatus, str, bytes]:
+    return status, "application/json", json.dumps({"error": reason}).encode()
 
 
 def _bounded(table: Any) -> dict[str, Any]:
