@@ -60,6 +60,26 @@ def test_a_limb_that_flies_is_led_across():
     assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
 
 
+def largest_steps(motion) -> np.ndarray:
+    """(K,) of every keypoint [m]."""
+    x = recognise(motion.skeleton, motion.positions).place(motion.positions)
+    return np.linalg.norm(np.diff(x, axis=0), axis=2).max(axis=0)
+
+
+@pytest.mark.parametrize("frames", [1, 4, 1000])
+def test_a_trunk_that_bends_at_once_is_no_jump_of_the_body(frames):
+    """Shifting the whole body after it would throw the pelvis, which stood still, across the room."""
+    capture, leg = walk()
+    names = capture.skeleton.names
+    upper = [k for k in range(len(names)) if names.index("Spine") in capture.skeleton.above(k)]
+    x = capture.positions.copy()
+    x[100 : 100 + frames, upper] += 0.6 * leg * np.array([0.6, 0.0, 0.8])
+    broken = replace(capture, positions=x, rotations=None)
+    mended, raw = upright(broken), upright(broken, repair=False)
+    assert (largest_steps(mended) <= largest_steps(raw) + 1e-9).all()
+    assert any("The body jumps" in note and "frame 100 (" in note and "less smooth" in note for note in mended.notes)
+
+
 def test_without_repair_it_is_only_said():
     capture, leg = walk()
     x = capture.positions.copy()

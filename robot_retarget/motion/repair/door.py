@@ -10,6 +10,7 @@ from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
 from robot_retarget.motion.repair.sentences import Finding, said
+from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.motion.repair.steps import StepRule, body_jumps, limb_jumps
 from robot_retarget.motion.stature import leg_length
 
@@ -67,7 +68,8 @@ def _settled(
 ) -> tuple[Capture, tuple[str, ...]]:
     """Without the poses that it stands still in before its first jump and after its last."""
     points = recognition.place(capture.positions) / leg
-    jumps = np.flatnonzero(body_jumps(_trunk(recognition, points), capture.fps, rule.steps).any(axis=1)) + 1
+    middle = points[:, _trunk_columns(recognition)].mean(axis=1)
+    jumps = np.flatnonzero(body_jumps(middle, capture.fps, rule.steps).any(axis=1)) + 1
     start, stop, notes = 0, len(points), []
     done = "dropped" if rule.mend else LEFT
     if jumps.size and stop - jumps[0] > 1 and np.ptp(points[: jumps[0]], axis=0).max() < rule.still:
@@ -83,31 +85,34 @@ def _settled(
 
 
 def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
-    """With the body set down where it came from after every jump; where its pose changes too, another take begins."""
+    """Put the body back after every jump that the whole trunk makes; where its pose changes too, another take begins."""
     points = recognition.place(capture.positions) / leg
-    middle = _trunk(recognition, points)
+    trunk = points[:, _trunk_columns(recognition)]
+    middle = trunk.mean(axis=1)
     jumps = body_jumps(middle, capture.fps, rule.steps)
     changed = limb_jumps(points, middle, capture.fps, rule.steps).any(axis=2).mean(axis=1) > rule.pose
     findings = [
-        _found("The body jumps", t + 1, float(np.linalg.norm(jumps[t])), "bridged" if rule.mend else LEFT)
-        for t in np.flatnonzero(jumps.any(axis=1) & ~changed).tolist()
-    ]
-    findings += [
         _found("Another pose begins", t + 1, float(np.linalg.norm(jumps[t]) + 1.0), "cut the clip there (--frames)")
         for t in np.flatnonzero(changed).tolist()
     ]
-    if not (rule.mend and jumps[~changed].any()):
+    jumps[changed] = 0.0
+    for t in np.flatnonzero(jumps.any(axis=1)).tolist():
+        rigid = is_smoother(trunk[t : t + 2], np.stack([trunk[t], trunk[t + 1] - jumps[t]]))
+        done = ("bridged" if rule.mend else LEFT) if rigid else REFUSED
+        findings.append(_found("The body jumps", t + 1, float(np.linalg.norm(jumps[t])), done))
+        jumps[t] *= rigid
+    if not (rule.mend and jumps.any()):
         return capture, findings
-    back = np.cumsum(jumps * ~changed[:, None], axis=0) * leg
     positions = capture.positions.copy()
-    positions[1:] -= back[:, None]
+    positions[1:] -= np.cumsum(jumps, axis=0)[:, None] * leg
     return replace(capture, positions=positions), findings
 
 
 def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
     """With limbs led across the gaps in which they were lost."""
     points, at = recognition.place(capture.positions) / leg, recognition.keypoints.index
-    jumps = limb_jumps(points, _trunk(recognition, points), capture.fps, rule.steps)
+    middle = points[:, _trunk_columns(recognition)].mean(axis=1)
+    jumps = limb_jumps(points, middle, capture.fps, rule.steps)
     jumps[jumps.any(axis=2).mean(axis=1) > rule.pose] = 0.0
     longest, findings = round(rule.longest * capture.fps), []
     for limb, keypoints in limbs_of(recognition).items():
@@ -116,11 +121,26 @@ def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairR
         worst = columns[int(np.linalg.norm(jumps[:, columns], axis=2).max(axis=0).argmax())]
         for first, last, size, closed in gaps(jumps[:, worst], inside, longest):
             safe = closed and last - first < longest and first > 0 and last + 1 < len(points)
-            done = ("bridged" if rule.mend else LEFT) if safe else "look at it, or cut the clip there (--frames)"
-            findings.append(replace(_found(f"{limb} jumps", first, size, done), last=last))
+            done = LEFT if safe else "look at it, or cut the clip there (--frames)"
             if safe and rule.mend:
-                capture = bridged(capture, recognition.marks[recognition.keypoints[root]].joints[0], first, last)
+                hub = recognition.marks[recognition.keypoints[root]].joints[0]
+                capture, done = _across(capture, recognition, hub, columns, first, last)
+            findings.append(replace(_found(f"{limb} jumps", first, size, done), last=last))
     return capture, findings
+
+
+def _across(
+    capture: Capture, recognition: Recognition, hub: int, columns: list[int], first: int, last: int
+) -> tuple[Capture, str]:
+    """A limb led across a gap where that is smoother than what was there, and what was done.
+
+    Args:
+        hub: the joint from which the limb hangs.
+        columns: the limb's keypoints.
+    """
+    led, around = bridged(capture, hub, first, last), slice(first - 1, last + 2)
+    before, after = (recognition.place(one.positions[around])[:, columns] for one in (capture, led))
+    return (led, "bridged") if is_smoother(before, after) else (capture, REFUSED)
 
 
 def _quiet(
@@ -136,10 +156,9 @@ def _quiet(
     return (smoothed(capture, rule.noise) if rule.mend else capture), (note,)
 
 
-def _trunk(recognition: Recognition, points: Floats) -> Floats:
-    """(T, 3) the middle of hips, shoulders and what is between: no limb moves it."""
-    keypoints = [k for k in recognition.keypoints if k in TRUNK]
-    return points[:, [recognition.keypoints.index(k) for k in keypoints]].mean(axis=1)
+def _trunk_columns(recognition: Recognition) -> list[int]:
+    """The keypoints of hips, shoulders and what is between: no limb moves them."""
+    return [k for k, keypoint in enumerate(recognition.keypoints) if keypoint in TRUNK]
 
 
 def _found(what: str, frame: int, size: float, done: str) -> Finding:
