@@ -8,6 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
 from robot_retarget.motion.calibration import calibration_frames, posed
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.performers import first_performer
 from robot_retarget.motion.recognise import Recognition, recognise
 from robot_retarget.motion.repair import FootingRule, RepairRule, footing, look_over
 from robot_retarget.motion.skeleton import Motion
@@ -42,6 +43,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
         MotionError: which axis points up cannot be told.
     """
     told = capture.up if up is None else signed_axis(up)
+    capture, others = first_performer(capture)
     try:
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:
@@ -54,7 +56,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())
     ends = posed(recognition, level, capture.fps)
-    notes = (*axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
+    notes = (*others, *axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
     return replace(_motion(capture, metres, axis, notes), start_time=proper.start / capture.fps)

@@ -154,7 +154,9 @@ def test_names_are_kept_whole(tmp_path, name):
 def test_equal_and_missing_names_are_made_unique_and_noted(tmp_path):
     capture = read(tmp_path, text(HEAD.replace("Spine", "Hips")))
     assert capture.skeleton.names == ("Hips", "Hips_2", "Hips_2_end")
-    assert any("second joint 'Hips'" in note for note in capture.notes)
+    assert any(
+        "1 joint has the name of an earlier one and got a number: 'Hips_2' in line" in note for note in capture.notes
+    )
     capture = read(tmp_path, text(HEAD.replace(" Spine", "")))
     assert capture.skeleton.names[1] == "joint_1"
     assert any("without a name" in note for note in capture.notes)

@@ -13,6 +13,8 @@ from robot_retarget.motion.skeleton import Skeleton
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 _BY_SPELLING = {channel.lower(): channel for channel in CHANNELS}
 _WORD = re.compile(r"[{}]|[^\s{}]+")
+LISTED = 3
+"""Joints named in a note; further ones are counted."""
 _STATEMENTS = "ROOT, JOINT, End Site, OFFSET, CHANNELS, { or }"
 
 
@@ -190,6 +192,7 @@ class _Builder:
         """Every joint's name, made unique; an end site is called after its parent."""
         inner = {node.parent for node in self.nodes}
         names: list[str] = []
+        renamed: list[str] = []
         for index, node in enumerate(self.nodes):
             # Some exporters spell an end site `JOINT Site`.
             spelled = node.name.lower() == "site" and not node.channels and index not in inner and node.parent >= 0
@@ -201,6 +204,10 @@ class _Builder:
             while name in names:
                 name, copy = f"{wanted}_{copy}", copy + 1
             if name != wanted and not (node.site or spelled):
-                self.notes.append(f"A second joint {wanted!r} in line {node.line} is called {name!r}.")
+                renamed.append(f"{name!r} in line {node.line}")
             names.append(name)
+        if renamed:
+            listed = ", ".join(renamed[:LISTED]) + (", …" if len(renamed) > LISTED else "")
+            what = "1 joint has" if len(renamed) == 1 else f"{len(renamed)} joints have"
+            self.notes.append(f"{what} the name of an earlier one and got a number: {listed}.")
         return tuple(names)

@@ -1,0 +1,68 @@
+"""Several people in one file: each is a subtree of joints that is a human body by itself."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_retarget.errors import MatchError, known
+from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.recognise import recognise
+from robot_retarget.motion.skeleton import Skeleton
+
+FEWEST = 12
+"""Joints of two legs and two arms, three each."""
+
+
+def first_performer(capture: Capture) -> tuple[Capture, tuple[str, ...]]:
+    """The first of several people, with a note that lists them; the capture itself where there are not several."""
+    roots = performers(capture)
+    if len(roots) < 2:
+        return capture, ()
+    names = [capture.skeleton.names[root] for root in roots]
+    note = f"It holds {len(roots)} performers ({known(names).removeprefix('known: ')}): {names[0]!r} was read."
+    return subtree(capture, roots[0]), (note,)
+
+
+def performers(capture: Capture) -> list[int]:
+    """The root joints of the people, where siblings are human bodies; nothing where fewer than two are.
+
+    A joint with one large branch and nothing but single joints beside it wraps a scene: its children are looked at.
+    """
+    level = np.flatnonzero(capture.skeleton.parents < 0).tolist()
+    while level:
+        sizes = [len(below(capture.skeleton, joint)) for joint in level]
+        large = [joint for joint, size in zip(level, sizes, strict=True) if size >= FEWEST]
+        if len(large) > 1:
+            return [joint for joint in large if _is_human(subtree(capture, joint))]
+        if not large or sorted(sizes)[:-1] != [1] * (len(sizes) - 1):
+            return []
+        level = np.flatnonzero(capture.skeleton.parents == large[0]).tolist()
+    return []
+
+
+def below(skeleton: Skeleton, joint: int) -> list[int]:
+    """A joint and all that it carries."""
+    carried = {joint}
+    for child in range(joint + 1, len(skeleton)):
+        if int(skeleton.parents[child]) in carried:
+            carried.add(child)
+    return sorted(carried)
+
+
+def subtree(capture: Capture, joint: int) -> Capture:
+    """The capture of a joint and all that it carries."""
+    kept = below(capture.skeleton, joint)
+    place = {old: new for new, old in enumerate(kept)}
+    old = capture.skeleton
+    parents = np.array([place.get(int(old.parents[k]), -1) for k in kept])
+    skeleton = Skeleton(tuple(old.names[k] for k in kept), parents, old.offsets[kept])
+    rotations = None if capture.rotations is None else capture.rotations[:, kept]
+    return replace(capture, skeleton=skeleton, positions=capture.positions[:, kept], rotations=rotations)
+
+
+def _is_human(capture: Capture) -> bool:
+    try:
+        recognise(capture.skeleton, capture.positions)
+    except MatchError:
+        return False
+    return True
