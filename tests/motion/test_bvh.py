@@ -143,7 +143,7 @@ def test_several_roots_and_no_root_are_read(tmp_path):
 def test_the_first_three_of_six_offset_numbers_count(tmp_path):
     capture = read(tmp_path, text(HEAD.replace("OFFSET 0 10 0", "OFFSET 0 10 0 1 2 3")))
     assert capture.skeleton.offsets[1] == pytest.approx(np.array([0, 10, 0]))
-    assert "6 numbers" in capture.notes[0]
+    assert capture.notes[0] == "1 joint with more than 3 numbers of OFFSET use the first 3: 'Spine' (6)."
 
 
 @pytest.mark.parametrize("name", ["Bip01 L Thigh", "mixamorig:Spine", "spine.001", "Hüfte", "左足", "End", "x-1_(2)"])
@@ -151,15 +151,22 @@ def test_names_are_kept_whole(tmp_path, name):
     assert read(tmp_path, text(HEAD.replace("Spine", name))).skeleton.names[1] == name
 
 
+def test_notes_of_one_kind_are_one_note(tmp_path):
+    capture = read(
+        tmp_path, text(HEAD.replace("OFFSET 0 10 0", "OFFSET 0 10 0 1").replace("OFFSET 0 5 0", "OFFSET 0 5 0 1"))
+    )
+    assert sum("OFFSET" in note for note in capture.notes) == 1
+
+
 def test_equal_and_missing_names_are_made_unique_and_noted(tmp_path):
     capture = read(tmp_path, text(HEAD.replace("Spine", "Hips")))
     assert capture.skeleton.names == ("Hips", "Hips_2", "Hips_2_end")
     assert any(
-        "1 joint has the name of an earlier one and got a number: 'Hips_2' in line" in note for note in capture.notes
+        "1 joint with the name of an earlier one got a number: 'Hips_2' in line" in note for note in capture.notes
     )
     capture = read(tmp_path, text(HEAD.replace(" Spine", "")))
     assert capture.skeleton.names[1] == "joint_1"
-    assert any("without a name" in note for note in capture.notes)
+    assert any("1 joint without a name got one: 'joint_1' in line" in note for note in capture.notes)
 
 
 @pytest.mark.parametrize(

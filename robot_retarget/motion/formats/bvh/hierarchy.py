@@ -103,6 +103,8 @@ class _Builder:
     nodes: list[_Node] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     stack: list[int] = field(default_factory=list)
+    long_offsets: list[str] = field(default_factory=list)
+    """Joints whose OFFSET has more than three numbers."""
     pending: bool = False
     """A joint was named and its opening brace is still to come."""
 
@@ -160,7 +162,7 @@ class _Builder:
         if len(numbers) < 3 or not np.isfinite(numbers).all():
             raise self.words.error(f"OFFSET of joint {node.name!r}: expected 3 finite numbers, found {numbers}", line)
         if len(numbers) > 3:
-            self.notes.append(f"OFFSET of {node.name!r} has {len(numbers)} numbers; the first 3 are used.")
+            self.long_offsets.append(f"{node.name!r} ({len(numbers)})")
         node.offset = numbers[:3]
 
     def _channels(self, line: int) -> None:
@@ -178,7 +180,14 @@ class _Builder:
             raise self.words.error(f"CHANNELS {count} of joint {node.name!r} lists {len(names)} channels", line)
         node.channels = tuple(_BY_SPELLING[name.lower()] for name in names)
 
+    def _note(self, joints: list[str], what: str) -> None:
+        """One note for all joints of a kind."""
+        if joints:
+            listed = ", ".join(joints[:LISTED]) + (", …" if len(joints) > LISTED else "")
+            self.notes.append(f"{len(joints)} joint{'s' if len(joints) > 1 else ''} {what}: {listed}.")
+
     def hierarchy(self) -> Hierarchy:
+        self._note(self.long_offsets, "with more than 3 numbers of OFFSET use the first 3")
         for node in self.nodes:
             if node.offset is None:
                 raise self.words.error(f"joint {node.name!r} has no OFFSET", node.line)
@@ -193,21 +202,20 @@ class _Builder:
         inner = {node.parent for node in self.nodes}
         names: list[str] = []
         renamed: list[str] = []
+        unnamed: list[str] = []
         for index, node in enumerate(self.nodes):
             # Some exporters spell an end site `JOINT Site`.
             spelled = node.name.lower() == "site" and not node.channels and index not in inner and node.parent >= 0
             wanted = f"{names[node.parent]}_end" if node.site or spelled else node.name
             if not wanted:
                 wanted = f"joint_{index}"
-                self.notes.append(f"A joint without a name in line {node.line} is called {wanted!r}.")
+                unnamed.append(f"{wanted!r} in line {node.line}")
             name, copy = wanted, 2
             while name in names:
                 name, copy = f"{wanted}_{copy}", copy + 1
             if name != wanted and not (node.site or spelled):
                 renamed.append(f"{name!r} in line {node.line}")
             names.append(name)
-        if renamed:
-            listed = ", ".join(renamed[:LISTED]) + (", …" if len(renamed) > LISTED else "")
-            what = "1 joint has" if len(renamed) == 1 else f"{len(renamed)} joints have"
-            self.notes.append(f"{what} the name of an earlier one and got a number: {listed}.")
+        self._note(unnamed, "without a name got one")
+        self._note(renamed, "with the name of an earlier one got a number")
         return tuple(names)
