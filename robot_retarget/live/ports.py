@@ -67,12 +67,15 @@ class UdpPort:
             return []
         waiting: deque[Packet] = deque()
         size = left_out = 0
-        while len(waiting) + left_out < AT_ONCE:
+        for _ in range(AT_ONCE):
             try:
                 data, (host, port) = self._socket.recvfrom(CHUNK)
             except BlockingIOError:
                 break
             except OSError:  # an answer of the system to something that was never sent
+                continue
+            if not data:  # in a packet, no bytes mean that a connection ended
+                self._faults.note(Fault.MALFORMED, f"an empty datagram of {host}:{port}")
                 continue
             waiting.append(Packet(data, f"{host}:{port}", time.monotonic()))
             size += len(data)

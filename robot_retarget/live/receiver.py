@@ -94,28 +94,27 @@ class Receiver:
                 return None
 
     def _fed(self, packets: list[Packet]) -> int:
-        """How many whole frames were in the packets."""
+        """Return how many whole frames of the present sender are in the packets."""
         count = 0
         for packet in packets:
-            if not self._followed(packet):
-                self.faults.note(Fault.OTHER_SENDER, f"{packet.sender}; {self._sender} is followed")
-                continue
+            if packet.sender != self._sender:
+                if packet.arrived - self._heard < TAKEOVER:
+                    self.faults.note(Fault.OTHER_SENDER, f"{packet.sender}; {self._sender} is followed")
+                    continue
+                self._take_over(packet.sender)
+                self.dropped, count = self.dropped + count, 0
+            self._heard = packet.arrived if packet.data else float("-inf")
             try:
                 count += self.decoder.feed(packet.data, packet.arrived)
             except RefusedError as error:
                 self.faults.refused(error)
         return count
 
-    def _followed(self, packet: Packet) -> bool:
-        if packet.sender != self._sender:
-            if packet.arrived - self._heard < TAKEOVER:
-                return False
-            if self._sender:
-                self.faults.note(Fault.RESTARTED, f"{packet.sender} after {self._sender}")
-                self.decoder.restart()
-            self._sender = packet.sender
-        self._heard = packet.arrived if packet.data else float("-inf")
-        return True
+    def _take_over(self, sender: str) -> None:
+        if self._sender:
+            self.faults.note(Fault.RESTARTED, f"{sender} after {self._sender}")
+            self.decoder.restart()
+        self._sender = sender
 
     def close(self) -> None:
         self.port.close()

@@ -1,8 +1,10 @@
 """The table of faults: whatever comes in is counted and said, never a crash, and the frames around it go on."""
 
 import json
+import socket
 import struct
 import time
+from collections.abc import Container, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
 from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import Loop, Patience
 from robot_retarget.live.ports import NEWEST, Packet, TcpPort, UdpPort
 from robot_retarget.live.protocols.clock import SenderClock
@@ -24,6 +27,8 @@ from robot_retarget.robot import load_robot
 
 MOTION = clip()
 SKELETON = MOTION.skeleton
+ENDS = {"Head": "Head", "LeftHand": "LeftWrist", "RightHand": "RightWrist", "LeftFoot": "LeftAnkle"}
+"""Bones of VMC and the joints of the clip that they are."""
 
 
 def decoder_of(protocol: str, faults: Faults) -> Decoder:
@@ -55,6 +60,23 @@ class Heard:
         self.now += 1 / 60
         return sum([self.give(packet, sender) for packet in packets_of(self.protocol, t)])
 
+    def spread(self, frames: Iterable[int], apart: float, lost: Container[tuple[int, int]] = ()) -> list[int | None]:
+        """Which sent frame each received one is, None for a mixture; packets come `apart`, frames 1/60 s."""
+        found: list[int | None] = []
+        for t in frames:
+            for k, packet in enumerate(packets_of("vmc", 5 * t)):
+                self.now = 100 + t / 60 + k * apart
+                self.port.packets = [] if (t, k) in lost else [Packet(packet, "a", self.now)]
+                frame = self.receiver.newest(0.0)
+                found += [] if frame is None else [self._number(frame)]
+        return found
+
+    def _number(self, frame: Frame) -> int | None:
+        joints = [SKELETON.names.index(name) for name in ENDS.values()]
+        seen = frame.positions[[frame.skeleton.names.index(bone) for bone in ENDS]]
+        off = np.abs(MOTION.positions[::5, joints] - seen).max(axis=(1, 2))
+        return int(np.argmin(off)) if off.min() < 1e-4 else None
+
     def well(self, start: int = 0) -> None:
         """A few good frames; what they need to be understood comes first."""
         assert sum(self.frame(t) for t in range(start, start + 4)) >= 3
@@ -74,12 +96,21 @@ def heard(request: pytest.FixtureRequest) -> Heard:
 
 @pytest.mark.parametrize(
     "junk",
-    [b"", b"\0", b"\xff" * 40, b"#bundle\0" + b"\xff" * 20, b"/VMC/Ext/Bone/Pos", b"[" * 2000, b"{}\n", b"pose" * 9],
+    [
+        b"\0",
+        b"\xff" * 40,
+        b"#bundle\0" + b"\xff" * 20,
+        b"/VMC/Ext/Bone/Pos",
+        b"[" * 2000,
+        b"{}\n",
+        b"pose" * 9,
+        b"pose" * 3000,
+        b"#bundle\0" * 3000,
+    ],
 )
 def test_a_malformed_packet_is_counted_and_the_next_frame_is_whole(heard: Heard, junk: bytes) -> None:
     assert heard.give(junk) == 0
-    if junk.strip():
-        heard.only(Fault.MALFORMED)
+    heard.only(Fault.MALFORMED)
     heard.well(start=4)
 
 
@@ -137,6 +168,29 @@ def test_a_packet_lost_on_the_way_costs_that_frame_its_bones_and_no_more() -> No
         heard.give(packet)
     heard.well(start=6)
     heard.only(Fault.INCOMPLETE)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.001, 0.005])
+def test_packets_of_one_frame_that_come_apart_make_one_whole_frame(apart: float) -> None:
+    heard = Heard("vmc")
+    assert heard.spread(range(12, 24), apart) == list(range(13, 24))
+    assert not heard.faults.counts
+
+
+def test_who_listens_from_the_middle_of_a_frame_mixes_none() -> None:
+    heard = Heard("vmc")
+    assert heard.spread(range(12, 24), 0.005, lost={(12, 0)}) == list(range(13, 24))
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+@pytest.mark.parametrize("apart", [0.0, 0.001, 0.005])
+def test_a_lost_packet_mixes_no_frame_with_the_next(apart: float, lost: int) -> None:
+    heard = Heard("vmc")
+    heard.spread(range(12, 18), apart)
+    whole = heard.spread(range(18, 24), apart, lost={(19, lost)})
+    assert whole[:1] + whole[2:] == [18, 20, 21, 22, 23]
+    heard.only(Fault.INCOMPLETE)
+    assert heard.faults.counts[Fault.INCOMPLETE] == 1
 
 
 def test_time_that_goes_backwards_or_stands_is_refused(heard: Heard) -> None:
@@ -205,6 +259,34 @@ def test_two_senders_are_not_mixed_and_the_other_takes_over_once_the_first_is_si
     assert heard.faults.counts[Fault.RESTARTED] == 1
 
 
+def test_an_empty_datagram_is_no_farewell() -> None:
+    faults = Faults()
+    receiver = Receiver(UdpPort(HOST, 0, faults), LineDecoder(faults, SKELETON, True), faults)
+    assert isinstance(receiver.port, UdpPort)
+    with udp() as first, udp() as second:
+        first.sendto(line_of(1.0, MOTION.positions[0]), receiver.port.address)
+        assert receiver.newest(0.5) is not None
+        first.sendto(b"", receiver.port.address)
+        second.sendto(line_of(1.1, MOTION.positions[1]), receiver.port.address)
+        assert receiver.newest(0.1) is None
+    receiver.close()
+    assert faults.counts == {str(Fault.MALFORMED): 1, str(Fault.OTHER_SENDER): 1}
+
+
+def test_a_frame_and_the_next_sender_at_once_give_the_frame_of_neither_or_one(heard: Heard) -> None:
+    heard.now += 1 / 60
+    last = [Packet(packet, "a", heard.now) for packet in packets_of(heard.protocol, 5)]
+    gone, strange = Packet(b"", "a", heard.now), Packet(packets_of(heard.protocol, 6)[0], "b", heard.now)
+    heard.port.packets = [*last, gone, strange]
+    heard.receiver.newest(0.0)
+    assert heard.faults.counts[Fault.RESTARTED] == 1
+    assert sum(heard.frame(t, "b") for t in range(7, 12)) >= 3
+
+
+def udp() -> socket.socket:
+    return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+
 def test_after_ten_seconds_of_silence_the_same_sender_goes_on(heard: Heard) -> None:
     heard.now += 10.0
     assert sum(heard.frame(t) for t in range(604, 608)) >= 3
@@ -252,9 +334,7 @@ def test_a_flood_is_thrown_away_unread_and_the_newest_frame_is_had() -> None:
     faults = Faults()
     port = UdpPort(HOST, 0, faults)
     receiver = Receiver(port, LineDecoder(faults, SKELETON, True), faults)
-    import socket
-
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+    with udp() as out:
         for k in range(200):
             out.sendto(b'{"time": %d, "positions": [[0, 0, 0]]}' % k + b" " * 200, port.address)
         newest = line_of(500.0, MOTION.positions[7])
@@ -289,8 +369,6 @@ def test_a_sender_that_is_killed_and_restarted_is_followed_again() -> None:
 
 
 def test_a_second_connection_is_turned_away_and_a_new_one_follows_the_first() -> None:
-    import socket
-
     faults = Faults()
     port = TcpPort(HOST, 0, faults)
     receiver = Receiver(port, LineDecoder(faults, SKELETON), faults)

@@ -98,7 +98,8 @@ def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None
     for k, pose in enumerate(stream):
         sink.show(Answer(pose, k / 10, "converged", 0.0))
         wish = pose[OP3.qpos_index[columns]]
-        guard.keep(guard.aim(wish, 0.1), wish)
+        goal = guard.aim(wish, 0.1)
+        guard.keep(goal, wish, goal, 0.1)
         qpos[k, OP3.qpos_index[columns]] = guard.goal
     assert (replay_contacts(OP3, stream).depth > 0.001).any()
     assert not (replay_contacts(OP3, qpos).depth > 0.001).any() and sink.guard.changed

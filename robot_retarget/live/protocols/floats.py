@@ -52,22 +52,24 @@ class FloatDecoder:
         return count
 
     def _size(self) -> int | None:
-        """Bytes of the frame that begins what is left, once that is known; what is none is thrown away before."""
+        """Return the bytes of the frame that the rest begins with, once known; drop what begins none."""
+        while True:
+            self._drop_to_magic()
+            if len(self._rest) < HEAD.size:
+                return None
+            _, joints, width, _ = HEAD.unpack_from(self._rest)
+            if width in WIDTHS and joints == len(self._joints):
+                return HEAD.size + 4 * joints * width
+            wrong = f"a frame of {joints} × {width} numbers, the skeleton has {len(self._joints)}"
+            self._faults.note(Fault.MALFORMED, wrong)
+            self._rest = self._rest[len(MAGIC) :]
+
+    def _drop_to_magic(self) -> None:
         start = self._rest.find(MAGIC)
         strange = len(self._rest) - len(MAGIC) + 1 if start < 0 else start
         if strange > 0:
             self._faults.note(Fault.MALFORMED, f"{strange} bytes that begin no frame")
             self._rest = self._rest[strange:]
-        if len(self._rest) < HEAD.size:
-            return None
-        _, joints, width, _ = HEAD.unpack_from(self._rest)
-        if width in WIDTHS and joints == len(self._joints):
-            return HEAD.size + 4 * joints * width
-        self._faults.note(
-            Fault.MALFORMED, f"a frame of {joints} × {width} numbers, the skeleton has {len(self._joints)}"
-        )
-        self._rest = self._rest[len(MAGIC) :]
-        return self._size()
 
     def newest(self) -> Frame:
         data, arrived = self._newest

@@ -1,7 +1,8 @@
 """VMC, the protocol of VRM performers: bones in their parents as OSC over UDP, in one packet a frame or in many.
 
-Nothing in the protocol says where a frame ends. A frame is whole once every bone of the frames before is there again; a
-bone that comes twice, or a pause, ends it as well. Sources: protocol.vmc.info, "Marionette" receiving.
+The protocol does not mark where a frame ends. A frame is complete once it has every bone of the frames before. It ends early
+where a bone comes twice, or where the bone comes before which the network pauses longest: frames begin with that one.
+Packets of one frame may thus be far apart. Sources: protocol.vmc.info, "Marionette" receiving.
 """
 
 from math import hypot, isfinite
@@ -22,7 +23,9 @@ PORT = 39539
 ROOT, BONE, OK, TIME = "/VMC/Ext/Root/Pos", "/VMC/Ext/Bone/Pos", "/VMC/Ext/OK", "/VMC/Ext/T"
 ADDRESSES = {address.encode() for address in (ROOT, BONE, OK, TIME)}
 PAUSE = 0.004
-"""Packets of a frame follow each other faster than this [s]."""
+"""A first bone that comes sooner after the packet before was overtaken on the network and begins no frame [s]."""
+LEARNING = 0.1
+"""Weight of a new pause in the mean pause before a bone."""
 LONGEST = 2.0
 """No bone is longer [m]."""
 NO_BONE = 1e-3
@@ -56,23 +59,28 @@ class VmcDecoder:
         self._faults = faults
         self.clock = SenderClock(faults)
         self.skeleton: Skeleton | None = None
+        self._newest: _Whole | None = None
         self.restart()
 
     def restart(self) -> None:
         self.clock.restart()
         self._local: dict[str, Local] = {}
         self._root = STANDING
-        self._newest: _Whole | None = None
         self._stamp: float | None = None
         self._tracked = True
-        self._there: set[str] = set()
+        self._there: dict[str, None] = {}
+        """What has come of the frame, in its order."""
+        self._pauses: dict[str, float] = {}
+        """Mean pause before the packets that begin with each key [s]."""
+        self._pause = float("inf")
+        """Before the packet, until its first key is read; then 0 [s]."""
         self._expected: set[str] = set()
         self._before: set[str] = set()
         self._arrived = float("-inf")
 
     def feed(self, data: bytes, arrived: float) -> int:
-        count = 0 if arrived - self._arrived < PAUSE or not self._there else self._ended(early=True)
-        self._arrived = arrived
+        self._pause, self._arrived = arrived - self._arrived, arrived
+        count = 0
         for message in messages(data, ADDRESSES):
             try:
                 count += self._after(message)
@@ -89,15 +97,28 @@ class VmcDecoder:
         key, taken = self._read(address, values)
         if not key:
             return 0
-        count = self._ended(early=True) if key in self._there else 0
+        count = self._ended(early=True) if self._begins(key) and self._there else 0
         if address == TIME:
             self._stamp = taken
         elif address == ROOT:
             self._root = taken
         else:
             self._local[key] = taken
-        self._there.add(key)
-        return self._ended(early=False) if self._expected and self._expected <= self._there else count
+        self._there[key] = None
+        return self._ended(early=False) if self._expected and self._expected <= self._there.keys() else count
+
+    def _begins(self, key: str) -> bool:
+        """Whether a key begins a frame; learns the pauses before packets."""
+        pause, self._pause = self._pause, 0.0
+        if 0 < pause < float("inf"):
+            mean = self._pauses.get(key, pause)
+            self._pauses[key] = mean + LEARNING * (pause - mean)
+        first = bool(self._expected) and pause >= PAUSE and key == self._first
+        return first or key in self._there
+
+    @property
+    def _first(self) -> str:
+        return max(self._pauses, key=self._pauses.__getitem__, default="")
 
     def _read(self, address: str, values: list[Any]) -> tuple[str, Any]:
         """What a message is about, and its value in our axes; no name for what is passed over.
@@ -126,20 +147,26 @@ class VmcDecoder:
 
     def _ended(self, early: bool) -> int:
         """Keep what is there as the newest frame; whether it is one."""
-        there, self._there = self._there, set()
+        order, self._there = list(self._there), {}
+        there = set(order)
         if there.isdisjoint(BONES):
             return 0
-        known = bool(self._expected)
-        if there == self._before or not known:
+        if not self._expected:
             self._expected = there
+            return self._join(order)
+        self._expected = there if there == self._before else self._expected | there
         self._before = there
-        if early and not known:
-            return 0  # it may have begun before we listened
         if early and not self._expected <= there:
             self._faults.note(Fault.INCOMPLETE, f"without {', '.join(sorted(self._expected - there)[:4])}")
         stamp = self._stamp if TIME in there else None
         self._newest = _Whole(dict(self._local), self._root, stamp, self._arrived, self._tracked)
         return 1
+
+    def _join(self, order: list[str]) -> int:
+        """Keep what has come of the frame in progress, if we began to listen in the middle of the one before."""
+        begun = order.index(self._first) if self._first in order else 0
+        self._there = dict.fromkeys(order[begun:]) if begun else {}
+        return 0
 
     def newest(self) -> Frame:
         whole = self._newest
