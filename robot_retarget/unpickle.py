@@ -85,7 +85,7 @@ class DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobli
         if made is None:
             raise pickle.UnpicklingError(
                 f"the pickle wants to make {module}.{name}, which could run code; only arrays, numbers, "
-                "text, lists and dicts are read"
+                "text, lists and dicts are read: save it again as such in the program that made it"
             )
         return made
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.errors import MotionError, TrajectoryError
 from robot_retarget.formats.options import Options
 from robot_retarget.formats.sidecar import read_sidecar
+from robot_retarget.motion.formats.smpl.torch_file import load_torch
 from robot_retarget.robot.model import Robot
 from robot_retarget.unpack import LZ4_MAGIC, file_bytes, load_npz
 from robot_retarget.unpickle import load_pickle
@@ -40,8 +41,19 @@ class Source:
 
     @cached_property
     def pickled(self) -> Any:
-        """The contents of a pickle or joblib file; None of any other file."""
-        return load_pickle(self.path) if self._looks_pickled() else None
+        """The contents of a pickle, of Python, joblib or PyTorch; None of any other file.
+
+        Raises:
+            TrajectoryError: it is broken, or would make anything but data.
+        """
+        if not self._looks_pickled():
+            return None
+        if not zipfile.is_zipfile(self.path):
+            return load_pickle(self.path)
+        try:
+            return load_torch(self.path)
+        except MotionError as error:
+            raise TrajectoryError(str(error)) from error
 
     @cached_property
     def text(self) -> str:

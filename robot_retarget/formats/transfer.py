@@ -13,6 +13,7 @@ from robot_retarget.formats.robot_motion import continuous, robot_motion
 from robot_retarget.formats.sidecar import beside, describing
 from robot_retarget.formats.source import Source
 from robot_retarget.formats.table import FORMATS
+from robot_retarget.formats.unsupported import unsupported
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot, resample
 from robot_retarget.trajectory import Trajectory
@@ -114,7 +115,9 @@ def recognised(source: Source) -> Format:
         names = " or ".join(kind.name for kind in claimed)
         raise UsageError(f"{source.path} may be {names}, which nothing in it tells apart: say which with --format")
     if not claimed:
-        raise TrajectoryError(f"{source.path}: no known format of robot motion; {known(FORMATS)}")
+        raise TrajectoryError(
+            f"{source.path}: {unsupported(source) or f'no known format of robot motion; {known(FORMATS)}'}"
+        )
     return claimed[0]
 
 

@@ -209,6 +209,16 @@ def test_wrong_shapes_say_which(op3, tmp_path) -> None:
         import_motion(path, op3)
 
 
+@pytest.mark.parametrize(("content", "sentence"), [
+    ({"rigid_body_pos": np.zeros((3, 24, 3)), "fps": 30}, "a motion of ProtoMotions"),
+    ({"action_traj": np.zeros((3, 30)), "time": np.zeros(3)}, "motor positions only"),
+    ({"keyframes": [], "timed_sequence": []}, "keyframes of ToddlerBot"),
+])  # fmt: skip
+def test_known_files_that_are_not_read_say_what_they_are(content, sentence: str, op3, tmp_path) -> None:
+    with pytest.raises(TrajectoryError, match=sentence):
+        import_motion(saved(tmp_path / "a.pkl", content), op3)
+
+
 def test_a_file_without_a_rate_asks_for_it(op3, tmp_path) -> None:
     table = gmr_table(op3)
     del table["fps"]

@@ -1,49 +1,76 @@
 """NumPy's files, `.npy` and `.npz`, read without pickle and within a limit."""
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from robot_retarget.errors import MotionError, TrajectoryError
-from robot_retarget.unpack import BROKEN, load_npz
+from robot_retarget.unpack import BROKEN, Archive, Head, load_npz, read_head
+
+LARGEST = 512 << 20
+"""Of one array [bytes]: an hour of 150 joints at 60 frames a second takes half of it."""
 
 FPS_KEYS = ("fps", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate")
 
 
-def arrays_of(path: Path) -> dict[str, Any]:
-    """The arrays of an `.npz` by name; an `.npy` is called `positions`. Arrays of objects, which are pickles, are left out.
+def arrays_of(path: Path) -> Mapping[str, np.ndarray]:
+    """The arrays of an `.npz` by name, each read on first access; an `.npy` is called `positions`.
 
     Raises:
-        MotionError: no such file, only pickles in it, or more in it than a machine can hold.
+        MotionError: no such file, only pickles in it, or an array larger than `LARGEST`.
     """
     try:
         with path.open("rb") as file:
-            if file.read(2) != b"PK":
-                file.seek(0)
-                return {"positions": np.lib.format.read_array(file, allow_pickle=False)}
-        arrays = load_npz(path)
+            packed = file.read(2) == b"PK"
+        arrays = load_npz(path) if packed else _plain(path)
     except TrajectoryError as error:
         raise MotionError(str(error).removeprefix(f"{path}: "), path) from error
     except BROKEN as error:
         raise MotionError(f"not an array file that numpy reads without pickle: {error}", path) from error
     if not arrays:
         raise MotionError("holds no array that numpy reads without pickle", path)
+    if isinstance(arrays, Archive):
+        for name, head in arrays.heads.items():
+            _require_bounded(name, head, path)
     return arrays
+
+
+def _plain(path: Path) -> dict[str, np.ndarray]:
+    """The array of an `.npy`, of the size that its head states.
+
+    Raises:
+        ValueError: it has another size, or is a pickle.
+    """
+    with path.open("rb") as file:
+        head = read_head(file)
+        stated, there = math.prod(head.shape) * head.dtype.itemsize, path.stat().st_size - file.tell()
+        if stated != there and not head.dtype.hasobject:
+            raise ValueError(f"it states {stated} bytes {head.shape}, and holds {there}")
+        _require_bounded("positions", head, path)
+        file.seek(0)
+        return {"positions": np.lib.format.read_array(file, allow_pickle=False)}
+
+
+def _require_bounded(name: str, head: Head, path: Path) -> None:
+    size = math.prod(head.shape) * head.dtype.itemsize
+    if size > LARGEST:
+        raise MotionError(
+            f"array {name!r} {head.shape} takes {size >> 20} MB, more than {LARGEST >> 20} MB: cut the motion", path
+        )
 
 
 def shape_of(path: Path) -> tuple[int, ...]:
     """The shape of an `.npy`, by its head; nothing where the file is none."""
     try:
         with path.open("rb") as file:
-            version = np.lib.format.read_magic(file)
-            head = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            return head(file)[0]
+            return read_head(file).shape
     except BROKEN:
         return ()
 
 
-def stored_rate(stored: Any | None, path: Path) -> float | None:
+def stored_rate(stored: np.ndarray | None, path: Path) -> float | None:
     """Frames per second as a file stores them.
 
     Raises:

@@ -1,5 +1,7 @@
-"""Files that are known and not read, each with the line that makes one of them that is."""
+"""Known formats of motion that are not read: what such a file is, and how to convert it."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -8,26 +10,80 @@ from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.request import Request
 
 
-def asf(glimpse: Glimpse) -> bool:
-    """Whether a file is the skeleton of AMC motions."""
-    return ":bonedata" in glimpse.text.lower()
+@dataclass(frozen=True)
+class Refusal:
+    """A format, its marks, and the sentence about it."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    told: Callable[[Glimpse], bool]
+    sentence: str
+    """`{path}` is the file, `{stem}` its name without the ending."""
+
+    def read(self, path: Path, request: Request) -> NoReturn:
+        """Raise MotionError with the sentence."""
+        raise MotionError(self.sentence.format(path=path, stem=path.stem), path)
 
 
-def skeleton_alone(path: Path, request: Request) -> NoReturn:
-    """Refuse a skeleton without a motion."""
-    raise MotionError("is a skeleton without a motion: give the .amc, and leave this file beside it", path)
-
-
-def fbx(glimpse: Glimpse) -> bool:
-    """Whether a file is FBX, binary or text."""
-    return glimpse.head.startswith(b"Kaydara FBX") or glimpse.text.lstrip().startswith("; FBX")
-
-
-def convert_fbx(path: Path, request: Request) -> NoReturn:
-    """Refuse FBX, with how Blender makes a GLB of it."""
+def _blender(step: str) -> str:
+    """The command by which Blender imports a file and saves it as GLB."""
     empty = "bpy.ops.wm.read_factory_settings(use_empty=True)"
-    steps = f"import bpy; {empty}; bpy.ops.import_scene.fbx(filepath='{path}'); bpy.ops.export_scene.gltf(filepath='{path.stem}.glb')"
-    raise MotionError(
-        f'FBX is not read. Convert it, and give {path.stem}.glb: blender --background --python-expr "{steps}"',
-        path,
-    )
+    save = "bpy.ops.export_scene.gltf(filepath='{stem}.glb')"
+    return f"blender --background --python-expr \"import bpy; {empty}; {step}(filepath='{{path}}'); {save}\""
+
+
+def _starts(*beginnings: str) -> Callable[[Glimpse], bool]:
+    return lambda glimpse: glimpse.text.lstrip().lower().startswith(beginnings)
+
+
+def _is_mot(glimpse: Glimpse) -> bool:
+    """Whether a text has the header of OpenSim's storage files."""
+    return "endheader" in glimpse.text.lower() and "indegrees" in glimpse.text.lower()
+
+
+def _is_usd(glimpse: Glimpse) -> bool:
+    in_zip = any(name.endswith((".usd", ".usda", ".usdc")) for name in glimpse.members)
+    return in_zip or glimpse.head.startswith((b"PXR-USDC", b"#usda"))
+
+
+REFUSALS = (
+    Refusal(
+        "ASF skeleton",
+        (".asf",),
+        lambda glimpse: ":bonedata" in glimpse.text.lower(),
+        "is a skeleton without a motion: give the .amc, and leave this file beside it",
+    ),
+    Refusal(
+        "FBX",
+        (".fbx",),
+        lambda glimpse: glimpse.head.startswith(b"Kaydara FBX") or glimpse.text.lstrip().startswith("; FBX"),
+        f"FBX is not read. Convert it, and give {{stem}}.glb: {_blender('bpy.ops.import_scene.fbx')}",
+    ),
+    Refusal(
+        "USD",
+        (".usd", ".usda", ".usdc", ".usdz"),
+        _is_usd,
+        f"USD is not read. Convert it, and give {{stem}}.glb: {_blender('bpy.ops.wm.usd_import')}",
+    ),
+    Refusal(
+        "MVNX",
+        (".mvnx",),
+        lambda glimpse: "<mvnx" in glimpse.text.lower(),
+        "MVNX of Xsens is not read. Export the recording as BVH (MVN Analyze or Animate: File, Export, BVH), and give that",
+    ),
+    Refusal(
+        "TRC",
+        (".trc",),
+        _starts("pathfiletype"),
+        "TRC is a table of markers of OpenSim and is not read. Save the capture as C3D with labelled markers, or the "
+        "joint centres as .npz with positions (T, J, 3) [m], names, parents and fps",
+    ),
+    Refusal(
+        "OpenSim MOT or STO",
+        (".mot", ".sto"),
+        _is_mot,
+        "MOT and STO hold joint angles of an OpenSim model, which the file does not contain, and are not read. Compute "
+        "the joint centres (OpenSim: Analyze, PointKinematics) and save them as .npz with positions (T, J, 3) [m], "
+        "names, parents and fps; or give the C3D file they came from",
+    ),
+)

@@ -57,10 +57,7 @@ FORMATS = (
     Format("zip of motions", (".zip",), zipped.told, zipped.read, frozenset({"clip"})),
 )
 """In the order in which they are asked; a file is of the first that tells it."""
-REFUSED = (
-    Format("ASF skeleton", (".asf",), refused.asf, refused.skeleton_alone),
-    Format("FBX", (".fbx",), refused.fbx, refused.convert_fbx),
-)
+REFUSED = tuple(Format(one.name, one.suffixes, one.told, one.read) for one in refused.REFUSALS)
 """Known, and refused with what to do instead."""
 
 

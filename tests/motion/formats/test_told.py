@@ -3,6 +3,7 @@
 import contextlib
 import pickle
 import shutil
+import time
 import zipfile
 from pathlib import Path
 
@@ -135,6 +136,78 @@ def test_a_broken_zip_and_one_without_motions_are_refused(tmp_path):
     (tmp_path / "b.zip").write_bytes(b"PK\3\4" + bytes(50))
     with pytest.raises(MotionError, match="not a zip that can be read"):
         read_motion(tmp_path / "b.zip")
+
+
+def test_an_array_that_would_fill_the_memory_is_refused_by_its_head(tmp_path):
+    """9 MB that unpack to 600 MB: in less than a second, for nothing is unpacked."""
+    shape = (150_000_000 // 66, 22, 3)
+    path = tmp_path / "a.npz"
+    head = {"descr": "<f4", "fortran_order": False, "shape": shape}
+    packed = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
+    with packed as archive, archive.open("positions.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(member, head)  # pyright: ignore[reportArgumentType]
+        size = 4 * int(np.prod(shape))
+        for start in range(0, size, 1 << 24):
+            member.write(bytes(min(1 << 24, size - start)))
+    began = time.perf_counter()
+    with pytest.raises(MotionError, match=r"a\.npz: array 'positions' .* takes \d+ MB, more than 512 MB"):
+        read_motion(path)
+    assert time.perf_counter() - began < 1.0
+
+
+def test_a_head_that_states_another_size_than_the_file_has_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((3, 22, 3)))
+    data = (tmp_path / "a.npy").read_bytes()
+    (tmp_path / "a.npy").write_bytes(data.replace(b"(3, 22, 3)", b"(3000000000, 22, 3)"[:10], 1)[:-8])
+    with pytest.raises(MotionError, match=r"a\.npy"):
+        read_motion(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("a.trc", b"PathFileType\t4\t(X/Y/Z)\ta.trc\n", "TRC is a table of markers of OpenSim"),
+        (
+            "a.mot",
+            b"Coordinates\nversion=1\nnRows=2\ninDegrees=yes\nendheader\ntime\n",
+            "MOT and STO hold joint angles",
+        ),
+        ("a.mvnx", b"<?xml version='1.0'?>\n<mvnx version='4'>", "Export the recording as BVH"),
+        ("a.usda", b"#usda 1.0\n(\n)", "blender --background .*usd_import.*a.glb"),
+        ("a.usdc", b"PXR-USDC" + bytes(80), "blender --background .*usd_import.*a.glb"),
+    ],
+)
+@pytest.mark.parametrize("renamed", [False, True])
+def test_known_formats_that_are_not_read_say_what_they_are_and_how_to_convert_them(
+    name, content, sentence, renamed, tmp_path
+):
+    path = tmp_path / (f"{Path(name).stem}.dat" if renamed else name)
+    path.write_bytes(content)
+    with pytest.raises(MotionError, match=sentence):
+        read_motion(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ({"rigid_body_pos": np.zeros((3, 24, 3)), "fps": 30}, "a motion of ProtoMotions"),
+        (np.zeros((5, 591)), "rows .* as InterMimic's OMOMO files are: columns 162 to 317"),
+        ({"root_pos": np.zeros((3, 3)), "dof_pos": np.zeros((3, 9))}, "a motion of a robot.*robot-retarget import"),
+        ({"clip": {"root_trans_offset": np.zeros((3, 3)), "dof": np.zeros((3, 9))}}, "a motion of a robot"),
+    ],
+)
+def test_pickles_of_other_things_say_what_they_are(content, sentence, tmp_path):
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content))
+    with pytest.raises(MotionError, match=sentence):
+        read_motion(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize("name", ["a.pt", "a.pkl", "a.pth"])
+def test_a_zip_that_is_called_a_pickle_is_refused_with_what_it_holds(name, tmp_path):
+    with zipfile.ZipFile(tmp_path / name, "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    with pytest.raises(MotionError, match=r"a zip without a pickle of PyTorch; it holds readme\.txt"):
+        read_motion(tmp_path / name)
 
 
 def test_what_is_not_read_is_refused_with_the_line_that_converts_it(tmp_path):

@@ -12,6 +12,7 @@ from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.glimpse import Glimpse
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
+from robot_retarget.motion.formats.smpl.strangers import sentence
 from robot_retarget.motion.formats.smpl.torch_file import load_torch
 from robot_retarget.unpickle import load_pickle
 
@@ -36,8 +37,7 @@ def read(path: Path, request: Request) -> Capture:
         raise MotionError(str(error).removeprefix(f"{path}: "), path) from error
     bodies = dict(_bodies(said, ""))
     if not bodies:
-        held = ", ".join(map(str, said)) if isinstance(said, Mapping) else type(said).__name__
-        raise MotionError(f"no turns of a body in this pickle; it holds {held or 'nothing'}", path)
+        raise MotionError(sentence(said), path)
     names = sorted(bodies, key=lambda name: "incam" in name)
     which, notes = request.choose(names, path)
     capture = captured(bodies[names[which]], path, request)

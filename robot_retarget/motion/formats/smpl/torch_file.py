@@ -36,7 +36,9 @@ def load_torch(path: Path) -> Any:
             inside = {info.filename: info for info in archive.infolist()}
             if sum(info.file_size for info in inside.values()) > LARGEST:
                 raise MotionError(f"larger than {LARGEST // 2**30} GB once it is unpacked", path)
-            index = next(name for name in inside if name.endswith("data.pkl"))
+            index = next((name for name in inside if name.endswith("data.pkl")), None)
+            if index is None:
+                raise MotionError(f"a zip without a pickle of PyTorch; it holds {', '.join(inside) or 'nothing'}", path)
             return _TorchUnpickler(archive, index).load()
     except pickle.UnpicklingError as error:
         raise MotionError(str(error), path) from error

@@ -1,0 +1,27 @@
+"""Known files of robot motion that are not read: what each is, and how to convert it."""
+
+from robot_retarget.formats.pickles.dictionary import holds
+from robot_retarget.formats.source import Source
+
+SENTENCES = (
+    (
+        ("rigid_body_pos",),
+        "a motion of ProtoMotions (.motion), which holds no names of joints. Give the .npz or .csv it was made of "
+        "(--format protomotions-pyroki or protomotions-csv), or save root position, root quaternion and joint angles so",
+    ),
+    (
+        ("action_traj",),
+        "a file of ToddlerBot that holds motor positions only. Open it in robot-keyframe-kit, play it and save it: that "
+        "file holds qpos",
+    ),
+    (
+        ("keyframes",),
+        "keyframes of ToddlerBot without a motion between them. Open it in robot-keyframe-kit, play it and save it",
+    ),
+)
+"""Keys of a pickled dictionary, and the sentence about it."""
+
+
+def unsupported(source: Source) -> str:
+    """The sentence about a file of a known program; empty for any other."""
+    return next((sentence for keys, sentence in SENTENCES if holds(source.pickled, *keys)), "")

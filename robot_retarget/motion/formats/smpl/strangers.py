@@ -1,0 +1,32 @@
+"""Pickles that hold no turns of a human body: what they are, and how to use them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+INTERMIMIC = slice(162, 318)
+"""Columns of InterMimic's rows with the positions of 52 joints [m]."""
+ROBOT_KEYS = (
+    {"root_pos", "dof_pos"},
+    {"root_trans_offset", "dof"},
+    {"loop_mode", "frames"},
+    {"timed_sequence", "qpos"},
+)
+SAVE = "save them as .npz with positions (T, J, 3), names, parents and fps"
+
+
+def sentence(content: Any) -> str:
+    """Say what an unpickled content is instead of the parameters of a body."""
+    if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
+        where = f"columns {INTERMIMIC.start} to {INTERMIMIC.stop - 1}"
+        return f"rows {content.shape} as InterMimic's OMOMO files are: {where} are the positions of 52 joints; {SAVE}"
+    if not isinstance(content, Mapping):
+        shape = f" {content.shape}" if isinstance(content, np.ndarray) else ""
+        return f"no turns of a body in this pickle; it holds {type(content).__name__}{shape}"
+    if "rigid_body_pos" in content:
+        return f"a motion of ProtoMotions: rigid_body_pos holds positions of bodies without their names; {SAVE}"
+    inner = next((value for value in content.values() if isinstance(value, Mapping)), {})
+    if any(keys <= one.keys() for keys in ROBOT_KEYS for one in (content, inner)):
+        return "a motion of a robot, not of a human: robot-retarget import FILE --robot ROBOT -o T.npz"
+    return f"no turns of a body in this pickle; it holds {', '.join(map(str, content)) or 'nothing'}"
