@@ -1,6 +1,7 @@
 """The physics that a trajectory is played on: the robot's own model with a position servo on every driven hinge."""
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -60,6 +61,12 @@ class Plant:
             if model.actuator_forcelimited[servo]:
                 bounds[k] = np.abs(model.actuator_forcerange[servo] * model.actuator_gear[servo, 0]).max()
         return bounds
+
+    def with_drives(self, drives: Drives) -> "Plant":
+        """Return the plant with the gears and rotors of other drives; their motors are the same."""
+        model = copy.copy(self.model)
+        _set_mechanics(model, self.robot, drives)
+        return replace(self, model=model, drives=drives)
 
     def controls(self, goals: Floats) -> Floats:
         """Controls (N, nu) at which every servo rests at its goal (N, n) [rad]: force g c + b₀ + b₁ r q = 0, r the gear.

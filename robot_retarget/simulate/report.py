@@ -144,8 +144,14 @@ class Played:
     """Of drawn worlds, whether it fell there."""
 
 
-def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
-    """Put figures together and pass the verdict."""
+def build_report(
+    played: Played, sha256: str, thresholds: Thresholds, servos: Mapping[str, Any] | None = None
+) -> Report:
+    """Put the figures together and pass the verdict.
+
+    Args:
+        servos: which servos judged, and the tracking errors on all of them (`judges.trial_figures`).
+    """
     trajectory, plant, rollout, robot = played.trajectory, played.plant, played.rollout, played.plant.robot
     free = played.mode == "free"
     tracking = at_frames(trajectory, robot, rollout)
@@ -158,6 +164,7 @@ def build_report(played: Played, sha256: str, thresholds: Thresholds) -> Report:
         "fps": round(trajectory.fps, 4),
         "duration_s": round(trajectory.duration, 4),
         **tracking_figures(tracking, plant, rollout, trajectory.fps),
+        **(servos or {}),
         **plain_figures(trajectory, plant, played.plain, compensated=played.plain is not rollout),
         **replay_figures(trajectory, robot, played.replayed, thresholds.penetration),
         **between_figures(trajectory, robot),

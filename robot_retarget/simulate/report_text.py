@@ -35,6 +35,8 @@ FACTS = (
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
     Fact("draws", "other worlds tried", "", "with other mass, friction, servos and tilt; 0: none was"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "how far joints are from where they should be (rms)"),
+    Fact("servos", "servos that judge", "", "of several sets of gears, the one on which the motion does worst"),
+    Fact("nominal_tracking_rms_rad", "the same on modelled servos", "rad", "on the servos that the goals were computed for"),
     Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not make up for lag and load"),
     Fact("zmp_margin_m", "least margin of balance", "m", "how far inside the soles the weight stays; below 0 it tips over"),
     Fact("peak_supply_current_A", "largest current", "A", "what the power supply has to give"),
@@ -77,8 +79,10 @@ def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in told if value is not None]
 
 
-def shown(value: float, unit: str) -> str:
-    """A figure in a unit of daily life: 0.2 rad is 11.5°."""
+def shown(value: float | str, unit: str) -> str:
+    """Return a figure in a common unit: 0.2 rad as 11.5°; texts as they are."""
+    if isinstance(value, str):
+        return value
     factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
     return f"{factor * value + 0.0:.3g}{'' if name == '°' or not name else ' '}{name}"
 

@@ -20,6 +20,7 @@ from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.domain import draws as drawn_worlds
 from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.goals import plain_goals
+from robot_retarget.simulate.judges import NOMINAL, harshest, judges, trial_figures, tried
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
 from robot_retarget.simulate.report import Played, Report, build_report
 from robot_retarget.simulate.servo_model import Drives, drives_of
@@ -41,6 +42,7 @@ def simulate(
     drives: Drives | str | None = "auto",
     playback: Playback | None = None,
     compensate: bool = True,
+    others: bool = True,
     thresholds: Thresholds | None = None,
     warnings: Warnings | None = None,
     likeness: Likeness | None = None,
@@ -62,6 +64,7 @@ def simulate(
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback beside.
+        others: judge on other servos than the modelled ones too (`judges`), and report the servos on which the motion does worst.
         thresholds: what is still a pass (`thresholds.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warn.warnings_of`); the report then says how they agree with the
             contacts that happened.
@@ -78,19 +81,23 @@ def simulate(
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     require_same_robot(played, robot)
     plant, count = plant_of(robot, mode, drives), Count(progress, SIMULATED + (draws if mode == "free" else 0))
-    replayed = replay_contacts(robot, played.qpos)
-    plain = roll_out(plant, played, cast(Mode, mode), playback)
-    count.one()
-    goals, rollout = plain_goals(plant, played, playback), plain
-    if compensate:
-        goals = compensated(plant, played, cast(Mode, mode), playback)
-        count.one(COMPENSATION)
-        rollout = roll_out(plant, played, cast(Mode, mode), playback, goals)
-    count.one()
+    how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
+    goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
+    count.one(COMPENSATION)
     told = replace(played, goals=goals)
-    fallen = _fallen(plant, told, playback, draws, count) if mode == "free" and not _fell(rollout, robot, told) else ()
-    outcome = Played(told, plant, cast(Mode, mode), replayed, rollout, plain, warnings, likeness, fallen)
-    return build_report(outcome, fingerprint(told), thresholds or Thresholds())
+    trials = tried(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
+    chosen = harshest(trials)
+    count.one()
+    plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
+    count.one()
+    fallen = _fallen(plant, told, playback, draws, count) if how == "free" and not chosen.fell else ()
+    outcome = Played(told, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen)
+    return build_report(outcome, fingerprint(told), thresholds or Thresholds(), trial_figures(trials, chosen))
+
+
+def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:
+    """The trajectory itself as goals, in any mode."""
+    return plain_goals(plant, trajectory, playback)
 
 
 def _fallen(

@@ -9,6 +9,7 @@ Speed takes its torque away outside the clip, so the whole is a position actuato
 `position` does it in every version, integrates the damping implicitly, and gives what its `dcmotor` gives.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import tau
 
@@ -40,17 +41,21 @@ class Mechanics:
     """[kg m²]."""
 
 
-# Identified on robots: XM430-W350 on the ROBOTIS OP3 (MuJoCo Menagerie robotis_op3, whose joint damping of 1.084 holds the
-# back-EMF of 0.851 too), the others on ToddlerBot; the XL430 has the gears of the 2XL430.
-IDENTIFIED = {
-    "XM430-W350": Mechanics(0.233, 0.03, 0.045),
-    "XM430-W210": Mechanics(0.08, 0.134, 0.0012),
-    "XC330-T288": Mechanics(0.134, 0.014, 0.0035),
-    "XC430-W240": Mechanics(0.127, 0.069, 0.004),
-    "2XC430-W250": Mechanics(0.075, 0.252, 0.0044),
-    "2XL430-W250": Mechanics(0.12, 0.292, 0.0042),
-    "XL430-W250": Mechanics(0.12, 0.292, 0.0042),
+PUBLISHED = {
+    "XM430-W350": {"ROBOTIS OP3": Mechanics(0.233, 0.03, 0.045), "ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
+    "XM430-W210": {"ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
+    "XC330-T288": {"ToddlerBot": Mechanics(0.134, 0.014, 0.0035)},
+    "XC430-W240": {"ToddlerBot": Mechanics(0.127, 0.069, 0.004)},
+    "2XC430-W250": {"ToddlerBot": Mechanics(0.075, 0.252, 0.0044)},
+    "2XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
+    "XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
 }
+"""Identifications by servo and by the robot they were made on; the first is the nominal one.
+
+The OP3's is that of MuJoCo Menagerie, whose joint damping of 1.084 includes the back-EMF of 0.851. The XL430 has the gears of
+the 2XL430.
+"""
+IDENTIFIED = {name: next(iter(sets.values())) for name, sets in PUBLISHED.items()}
 REFERENCE = "XM430-W350"
 """Servos nobody identified are taken for this one, grown with their stall torque."""
 
@@ -91,6 +96,8 @@ class Drives:
     voltage: float
     """Of the supply [V]."""
     notes: tuple[str, ...] = ()
+    models: tuple[str, ...] = ()
+    """n servo models, where they are known."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -101,6 +108,17 @@ class Drives:
         """Those of some of the hinges."""
         picked = {name: value[chosen] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **picked)
+
+    def with_mechanics(self, mechanics: Sequence[Mechanics]) -> "Drives":
+        """Return the same motors with other gears and rotors (n), given at the servos' shafts."""
+        gears = tau / TICKS_PER_TURN / self.tick
+        damping, friction, armature = np.array([(m.damping, m.friction, m.armature) for m in mechanics]).T
+        return replace(self, damping=gears**2 * damping, friction=gears * friction, armature=gears**2 * armature)
+
+    def scaled(self, factors: Floats) -> "Drives":
+        """Return the same motors with damping, friction and armature times factors (3, n)."""
+        damping, friction, armature = factors * [self.damping, self.friction, self.armature]
+        return replace(self, damping=damping, friction=friction, armature=armature)
 
     @property
     def no_load_speed(self) -> Floats:
@@ -176,5 +194,6 @@ def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_g
         stall_current=share * [motor.stall_current for motor in motors],
         continuous_current=np.array([motor.continuous_current for motor in motors]),
         voltage=supply,
+        models=tuple(motor.name for motor in motors),
         notes=tuple(f"nobody identified the gears of {name}: {REFERENCE}'s grown with torque" for name in unknown),
     )

@@ -56,7 +56,7 @@ def test_a_pelvis_on_its_side_loads_the_limbs_sideways():
     data = mujoco.MjData(OP3.model)
     data.qpos[:] = side
     mujoco.mj_forward(OP3.model, data)
-    error = simulate(hold(OP3, 1.0, qpos=side), OP3, compensate=False).series["error"][-1]
+    error = simulate(hold(OP3, 1.0, qpos=side), OP3, compensate=False, others=False).series["error"][-1]
     np.testing.assert_allclose(-KP * error, data.qfrc_bias[OP3.dof_index], atol=SLACK)
 
 
@@ -69,7 +69,8 @@ def test_a_slow_sine_lags_by_damping_over_stiffness():
 def test_a_sine_beyond_the_servo_saturates_it_and_fails_by_name():
     moving = Playback(settle_before=0.0, settle_after=0.0)
     unbounded = replace(OP3, servo_map=None)  # a map would not let goals go so fast
-    report = simulate(swing(OP3, "l_sho_pitch", 1.2, 3.0, 2.0), unbounded, drives=drives_of(OP3), playback=moving)
+    moved = swing(OP3, "l_sho_pitch", 1.2, 3.0, 2.0)
+    report = simulate(moved, unbounded, drives=drives_of(OP3), playback=moving, others=False)
     assert (
         report.figures["joints"]["l_sho_pitch"]["saturated_share"] > 0.4
     )  # of a sine whose goals keep the map's speed
