@@ -102,9 +102,10 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
     The alternating direction method of multipliers on  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to q_t = s_t:
-    every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. What the
-    frames keep is kept in what is returned: the frames, not the path. Joint speeds are kept between the frames: the start
-    is slowed down to them, and no step leads further from a neighbour. The first `fixed` frames stay.
+    every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. Frames
+    whose cost still falls after the last pass take more steps (`Smoothing.extra`). The frames are returned, not the path: they
+    keep all limits. Joint speeds are kept between the frames: the start is slowed down to them, and no step leads further from a
+    neighbour. The first `fixed` frames stay.
     """
     solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
     path = _at_speeds(clip, start)
@@ -112,19 +113,28 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     dual = np.zeros((len(poses), robot.model.nv))
     rho = smoothing.proximal * clip.inertia
     met: set[int] = set()
-    for number in range(smoothing.passes):
+    for number in range(smoothing.passes + smoothing.extra):
+        moving = _moving(poses, clip.fixed) if number >= smoothing.passes else range(clip.fixed, len(poses))
+        if not moving:
+            break
         if number in smoothing.looks:
             met |= _interpenetrating(clip, poses)
         moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
         path = _smooth_path(clip, moved, clip.smooth / rho)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         dual[: clip.fixed] = 0.0
-        for t in range(clip.fixed, len(poses)):
+        for t in moving:
             poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), met)
-            count.one()
+            if number < smoothing.passes:
+                count.one()
     proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
     held = _apart(clip, _held(clip, poses, proximal), proximal)
     return [solver.lifted(pose) for pose in held]
+
+
+def _moving(poses: list[Pose], fixed: int) -> list[int]:
+    """The frames, after the fixed ones, whose cost still falls."""
+    return [t for t in range(fixed, len(poses)) if poses[t].status is Status.OUT_OF_ITERATIONS]
 
 
 def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
@@ -148,7 +158,8 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set
         between=_between(clip, poses, t, met),
     )
     moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
-    status = Status.CONVERGED if moved < clip.smoothing.converged else after.status
+    falls = after.cost < (1 - clip.smoothing.settled) * poses[t].cost
+    status = after.status if moved >= clip.smoothing.converged and falls else Status.CONVERGED
     return replace(after, status=status, iterations=poses[t].iterations + after.iterations)
 
 

@@ -123,7 +123,11 @@ class Smoothing:
     """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
     looks: tuple[int, ...] = (2, 4, 6)
     """Before these passes links are looked for that pass through each other between frames."""
+    extra: int = 16
+    """More passes at most, over the frames that have not converged."""
     converged: float = 0.01
-    """A frame that the last pass moved by less counts as converged [rad or m]."""
+    """A frame has converged if the last pass moved it by less [rad or m] ..."""
+    settled: float = 0.01
+    """... or lowered its cost by a smaller share [-]."""
     windows: Windows = field(default_factory=Windows)
     """How a long clip is cut."""

@@ -231,7 +231,7 @@ def test_an_unknown_mode_and_another_robot_are_refused():
     with pytest.raises(UsageError, match="'hover'; known: pinned, free"):
         simulate(hold(OP3), OP3, mode="hover")
     with pytest.raises(TrajectoryError, match="joint 0 is 'tail'"):
-        simulate(Trajectory(hold(OP3).qpos, 50, ("tail",) * 20, "lizard"), OP3)
+        simulate(Trajectory(hold(OP3).qpos, 50, ("tail", *OP3.joint_names[1:]), "lizard"), OP3)
 
 
 @needs_shared

@@ -1,0 +1,32 @@
+"""A frame has converged once its cost has stopped falling."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shared_files import ROOT
+
+import robot_retarget as rr
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.solution import Status
+
+OP3 = rr.load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def graph() -> rr.Graph:
+    return rr.describe(rr.read_motion(ROOT / "samples/wave.bvh").frames(60, 110), OP3)
+
+
+def test_every_frame_of_a_sample_converges(graph: rr.Graph) -> None:
+    assert set(rr.solve(graph).solution.status) == {Status.CONVERGED}
+
+
+def test_more_passes_lower_the_cost_of_frames_that_have_not_converged_only(graph: rr.Graph) -> None:
+    strict = Smoothing(passes=1, looks=(), extra=0, converged=1e-6, settled=1e-3)
+    short = rr.solve(graph, smoothing=strict).solution
+    longer = rr.solve(graph, smoothing=replace(strict, extra=30)).solution
+    unsettled = np.array([status is Status.OUT_OF_ITERATIONS for status in short.status])
+    assert unsettled.any()
+    assert longer.cost.sum() < short.cost.sum()
+    assert set(longer.status) == {Status.CONVERGED}
