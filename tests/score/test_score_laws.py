@@ -143,3 +143,9 @@ def test_every_figure_has_a_unit_a_range_and_a_source_in_its_file() -> None:
 
 def test_every_figure_has_a_name_of_its_own() -> None:
     assert len(FIGURES) == sum(len(measure.figures) for measure in MEASURES)
+
+
+def test_the_document_lists_every_figure_with_its_unit() -> None:
+    text = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
+    for figure in FIGURES.values():
+        assert f"| `{figure.name}` | {figure.unit or '1'} | {figure.better} |" in text
