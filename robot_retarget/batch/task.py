@@ -14,6 +14,7 @@ from robot_retarget.batch.settings import Settings, sha256_of
 from robot_retarget.errors import OutputError, RobotRetargetError
 
 if TYPE_CHECKING:
+    from robot_retarget.motion import Motion
     from robot_retarget.robot import Robot
     from robot_retarget.trajectory import Trajectory
 
@@ -21,6 +22,8 @@ DONE, FAILED, TIMEOUT, MEMORY, CRASHED = "done", "failed", "timeout", "memory", 
 STATES = (DONE, FAILED, TIMEOUT, MEMORY, CRASHED)
 UNWRITABLE = "unwritable"
 """The outcome of a task whose output cannot be written: it ends the run and is not kept."""
+LONG = 240.0
+"""Clips of more than this are solved piece by piece [s]."""
 MIRROR = "_mirror"
 """Ends the names of mirrored outputs."""
 
@@ -95,30 +98,34 @@ def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
     from robot_retarget.motion import read_motion
     from robot_retarget.score.score import score
-    from robot_retarget.transfer import retarget
 
     settings, robot = task.settings, robot_of(task.robot, task.settings.limits)
     motion = read_motion(task.path, up=settings.up, repair=settings.repair)
-    result = retarget(
-        motion,
-        robot,
-        fps=settings.fps,
-        overrides=settings.map_file,
-        favour=settings.favour,
-        legs=settings.legs,
-        balance=settings.balance,
-    )
-    trajectory = result.trajectory
+    trajectory, notes = _retargeted(motion, robot, settings)
     found = score(trajectory, robot, motion, overrides=settings.map_file)
     write(task, trajectory, robot)
     return {
-        "message": " ".join(result.notes),
+        "message": " ".join(notes),
         "frames": len(trajectory),
         "fps": trajectory.fps,
         "figures": dict(found.figures),
         "output_sha256": sha256_of(task.output),
         "signature": _signature(trajectory, robot),
     }
+
+
+def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
+    """The trajectory and what there is to say about it; long clips are solved piece by piece, in bounded memory."""
+    from robot_retarget.describe.weights import Weights
+    from robot_retarget.solve.long import solve_long
+    from robot_retarget.transfer import retarget
+
+    common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
+    if motion.duration > LONG and settings.balance == "off":
+        solved = solve_long(motion, robot, weights=Weights().favouring(settings.favour), **common)
+        return solved, (*motion.notes, "Solved piece by piece.")
+    result = retarget(motion, robot, favour=settings.favour, legs=settings.legs, balance=settings.balance, **common)
+    return result.trajectory, result.notes
 
 
 @lru_cache(maxsize=8)

@@ -51,17 +51,17 @@ class HumanFeatures:
 
 def features_of(motion: Motion, match: Match) -> HumanFeatures:
     """Read off a motion what edges are made of; a part of a clip is read off the clip."""
-    clip = motion.clip
+    clip, span = motion.clip, motion.span
     x = grounded(match.human_positions(clip), match, clip.fps)
     segments = human_frames(clip, match)
+    schedule = contact_schedule(x, match, clip.fps, clip.contacts)
     ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
-    human = HumanFeatures(
-        x,
-        segments,
-        np.broadcast_to(facing(segments), (len(x), 3, 3)),
-        contact_schedule(x, match, clip.fps, clip.contacts),
-        normalised_distances(x, match.parents, match.human_bones),
+    return HumanFeatures(
+        x[span],
+        {name: turns[span] for name, turns in segments.items()},
+        np.broadcast_to(facing(segments), (len(x), 3, 3))[span],
+        {foot: stands[span] for foot, stands in schedule.items()},
+        normalised_distances(x[span], match.parents, match.human_bones),
         clip.fps,
         float(np.quantile(x[:, ankles, 2].min(axis=1), LOW)) if ankles else 0.0,
     )
-    return human.at(motion.span)

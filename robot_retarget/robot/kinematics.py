@@ -17,6 +17,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.robot.model import FREE, HINGE, Robot
 
+BLOCK = 1024
+"""Frames whose bodies are placed at once: memory for all bodies of a long clip is not needed."""
+
 
 @dataclass(frozen=True)
 class Points:
@@ -48,9 +51,13 @@ def body_frames(robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
 
 def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
     """World positions (T, P, 3) [m] of points at qpos (T, nq)."""
-    positions, rotations = body_frames(robot, qpos)
-    turned = np.einsum("tpij,pj->tpi", rotations[:, points.bodies], points.offsets)
-    return positions[:, points.bodies] + turned
+    places = np.empty((len(qpos), len(points), 3))
+    for first in range(0, len(qpos), BLOCK):
+        block = slice(first, first + BLOCK)
+        positions, rotations = body_frames(robot, qpos[block])
+        turned = np.einsum("tpij,pj->tpi", rotations[:, points.bodies], points.offsets)
+        places[block] = positions[:, points.bodies] + turned
+    return places
 
 
 def point_function(robot: Robot, points: Points) -> ca.Function:

@@ -14,8 +14,7 @@ from robot_retarget.score.subject import Subject
 
 def measure(subject: Subject) -> tuple[Value, ...]:
     """The share of frames in flight, and the farthest step of a foot."""
-    middles = [places[..., :2].mean(axis=1) for places in subject.sole_places]
-    travel = max(np.linalg.norm(middle - middle[0], axis=1).max() for middle in middles)
+    travel = max(np.linalg.norm(foot.middle - foot.middle[0], axis=1).max() for foot in subject.feet)
     return 100 * np.mean(~subject.standing), travel
 
 

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.kinematics import BLOCK
 from robot_retarget.score.pair import Pair
 
 
@@ -15,12 +16,18 @@ def pairs_of(pair: Pair) -> list[tuple[int, int]]:
 
 def closeness(pair: Pair) -> tuple[Floats, Floats]:
     """(T, P) of the human and of the robot, 0 (together) to 1 (stretched)."""
-    first, second = np.array(pairs_of(pair)).T
-    human, robot = (
-        np.linalg.norm(x[:, first] - x[:, second], axis=2) / _paths(pair, bones)
-        for x, bones in zip((pair.human, pair.robot), pair.bones, strict=True)
-    )
+    human, robot = (_over_paths(pair, x, bones) for x, bones in zip((pair.human, pair.robot), pair.bones, strict=True))
     return human, robot
+
+
+def _over_paths(pair: Pair, x: Floats, bones: Floats) -> Floats:
+    """(T, P), a block of frames at a time."""
+    (first, second), paths = np.array(pairs_of(pair)).T, _paths(pair, bones)
+    found = np.empty((len(x), len(paths)))
+    for start in range(0, len(x), BLOCK):
+        block = x[start : start + BLOCK]
+        found[start : start + BLOCK] = np.linalg.norm(block[:, first] - block[:, second], axis=2) / paths
+    return found
 
 
 def _paths(pair: Pair, bones: Floats) -> Floats:

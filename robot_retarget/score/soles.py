@@ -1,17 +1,45 @@
 """The points of a foot that stand on the floor, as the figures on feet see them."""
 
 import itertools
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot import Points, Robot
+from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.kinematics import BLOCK
 
 LAYER = 0.01
 """Points this near to the lowest of the foot in the reference pose belong to its sole [m]."""
 COUNT = 80
 """A sole is sampled by at most this many points, evenly in the order of the model's vertices."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """How a sole moves over T frames."""
+
+    lowest: Floats
+    """(T,) height of its lowest point [m]."""
+    middle: Floats
+    """(T, 2) the mean of its points, seen from above [m]."""
+    slip: Floats
+    """(T,) speed along the floor of its slowest point, 0 at the first frame [m/s]."""
+
+
+def foot_of(robot: Robot, sole: Points, qpos: Floats, fps: float) -> Foot:
+    """Follow a sole through configurations (T, nq), a block of frames at a time."""
+    count = len(qpos)
+    lowest, middle, slip = np.empty(count), np.empty((count, 2)), np.zeros(count)
+    for first in range(0, count, BLOCK):
+        before = max(first - 1, 0)
+        places, new = world_points(robot, sole, qpos[before : first + BLOCK]), slice(first, first + BLOCK)
+        own = places[first - before :]
+        lowest[new], middle[new] = own[..., 2].min(axis=1), own[..., :2].mean(axis=1)
+        steps = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=2) * fps
+        slip[before + 1 : first + BLOCK] = steps.min(axis=1, initial=np.inf)
+    return Foot(lowest, middle, slip)
 
 
 def sole_points(robot: Robot, foot: int) -> Points:

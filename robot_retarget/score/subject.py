@@ -10,6 +10,7 @@ from robot_retarget.arrays import Bools, Floats
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.dynamics import required_forces
 from robot_retarget.score.pair import Pair
+from robot_retarget.score.soles import Foot, foot_of
 from robot_retarget.simulate.contacts import Contacts, replay_contacts
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.stance import SMOOTH
@@ -65,23 +66,19 @@ class Subject:
         return deepest
 
     @cached_property
-    def sole_places(self) -> tuple[Floats, ...]:
-        """Per foot (T, P, 3) its sole points [m]."""
-        return tuple(world_points(self.robot, sole, self.trajectory.qpos) for sole in self.soles)
+    def feet(self) -> tuple[Foot, ...]:
+        """How each foot moves; empty for a robot without recognised feet."""
+        return tuple(foot_of(self.robot, sole, self.trajectory.qpos, self.fps) for sole in self.soles)
 
     @cached_property
     def lowest(self) -> Floats:
         """(T,) height of the lowest sole point of both feet [m]."""
-        return np.min([places[..., 2].min(axis=1) for places in self.sole_places], axis=0)
+        return np.min([foot.lowest for foot in self.feet], axis=0)
 
     @cached_property
     def slip(self) -> Floats:
         """(T, 2) speed along the floor of each foot's slowest sole point, 0 at the first frame [m/s]."""
-        slip = np.zeros((len(self), len(self.soles)))
-        for foot, places in enumerate(self.sole_places):
-            steps = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=2) * self.fps
-            slip[1:, foot] = steps.min(axis=1)
-        return slip
+        return np.stack([foot.slip for foot in self.feet], axis=1)
 
     @cached_property
     def planted(self) -> Bools | None:
@@ -116,8 +113,7 @@ class Subject:
     @cached_property
     def down(self) -> Bools:
         """(T, 2) whether each foot is on the floor."""
-        heights = np.stack([places[..., 2].min(axis=1) for places in self.sole_places], axis=1)
-        return heights < self.level + TOUCH
+        return np.stack([foot.lowest for foot in self.feet], axis=1) < self.level + TOUCH
 
     @cached_property
     def forces(self) -> Floats:

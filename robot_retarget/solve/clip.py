@@ -22,6 +22,7 @@ from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.windows import Part
 
 ROUNDS = 3
 """So often frames whose links interpenetrate are solved anew: what makes way at one side may meet another link."""
@@ -52,24 +53,36 @@ class Clip:
 
 
 def clip_poses(
-    solver: FrameSolver, graph: Graph, search: Search, smoothing: Smoothing, count: Count
+    solver: FrameSolver,
+    graph: Graph,
+    search: Search,
+    smoothing: Smoothing,
+    count: Count,
+    part: Part | None = None,
 ) -> tuple[list[Pose], Graph]:
-    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.Renewable`)."""
-    poses: list[Pose] = []
+    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.Renewable`).
+
+    Args:
+        part: which windows, after which known frames; by default all windows of the graph.
+    """
+    known = part.known if part else ()
+    poses = [Pose(q, Status.CONVERGED, 0.0, 0) for q in known]
     asked: list[list[Track]] = []
     smooth, inertia = smoothness(solver.robot, graph.weights, graph.fps)
-    windows = list(smoothing.windows.cut(len(graph), graph.fps))
+    windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
     count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
     for window in windows:
-        part, known = graph.frames(window.first, window.last), poses[window.first :]
-        coarse = coarse_path(solver, part, wishes_of(coarse_tracks(part)), search, [pose.qpos for pose in known])
-        count.one(COARSE * (len(part) - window.fixed))
-        tracks = renewed_tracks(solver, part, coarse, window.fixed)
+        own, before = graph.frames(window.first, window.last), [pose.qpos for pose in poses[window.first :]]
+        coarse = coarse_path(solver, own, wishes_of(coarse_tracks(own)), search, before)
+        count.one(COARSE * (len(own) - window.fixed))
+        tracks = renewed_tracks(solver, own, coarse, window.fixed)
         clip = Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, graph.fps, window.fixed)
         kept = slice(window.fixed, window.final - window.first)
-        poses += clip_passes(clip, coarse, count)[kept]
+        poses += [replace(pose, model=None) for pose in clip_passes(clip, coarse, count)[kept]]
         asked.append([track.at(kept) for track in tracks])
-    return poses, replace(graph, tracks=tuple(joined(parts) for parts in zip(*asked, strict=True)))
+    solved = graph if part is None else graph.at(slice(len(known), len(poses)))
+    renewed = tuple(joined(parts) for parts in zip(*asked, strict=True))
+    return poses[len(known) :], replace(solved, tracks=renewed)
 
 
 def coarse_tracks(graph: Graph) -> list[Track]:

@@ -17,6 +17,7 @@ from robot_retarget.solve.problem import Problem, build_problem, stresses, wishe
 from robot_retarget.solve.solution import Solution, Status
 from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.solve.unmet import unmet_edges
+from robot_retarget.solve.windows import Part
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
@@ -31,6 +32,7 @@ def solve_graph(
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     progress: Progress | None = None,
+    part: Part | None = None,
 ) -> Solution:
     """The configurations that minimise the graph's edges, within its limits.
 
@@ -38,6 +40,7 @@ def solve_graph(
         problem: as `problem_of` builds it, if it is there already.
         smoothing: of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
         progress: told how far it has come (`progress.Progress`).
+        part: the windows of a piece of a longer clip (`long.py`); by default the graph is a whole clip.
     """
     began = time.perf_counter()
     chosen, smoothly = search or Search(), smoothing or Smoothing()
@@ -48,7 +51,7 @@ def solve_graph(
     if causal:
         poses = causal_poses(solver, graph, chosen, count)
     else:
-        poses, graph = clip_poses(solver, graph, chosen, smoothly, count)
+        poses, graph = clip_poses(solver, graph, chosen, smoothly, count, part)
     timings = {"build": built - began, "solve": time.perf_counter() - built}
     return solution_of(solver, graph, poses, timings, anticipating=not causal)
 

@@ -5,7 +5,9 @@ the smooth path reaches, so that what follows them fits as if both had been solv
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from robot_retarget.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -41,3 +43,16 @@ class Window:
     last: int
     fixed: int
     final: int
+
+    def after(self, frame: int) -> "Window":
+        """The same window in a piece that begins at a frame of the clip."""
+        return replace(self, first=self.first - frame, last=self.last - frame, final=self.final - frame)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Windows of a piece of a clip, counted from its first frame."""
+
+    windows: tuple[Window, ...]
+    known: tuple[Floats, ...] = ()
+    """(nq,) configurations of the first frames, which the first window keeps."""

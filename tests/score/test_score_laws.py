@@ -12,7 +12,6 @@ from made_trajectories import hold, robot_of, swing
 from shared_files import ROOT
 
 import robot_retarget as rr
-import robot_retarget.score
 from robot_retarget.score.figure import Measure
 from robot_retarget.score.score import score
 from robot_retarget.score.table import FIGURES, MEASURES
@@ -133,7 +132,7 @@ def test_a_trajectory_of_another_robot_is_refused(robot: rr.Robot) -> None:
 
 
 def test_every_figure_has_a_unit_a_range_and_a_source_in_its_file() -> None:
-    for module in pkgutil.iter_modules(robot_retarget.score.__path__):
+    for module in pkgutil.iter_modules(importlib.import_module("robot_retarget.score").__path__):
         own = importlib.import_module(f"robot_retarget.score.{module.name}")
         if any(isinstance(value, Measure) for value in vars(own).values()) and module.name != "table":
             said = (own.__doc__ or "").lower()

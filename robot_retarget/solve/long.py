@@ -1,0 +1,82 @@
+"""A clip of any length, piece by piece: memory is that of one piece, time grows with the number of frames.
+
+Windows are those of the whole clip (`windows.py`). A piece describes and solves a few of them and hands the configurations that the next
+window keeps to the next piece, so that pieces join as windows do.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.graph import Graph, at_rate, graph_of
+from robot_retarget.describe.weights import Weights
+from robot_retarget.errors import MatchError
+from robot_retarget.human.match import match
+from robot_retarget.motion import Motion
+from robot_retarget.robot import Robot
+from robot_retarget.solve.look import mismatch
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solve.windows import Part, Window
+from robot_retarget.trajectory import Trajectory
+
+PIECE = 6
+"""Windows of a piece. Features of the human are read off the whole clip for every piece: fewer pieces read them less often."""
+
+
+def solve_long(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    smoothing: Smoothing | None = None,
+) -> Trajectory:
+    """The trajectory of `retarget` without balance, in the memory of one piece.
+
+    Footholds of a stance that spans two pieces are placed by either piece: there it may differ from `retarget` by as much as a foothold may.
+
+    Raises:
+        MatchError: as `retarget`.
+        UsageError: fps out of range.
+    """
+    motion, smoothly = at_rate(motion, fps), smoothing or Smoothing()
+    matched = match(motion, robot, overrides)
+    windows = tuple(smoothly.windows.cut(len(motion), motion.fps))
+    qpos, done = np.empty((len(motion), robot.model.nq)), 0
+    for own in _pieces(windows):
+        first, last, fixed = own[0].first, own[-1].last, own[0].fixed
+        graph = graph_of(motion.frames(first, last), robot, matched, weights or Weights())
+        origin = _origin(graph, motion)
+        known = _moved(qpos[done - fixed : done], robot, -origin)
+        part = Part(tuple(window.after(first) for window in own), tuple(known))
+        solved = solve_graph(graph, smoothing=smoothly, part=part).trajectory.qpos
+        qpos[done : own[-1].final] = _moved(solved, robot, origin)
+        done = own[-1].final
+    if overrides is None and (doubt := mismatch(motion, robot, matched, qpos)):
+        raise MatchError(doubt)
+    return Trajectory(qpos, motion.fps, robot.joint_names, robot.name, Path(motion.source).name)
+
+
+def _pieces(windows: tuple[Window, ...]) -> Iterator[tuple[Window, ...]]:
+    for first in range(0, len(windows), PIECE):
+        yield windows[first : first + PIECE]
+
+
+def _origin(graph: Graph, motion: Motion) -> Floats:
+    """(2,) where the path of a piece begins on the path of the clip, each of which begins above its own origin [m]."""
+    found, frames = graph.match, (motion.frames(0, 1), graph.motion.frames(0, 1))
+    column = found.index("pelvis") if "pelvis" in found.keypoints else slice(None)
+    start, begun = (found.human_positions(one)[0, column].reshape(-1, 3).mean(axis=0) for one in frames)
+    return (begun - start)[:2] * found.leg_ratio
+
+
+def _moved(qpos: Floats, robot: Robot, way: Floats) -> Floats:
+    """Configurations (T, nq) moved along the floor by (2,) [m]; a robot whose root is not free stays."""
+    moved = qpos.copy()
+    if robot.floating:
+        moved[:, robot.root_address : robot.root_address + 2] += way
+    return moved
