@@ -27,7 +27,7 @@ LAYERS = {
     "servo": {"motion", "robot", "servo"},
     "edit": {"motion", "robot", "human", "describe", "solve", "edit"},
     "view": {"motion", "dgp", "robot", "human", "describe", "solve", "collision", "simulate", "view"},
-    "batch": {"motion", "robot", "score", "formats", "edit", "view", "batch"},
+    "batch": {"motion", "robot", "describe", "solve", "score", "formats", "edit", "view", "batch"},
     "live": {"motion", "robot", "servo", "collision", "simulate", "view", "live"},
 }
 SERVO_MAP = "robot_retarget.servo.map"
