@@ -25,8 +25,7 @@ from robot_retarget.cli.options import (
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import Wishes, fill_folder, load, play_on_emulated, read_clip, shipped_clip
-from robot_retarget.shipped import MODELS
+from robot_retarget.cli.stages import Wishes, fill_folder, load, read_clip, shipped_clip
 
 commands = typer.Typer()
 
@@ -81,10 +80,7 @@ def demo(
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
     wishes = Wishes(None, None, legs, balance)
-    verdict = fill_folder(read_clip(shipped_clip(clip), None), load(robot, None), out, wishes, video, json, draws)
-    if json or not (MODELS / robot / "servos.toml").is_file():
-        return
-    if verdict == "pass":
-        play_on_emulated(robot, out)
-    else:
+    motion = read_clip(shipped_clip(clip), None)
+    verdict = fill_folder(motion, load(robot, None), out, wishes, video, json, draws, play=True)
+    if verdict != "pass" and not json:
         console.say("not played: the verdict is fail")

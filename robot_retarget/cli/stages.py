@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from robot_retarget.motion import Motion
     from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
+    from robot_retarget.servo.outcome import Outcome
     from robot_retarget.simulate.report import Report
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
@@ -40,13 +41,26 @@ class Wishes:
     favour: str = "balanced"
 
 
-def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int) -> str:
-    """Solve, simulate (standing free what was balanced, else held), show: fill a folder. Returns the verdict."""
+def fill_folder(
+    motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int, play: bool = False
+) -> str:
+    """Solve, simulate (free if balanced, else pinned), draw and write a folder.
+
+    Args:
+        play: play what passes on an emulated bus too, for robots that ship with a servo map.
+
+    Returns:
+        The verdict.
+    """
     from robot_retarget.summary import describe_solution
 
     with filling(out) as target, progress(costs_of(motion, robot, film, draws)) as stages:
         result = carried_over(motion, robot, wishes, stages.begin(f"retarget to {robot.name}"))
         report, warnings = _tried(result, target, draws, stages.begin("simulate"))
+        outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
+        if outcome is not None:
+            report = report.with_playback(outcome.figures)
+            report.save(target / "report.json")
         pictures = _shown(result, target, film, stages)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
@@ -57,6 +71,9 @@ def fill_folder(motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, fil
     else:
         console.show_solution(solved, explain=False)
         console.show_report(report)
+        if outcome is not None:
+            console.show_playback(outcome.figures)
+            console.say(f"{outcome.sentence}, on the emulated robot")
         console.say(f"wrote {', '.join(files)} in {target}")
         console.say(f"next: open {target / 'report.html'} in a browser; it leads to {target / 'viewer.html'}")
     return report.verdict
@@ -166,18 +183,17 @@ def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
     return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
 
 
-def play_on_emulated(robot: str, folder: Path) -> None:
-    """Play the folder's trajectory on an emulated bus with the robot's model behind it, and say how it went."""
+def played_on_emulated(robot: str, folder: Path) -> "Outcome | None":
+    """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
     from robot_retarget.servo.emulated import play_emulated
     from robot_retarget.servo.map import load_map
+    from robot_retarget.shipped import MODELS
     from robot_retarget.trajectory import load_trajectory
 
-    console.say("\nplaying on the emulated robot, as fast as it computes")
-    outcome = play_emulated(
-        load_trajectory(folder / "trajectory.npz"), load_map(robot), lockstep=True, log=folder / "play.npz"
-    )
-    console.show_playback(outcome.figures)
-    console.say(outcome.sentence)
+    if not (MODELS / robot / "servos.toml").is_file():
+        return None
+    trajectory = load_trajectory(folder / "trajectory.npz")
+    return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
 
 
 def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> tuple[Path, Path | None]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +77,11 @@ class Report:
     def badge(self) -> Badge:
         """The verdict with its conditions, worded and coloured alike in every output."""
         return badge_of(self.reasons, self.unlike, self.figures)
+
+    def with_playback(self, played: Mapping[str, Any]) -> "Report":
+        """Return the report with the tracking errors of a playback on a bus."""
+        names = ("tracking_rms_rad", "worst_joint", "worst_joint_rms_rad")
+        return replace(self, figures={**self.figures, **{f"played_{name}": played.get(name) for name in names}})
 
     def __repr__(self) -> str:
         why = f": {'; '.join(self.reasons)}" if self.reasons else ""

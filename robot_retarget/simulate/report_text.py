@@ -37,6 +37,8 @@ FACTS = (
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "how far joints are from where they should be (rms)"),
     Fact("servos", "servos that judge", "", "of several sets of gears, the one on which the motion does worst"),
     Fact("nominal_tracking_rms_rad", "the same on modelled servos", "rad", "on the servos that the goals were computed for"),
+    Fact("played_tracking_rms_rad", "the same as played", "rad", "on the emulated bus, which has motors of its own"),
+    Fact("played_worst_joint_rms_rad", "the worst joint as played", "rad", "rms, on the emulated bus"),
     Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not make up for lag and load"),
     Fact("zmp_margin_m", "least margin of balance", "m", "how far inside the soles the weight stays; below 0 it tips over"),
     Fact("peak_supply_current_A", "largest current", "A", "what the power supply has to give"),
