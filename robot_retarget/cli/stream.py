@@ -44,7 +44,10 @@ def stream(
         int | None,
         typer.Option(help="Where to listen: UDP; 39539 for vmc. json and floats come from stdin without."),
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to listen at; 127.0.0.1 for this machine only.")] = "0.0.0.0",
+    host: Annotated[
+        str, typer.Option(help="Address to listen at: this machine only by default, 0.0.0.0 for a whole network.")
+    ] = "127.0.0.1",
+    sender: Annotated[str, typer.Option(help="Address of the only machine that may send; by default any.")] = "",
     tcp: Annotated[bool, typer.Option("--tcp", help="json and floats over TCP, not UDP.")] = False,
     skeleton: Annotated[Path | None, typer.Option(help="A motion file whose joints those of floats are.")] = None,
     servos: Annotated[
@@ -91,7 +94,7 @@ def stream(
     from robot_retarget.cli.stages import load
 
     model = load(robot, limits, servos)
-    with _opened(Wanted(source, port, host, tcp, skeleton, speed)) as frames:
+    with _opened(Wanted(source, port, host, tcp, sender, skeleton, speed)) as frames:
         poses = Poses(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
         figures, code = _SHOWN[target](poses, Place(servos, serial, mode, window, page, log))
     _tell(figures, json, target)
@@ -106,6 +109,7 @@ class Wanted:
     port: int | None
     host: str
     tcp: bool
+    sender: str
     skeleton: Path | None
     speed: float
 
@@ -169,7 +173,7 @@ def _opened(wanted: Wanted) -> "Iterator[Source]":
     """A source, closed at the end."""
     from robot_retarget.live.open import opened
 
-    source = opened(wanted.source, wanted.port, wanted.host, wanted.tcp, wanted.skeleton, wanted.speed, console.aside)
+    source = opened(**vars(wanted), say=console.aside)
     try:
         yield source
     finally:

@@ -1,6 +1,8 @@
 """A source by its name."""
 
 import importlib.util
+import ipaddress
+import socket
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,13 +16,16 @@ from robot_retarget.live.replay import Replay
 from robot_retarget.motion import Skeleton, read_motion
 
 RECEIVED = ("vmc", "json", "floats")
+LOOPBACK = "127.0.0.1"
+"""Address that only this machine reaches."""
 
 
 def opened(
     source: str,
     port: int | None = None,
-    host: str = "0.0.0.0",
+    host: str = LOOPBACK,
     tcp: bool = False,
+    sender: str = "",
     skeleton: Path | None = None,
     speed: float = 1.0,
     say: Callable[[str], None] = lambda text: None,
@@ -30,8 +35,9 @@ def opened(
     Args:
         source: `vmc`, `json`, `floats` or the path of a motion file.
         port: where to listen; VMC's own, or standard input for the others, by default.
-        host: the address to listen at.
+        host: address to listen at; `0.0.0.0` lets other machines send.
         tcp: a connection in place of datagrams.
+        sender: name or address of the only machine that may send; empty for any.
         skeleton: a motion file whose joints those of `floats` are, and those of `json` until it tells others.
         speed: of a motion file.
         say: is told of faults.
@@ -42,7 +48,7 @@ def opened(
     """
     faults = Faults(say)
     if source not in RECEIVED:
-        _refuse_idle(source, port, tcp, skeleton)
+        _refuse_idle(source, port, tcp, skeleton, sender)
         return Replay(read_motion(source), faults, speed)
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
@@ -51,10 +57,11 @@ def opened(
 
         if tcp or known:
             raise UsageError("vmc is UDP and tells its bones itself: leave --tcp and --skeleton")
-        return Receiver(UdpPort(host, PORT if port is None else port, faults), VmcDecoder(faults), faults)
+        opening = _port(PORT if port is None else port, host, tcp, faults, sender, say)
+        return Receiver(opening, VmcDecoder(faults), faults)
     whole = port is not None and not tcp
     decoder = LineDecoder(faults, known, whole) if source == "json" else _floats(faults, known, whole)
-    return Receiver(_port(port, host, tcp, faults), decoder, faults)
+    return Receiver(_port(port, host, tcp, faults, sender, say), decoder, faults)
 
 
 def require_osc() -> None:
@@ -73,17 +80,42 @@ def _floats(faults: Faults, known: Skeleton | None, whole: bool) -> FloatDecoder
     return FloatDecoder(faults, known, whole)
 
 
-def _port(port: int | None, host: str, tcp: bool, faults: Faults) -> Port:
+def _port(port: int | None, host: str, tcp: bool, faults: Faults, sender: str, say: Callable[[str], None]) -> Port:
     if port is None:
-        if tcp:
-            raise UsageError("--tcp needs --port")
+        for given, option in ((tcp, "--tcp"), (bool(sender), "--sender")):
+            if given:
+                raise UsageError(f"{option} needs --port")
         return StdinPort()
-    return TcpPort(host, port, faults) if tcp else UdpPort(host, port, faults)
+    opening = (TcpPort if tcp else UdpPort)(host, port, faults, _address_of(sender))
+    say(
+        f"listening on {'TCP' if tcp else 'UDP'} {opening.address[0]}:{opening.address[1]}: {_who(opening.address[0], sender)}"
+    )
+    return opening
 
 
-def _refuse_idle(source: str, port: int | None, tcp: bool, skeleton: Path | None) -> None:
+def _who(host: str, sender: str) -> str:
+    """Return who may send, and the option that changes it."""
+    if ipaddress.ip_address(host).is_loopback:
+        return "this machine may send; --host 0.0.0.0 lets others"
+    return f"{sender} may send" if sender else "any machine may send; --sender ADDRESS admits one only"
+
+
+def _address_of(sender: str) -> str:
+    """Return the address of a machine.
+
+    Raises:
+        UsageError: the name is not known.
+    """
+    try:
+        return socket.gethostbyname(sender) if sender else ""
+    except OSError as error:
+        raise UsageError(f"--sender {sender}: {error.strerror or error}") from None
+
+
+def _refuse_idle(source: str, port: int | None, tcp: bool, skeleton: Path | None, sender: str) -> None:
     if not Path(source.partition("#")[0]).exists():
         raise UsageError(f"--from {source!r} is neither a motion file nor one of {', '.join(RECEIVED)}")
-    for given, option in ((port is not None, "--port"), (tcp, "--tcp"), (skeleton is not None, "--skeleton")):
+    received = {"--port": port is not None, "--tcp": tcp, "--skeleton": skeleton is not None, "--sender": bool(sender)}
+    for option, given in received.items():
         if given:
             raise UsageError(f"{option} is for what is received; {source} is a file")

@@ -49,14 +49,19 @@ class Port(Protocol):
 class UdpPort:
     """Datagrams, those that came last if there are many.
 
+    Args:
+        host: address to listen at.
+        faults: counts what is refused.
+        sender: address of the only machine that may send; empty for any.
+
     Raises:
         UsageError: the port is taken, or may not be used.
     """
 
     ended = False
 
-    def __init__(self, host: str, port: int, faults: Faults) -> None:
-        self._faults = faults
+    def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
+        self._faults, self._sender = faults, sender
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
@@ -73,6 +78,9 @@ class UdpPort:
             except BlockingIOError:
                 break
             except OSError:  # an answer of the system to something that was never sent
+                continue
+            if host != (self._sender or host):
+                self._faults.note(Fault.OTHER_SENDER, f"{host}:{port}; only {self._sender} may send")
                 continue
             if not data:  # in a packet, no bytes mean that a connection ended
                 self._faults.note(Fault.MALFORMED, f"an empty datagram of {host}:{port}")
@@ -93,14 +101,19 @@ class UdpPort:
 class TcpPort:
     """One connection after the other; who comes while one is open is turned away.
 
+    Args:
+        host: address to listen at.
+        faults: counts what is refused.
+        sender: address of the only machine that may connect; empty for any.
+
     Raises:
         UsageError: the port is taken, or may not be used.
     """
 
     ended = False
 
-    def __init__(self, host: str, port: int, faults: Faults) -> None:
-        self._faults = faults
+    def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
+        self._faults, self._sender = faults, sender
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.address = _bound(self._listener, host, port)
@@ -125,7 +138,10 @@ class TcpPort:
 
     def _accept(self) -> None:
         peer, (host, port) = self._listener.accept()
-        if self._peer is None:
+        if host != (self._sender or host):
+            self._faults.note(Fault.OTHER_SENDER, f"{host}:{port}; only {self._sender} may connect")
+            peer.close()
+        elif self._peer is None:
             self._peer = peer, f"{host}:{port}"
         else:
             self._faults.note(Fault.OTHER_SENDER, f"{host}:{port} was turned away, {self._peer[1]} is connected")

@@ -16,6 +16,7 @@ from performers import HOST, Said, Script, Swing, clip, frames_for, listening, p
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import Loop, Patience
+from robot_retarget.live.open import opened
 from robot_retarget.live.ports import NEWEST, Packet, TcpPort, UdpPort
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.live.protocols.floats import HEAD, MAGIC, FloatDecoder
@@ -24,6 +25,7 @@ from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import PROTOCOLS
 from robot_retarget.robot import load_robot
+from robot_retarget.shipped import SAMPLES
 
 MOTION = clip()
 SKELETON = MOTION.skeleton
@@ -271,6 +273,29 @@ def test_an_empty_datagram_is_no_farewell() -> None:
         assert receiver.newest(0.1) is None
     receiver.close()
     assert faults.counts == {str(Fault.MALFORMED): 1, str(Fault.OTHER_SENDER): 1}
+
+
+def test_only_this_machine_may_send_unless_told_otherwise() -> None:
+    said = Said()
+    source = opened("json", 0, skeleton=SAMPLES / "wave.bvh", say=said)
+    assert isinstance(source, Receiver) and isinstance(source.port, UdpPort)
+    assert source.port.address[0] == HOST and "this machine may send; --host 0.0.0.0 lets others" in said.lines[0]
+    source.close()
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_a_sender_that_is_not_the_chosen_one_is_refused(tcp: bool) -> None:
+    said = Said()
+    source = opened("json", 0, "0.0.0.0", tcp, "127.0.0.2", SAMPLES / "wave.bvh", say=said)
+    assert isinstance(source, Receiver) and isinstance(source.port, UdpPort | TcpPort)
+    for address, frames in (("127.0.0.3", 0), ("127.0.0.2", 1)):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM if tcp else socket.SOCK_DGRAM) as out:
+            out.bind((address, 0))
+            out.connect((HOST, source.port.address[1]))
+            out.sendall(line_of(1.0, MOTION.positions[0]))
+            assert (source.newest(0.3) is not None) == bool(frames)
+    source.close()
+    assert source.faults.counts == {str(Fault.OTHER_SENDER): 1} and "only 127.0.0.2 may" in said.of("another sender")[0]
 
 
 def test_a_frame_and_the_next_sender_at_once_give_the_frame_of_neither_or_one(heard: Heard) -> None:

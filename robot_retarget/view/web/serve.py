@@ -10,6 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Lock
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import RobotRetargetError, UsageError
@@ -24,6 +25,8 @@ WAIT = 1.0
 """After so long without a pose a page is asked whether it is still there [s]."""
 LONGEST = 10_000
 """Of what a page may send [bytes]."""
+OWN = {"localhost", "127.0.0.1", "::1"}
+"""Names of this machine. A page of another name, or one whose name was bound anew to this address, gets no answer."""
 
 
 class Editor(Protocol):
@@ -134,6 +137,14 @@ def _refused(status: HTTPStatus, reason: str) -> tuple[HTTPStatus, str, bytes]:
     return status, "application/json", json.dumps({"error": reason}).encode()
 
 
+def _host_of(url: str) -> str:
+    """Return the name of the machine in a URL, empty where there is none."""
+    try:
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""
+
+
 def _bounded(table: Any) -> dict[str, Any]:
     """An edge as a page asks for it: JSON has no infinity, which stands there as a word."""
     if not isinstance(table, dict):
@@ -159,6 +170,15 @@ def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, follow
     desk = Desk(viewer, editor, following is not None)
 
     class Handler(BaseHTTPRequestHandler):
+        def parse_request(self) -> bool:
+            if not super().parse_request():
+                return False
+            origin = self.headers.get("Origin")
+            if _host_of(f"//{self.headers.get('Host', '')}") in OWN and (origin is None or _host_of(origin) in OWN):
+                return True
+            self.send_error(HTTPStatus.FORBIDDEN, "only pages of this machine are answered")
+            return False
+
         def do_GET(self) -> None:
             if self.path.split("?")[0] in ("/", "/index.html"):
                 self._answer(HTTPStatus.OK, "text/html; charset=utf-8", desk.page)
@@ -180,14 +200,16 @@ def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, follow
                     self.wfile.write(b"data: " + told + b"\n\n" if told else b":\n\n")
 
         def do_POST(self) -> None:
-            what, length = self.path.strip("/"), int(self.headers.get("Content-Length") or 0)
+            what, length = self.path.strip("/"), self.headers.get("Content-Length", "0")
             asked = self.headers.get("Content-Type", "").startswith(
                 "application/json"
             )  # no form of another site's page
-            if what not in ACTS or not asked or length > LONGEST:
+            if what not in ACTS or not asked:
                 self.send_error(HTTPStatus.NOT_FOUND)
-                return
-            self._answer(*desk.act(what, self.rfile.read(length)))
+            elif not (length.isascii() and length.isdigit() and int(length) <= LONGEST):
+                self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"Content-Length is 0 to {LONGEST}")
+            else:
+                self._answer(*desk.act(what, self.rfile.read(int(length))))
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
             self.send_response(status)
