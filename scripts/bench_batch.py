@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How fast `batch` is, and what a kill costs: clips/s with one and two processes, memory, `kill -9` at random moments.
+"""How fast `batch` is, and whether it survives kills: clips/s with one and two processes, memory, `kill -9` at random moments.
 
     python scripts/bench_batch.py --motions ../shared/motions/bvh --robots op3 ../shared/robots/unitree_g1/unitree_g1.xml --clips 200 --kills 20
 
@@ -133,7 +133,7 @@ def killed(clips: Path, out: Path, robots: list[str], jobs: int, seed: int, usua
     process.wait()
     subprocess.run(command(clips, out, robots, jobs), check=False, capture_output=True)
     same = contents(out) == contents(reference)
-    who = "nobody, it had ended" if not victim else "the parent" if victim == process.pid else "a worker"
+    who = "none, the run had ended" if not victim else "the parent" if victim == process.pid else "a worker"
     print(f"kill {seed}: {who}; {'equal' if same else 'NOT equal'}", flush=True)
     shutil.rmtree(out)
     return same

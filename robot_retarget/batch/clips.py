@@ -90,7 +90,7 @@ def _wanted(path: Path, root: Path, include: tuple[str, ...], exclude: tuple[str
 
 
 def _is_motion(path: Path) -> bool:
-    """Whether a reader knows the file, by its content or its suffix; tables and motions of robots are none."""
+    """Whether a reader knows the file, by content or suffix; side tables and robot trajectories are excluded."""
     if path.name in SIDE_TABLES:
         return False
     try:
@@ -101,12 +101,12 @@ def _is_motion(path: Path) -> bool:
 
 
 def _describes(path: Path) -> bool:
-    """Whether a JSON file lies beside the file that it describes."""
+    """Whether a JSON file describes the file of the same name without `.json`."""
     return path.suffix.lower() == ".json" and path.with_suffix("").is_file()
 
 
 def _side_file(path: Path) -> tuple[str, str] | None:
-    """Licence and source from `CLIP.bvh.json`, where it is there."""
+    """Licence and source from `CLIP.bvh.json`, if it exists."""
     try:
         facts = json.loads(path.with_name(f"{path.name}.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):

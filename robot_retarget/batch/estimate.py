@@ -27,7 +27,7 @@ class Estimate:
     """Whether the pace is that of this folder's earlier clips."""
 
     def hours(self, jobs: int) -> float:
-        """On so many processes [h]."""
+        """Duration on `jobs` processes [h]."""
         return self.core_seconds / jobs / 3600
 
 

@@ -22,7 +22,7 @@ class Bound:
     most: float
 
     def reason(self, row: Row) -> str | None:
-        """Why a row does not pass; None where it does, or where the figure does not apply."""
+        """Why a row is rejected; None if it passes or the figure does not apply."""
         value = row.figures.get(self.figure)
         if value is None or self.least <= value <= self.most:
             return None

@@ -1,7 +1,7 @@
 """The manifest: one row for each clip on each robot, in SQLite with a write-ahead log.
 
-Every row is written in a transaction of its own when its outputs are on the disk, so that a run that is killed at any moment
-continues where it was. Rows hold nothing that changes from run to run; times and memory have a table of their own.
+A row is committed after its outputs are on the disk, so a run that is killed at any moment can continue. Rows hold only values that
+are equal from run to run; times and memory are in another table.
 """
 
 import json
@@ -30,7 +30,7 @@ CREATE TABLE IF NOT EXISTS files (path PRIMARY KEY, size, changed, sha256);
 
 @dataclass(frozen=True)
 class Row:
-    """What is known of a clip on a robot."""
+    """One clip on one robot."""
 
     robot: str
     clip: str
@@ -48,7 +48,7 @@ class Row:
 
     @property
     def key(self) -> tuple[str, str]:
-        """What a manifest holds once."""
+        """The primary key."""
         return self.robot, self.clip
 
     def line(self) -> str:
@@ -60,7 +60,7 @@ class Manifest:
     """The manifest of a folder of results."""
 
     def __init__(self, folder: Path):
-        """Open or make it. A manifest that is broken is moved aside and made anew from the index; `notes` say so.
+        """Open or create it. A broken manifest is moved aside and restored from the index; `notes` report that.
 
         Raises:
             OutputError: it cannot be written.
@@ -119,7 +119,7 @@ class Manifest:
         )
 
     def save_index(self) -> Path:
-        """Write the rows as lines of JSON beside the manifest."""
+        """Write the rows as JSON lines next to the manifest."""
         target = self.path.with_name(INDEX)
         with replacing(target) as scratch:
             scratch.write_text("".join(f"{row.line()}\n" for row in self.rows()), encoding="utf-8")
@@ -146,7 +146,7 @@ class Manifest:
             base.execute(f"SELECT {', '.join(COLUMNS)} FROM results LIMIT 1")
         except sqlite3.OperationalError as error:
             base.close()
-            if "no such column" in str(error):
+            if "column" in str(error):
                 raise sqlite3.DatabaseError(str(error)) from error
             raise OutputError(f"cannot write {self.path}: {error}") from error
         except sqlite3.DatabaseError:
@@ -169,7 +169,7 @@ class Manifest:
         for row in read_index(index) if index.is_file() else ():
             self.put(row)
             count += 1
-        self.notes.append(f"{count} rows were taken from {INDEX}; the other clips are done anew")
+        self.notes.append(f"{count} rows were taken from {INDEX}; other clips are repeated")
 
 
 def read_index(path: Path) -> Iterator[Row]:

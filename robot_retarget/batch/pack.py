@@ -21,7 +21,7 @@ FOLDER = "packed"
 
 
 def pack_all(rows: Sequence[Row], job: Job, format: str) -> str:
-    """Write one file of a packed format for each robot; returns what was written.
+    """Write one file of a packed format for each robot; returns their paths.
 
     Raises:
         UsageError: the robot does not suit the format, or its clips differ in their frame rate.

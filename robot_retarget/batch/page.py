@@ -59,7 +59,7 @@ def save_page(
 
 
 def _json(value: object) -> str:
-    """JSON that cannot end the script it stands in."""
+    """JSON without `<`, which could end the script around it."""
     return json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
 
 

@@ -68,7 +68,7 @@ class _Worker:
     def begin(self, task: Task) -> None:
         """Hand over a task."""
         self.task, self._began = task, time.monotonic()
-        with suppress(OSError):  # a dead worker is found out when its outcome is asked for
+        with suppress(OSError):  # `outcome` detects a dead worker
             self.pipe.send(task)
 
     def outcome(self, allowance: Allowance) -> Outcome | None:
@@ -89,7 +89,7 @@ class _Worker:
         return None
 
     def end(self) -> None:
-        """Kill the process and what it started."""
+        """Kill the process group."""
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -114,7 +114,7 @@ class _Worker:
 
 
 def resident(process: int) -> int:
-    """Resident memory of a process [bytes]; 0 where the system does not tell."""
+    """Resident memory of a process [bytes]; 0 on systems without /proc."""
     try:
         pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     except (OSError, IndexError, ValueError):

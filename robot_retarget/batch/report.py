@@ -55,7 +55,7 @@ def _save_table(path: Path, columns: Sequence[str], lines: Sequence[Sequence[str
 
 
 def _pictured(row: Row, job: Job) -> Shown:
-    """A strip and a viewer of a row, where they can be made."""
+    """Draw a strip and a viewer of a row."""
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view import Picture, strip
     from robot_retarget.view.web import Take, Viewer

@@ -1,4 +1,4 @@
-"""A run of `batch`: find clips, leave out what is done, perform the rest, write index and summary."""
+"""A run of `batch`: find clips, skip finished ones, perform the others, write the index."""
 
 import fcntl
 import re
@@ -26,15 +26,15 @@ SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run has to do."""
+    """The tasks of a run."""
 
     tasks: tuple[Task, ...]
     clips: dict[str, Clip]
     """By name."""
     kept: int
-    """Rows of the run that are there already."""
+    """Finished rows of the run."""
     outdated: int
-    """Rows that another clip, robot file or setting made; they are made anew."""
+    """Rows whose clip, robot file or settings have changed; they are repeated."""
 
     @property
     def total(self) -> int:
@@ -55,14 +55,14 @@ class Ended:
 
 @contextmanager
 def occupied(out: Path) -> Iterator[Path]:
-    """The folder of results, for one run at a time; what a killed run left half-written is removed.
+    """The folder of results, locked for one run; temporary files of a killed run are removed.
 
     Raises:
         OutputError: it cannot be written, holds other things than results, or another run is at work in it.
     """
     strange = out.is_dir() and not (out / NAME).exists() and any(path.name != LOCK for path in out.iterdir())
     if strange:
-        raise OutputError(f"{out} holds files and no {NAME}: it is no folder of a batch; give another --out")
+        raise OutputError(f"{out} holds files and no {NAME}: it is not a batch folder; give another --out")
     target = folder(out)
     with (target / LOCK).open("w") as lock:
         try:
@@ -108,7 +108,7 @@ def perform_all(plan: Plan, manifest: Manifest, job: Job, engine: Engine, report
     """Perform the tasks of a plan and keep every outcome in the manifest.
 
     Raises:
-        OutputError: an output cannot be written, for a full disk say; what is done is kept, and running again continues.
+        OutputError: an output cannot be written, for example on a full disk; finished rows are kept.
     """
     trouble = list[str]()
 
@@ -123,7 +123,7 @@ def perform_all(plan: Plan, manifest: Manifest, job: Job, engine: Engine, report
     if plan.tasks:
         engine(plan.tasks, job.allowance, keep, lambda: bool(trouble) or stopping())
     if trouble:
-        raise OutputError(f"{trouble[0]}; what is done is kept: run it again to go on")
+        raise OutputError(f"{trouble[0]}; finished clips are kept: run it again to continue")
     manifest.save_index()
     keys = {(robot_of(name, job.settings.limits).name, clip) for clip in plan.clips for name in job.robots}
     rows = [row for row in manifest.rows() if row.key in keys]

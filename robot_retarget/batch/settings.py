@@ -1,4 +1,4 @@
-"""What decides the bytes of an output, and how far a clip may go."""
+"""The options that determine outputs, and the limits of a clip."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ class Settings:
     up: str | None = None
     repair: bool = True
     formats: tuple[str, ...] = ()
-    """Formats to write beside the trajectory."""
+    """Additional formats."""
     mirror: bool = False
     """Whether the robot's mirror image of every trajectory is written too."""
     map_file: str | None = None
@@ -36,7 +36,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one clip may use."""
+    """Limits of one clip."""
 
     seconds: float = 3600.0
     """Of wall time; a worker that takes longer is ended [s]."""

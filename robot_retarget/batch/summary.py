@@ -1,4 +1,4 @@
-"""What a batch came to: `summary.csv`, Parquet where pyarrow is installed, and a page."""
+"""The results as tables: `summary.csv`, and `summary.parquet` if pyarrow is installed."""
 
 import csv
 import io
@@ -25,7 +25,7 @@ def save_csv(rows: Iterable[Row], path: Path) -> Path:
 
 
 def save_parquet(rows: Sequence[Row], path: Path) -> Path | None:
-    """The same table as Parquet; None where pyarrow is not installed."""
+    """The same table as Parquet; None if pyarrow is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet

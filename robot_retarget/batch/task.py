@@ -51,7 +51,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task."""
+    """The result of a task."""
 
     clip: str
     robot: str
@@ -67,11 +67,11 @@ class Outcome:
     """Mean and deviation of every hinge [rad], by which near-duplicates are found."""
     seconds: float = 0.0
     peak_mb: float = 0.0
-    """Of the process that did it, until then."""
+    """Peak memory of its process [MB]."""
 
 
 def perform(task: Task) -> Outcome:
-    """Read, retarget, score and write one clip. Whatever goes wrong with the clip is an outcome, never an exception."""
+    """Read, retarget, score and write one clip. A failure is an outcome, not an exception."""
     began = time.perf_counter()
     state, message, made = DONE, "", {}
     try:
@@ -89,7 +89,7 @@ def perform(task: Task) -> Outcome:
 
 
 def peak_memory() -> float:
-    """The most resident memory of this process so far [MB]."""
+    """Peak resident memory of this process [MB]."""
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return round(used / (1e6 if sys.platform == "darwin" else 1e3), 1)
 
@@ -115,7 +115,7 @@ def _made(task: Task) -> dict[str, Any]:
 
 
 def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
-    """The trajectory and what there is to say about it; long clips are solved piece by piece, in bounded memory."""
+    """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
     from robot_retarget.describe.weights import Weights
     from robot_retarget.solve.long import solve_long
     from robot_retarget.transfer import retarget

@@ -1,6 +1,6 @@
 """A worker process: takes tasks from a pipe and sends their outcomes back, until the pipe closes.
 
-Run as `python -m robot_retarget.batch.worker FD` by `pool.py`, in a session of its own: Ctrl-C reaches the parent only.
+Run as `python -m robot_retarget.batch.worker FD` by `pool.py`, in a new session: Ctrl-C reaches only the parent.
 """
 
 import ctypes

@@ -41,12 +41,14 @@ def batch(
     ] = "local",
     address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without one, Ray starts here.")] = None,
     shard: Annotated[str | None, typer.Option(help="I/N: every N-th clip, I from 0 to N - 1.")] = None,
-    retry: Annotated[list[str] | None, typer.Option(help=f"Try again what is {', '.join(RETRIES)}.")] = None,
+    retry: Annotated[list[str] | None, typer.Option(help=f"Repeat clips of a state: {', '.join(RETRIES)}.")] = None,
     timeout: Annotated[float, typer.Option(min=0.001, help="Seconds that a clip may take.")] = 3600.0,
     memory: Annotated[float, typer.Option(min=0.01, help="GiB of memory that a process may take.")] = 2.0,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and how long it takes.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print the number of clips and an estimate of the time; run nothing.")
+    ] = False,
     format: Annotated[
-        list[str] | None, typer.Option("--format", "-f", help="Format to write beside the trajectories; export --list.")
+        list[str] | None, typer.Option("--format", "-f", help="Additional format to write; see export --list.")
     ] = None,
     pack: Annotated[
         list[str] | None, typer.Option(help="Format to pack all clips into: locomujoco, phc (SONIC).")
@@ -55,7 +57,7 @@ def batch(
     filter_file: Annotated[
         Path | None, typer.Option("--filter", help="TOML file of thresholds; by default the shipped ones.")
     ] = None,
-    extremes: Annotated[int, typer.Option(min=0, help="Worst and best clips to draw, so many of each.")] = 2,
+    extremes: Annotated[int, typer.Option(min=0, help="Number of worst and of best clips to draw.")] = 2,
     fps: Fps = None,
     up: Up = None,
     repair: Repair = True,
@@ -67,7 +69,7 @@ def batch(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Retarget and score every motion below some folders; a manifest keeps what is done, a summary shows it."""
+    """Retarget and score every motion below some folders; a manifest lets a stopped run continue."""
     from robot_retarget.batch.filters import SHIPPED, read_filters
     from robot_retarget.batch.settings import Allowance, Job, Settings
 
@@ -113,7 +115,7 @@ def _run(
 
         def stopping() -> bool:
             if interrupts.count > 1:
-                raise KeyboardInterrupt(f"what is done is kept in {out}; run it again to go on")
+                raise KeyboardInterrupt(f"finished clips are kept in {out}; run it again to continue")
             return interrupts.count > 0
 
         with interrupts.listening(), tally(len(plan.tasks), stopping) as told:
@@ -133,8 +135,8 @@ def _engine(name: str, jobs: int, address: str | None) -> "Engine":
 
 
 def _say_plan(plan: "Plan") -> None:
-    anew = f", {plan.outdated} of them made anew: their clip or the settings changed" if plan.outdated else ""
-    console.aside(f"{plan.total} clips × robots: {plan.kept} are there, {len(plan.tasks)} to do{anew}")
+    anew = f", {plan.outdated} of them repeated: their clip or the settings changed" if plan.outdated else ""
+    console.aside(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
 
 
 def _tell(job: "Job", ended: "Ended", chosen: "list[Chosen]", json: bool) -> None:
@@ -154,7 +156,7 @@ def _tell(job: "Job", ended: "Ended", chosen: "list[Chosen]", json: bool) -> Non
 
 
 def _estimate(job: "Job", jobs: int, json: bool) -> None:
-    """Say what a run would do. The manifest of an existing folder is read; nothing is written elsewhere."""
+    """Print the number of tasks and their estimated duration. Only the manifest of an existing folder is touched."""
     import tempfile
 
     from robot_retarget.batch.estimate import estimate
@@ -169,7 +171,7 @@ def _estimate(job: "Job", jobs: int, json: bool) -> None:
         console.dump({**vars(found), "jobs": jobs, "hours": round(found.hours(jobs), 3)})
         return
     by = "measured on this folder" if found.measured else "a G1 at 30 frames/s on a core of 2.5 GHz"
-    console.say(f"{found.tasks} clips × robots to do, {found.kept} are there")
+    console.say(f"{found.tasks} clips × robots to do, {found.kept} finished")
     console.say(
         f"{found.motion_seconds / 3600:.2f} h of motion, about {found.hours(jobs):.2f} h on {jobs} processes ({by})"
     )

@@ -28,7 +28,7 @@ def score(
     joints: Joints = None,
     quaternion: Quaternion = None,
     motion_fps: Annotated[
-        float | None, typer.Option(help="Frames per second of the motion file, in place of its own.")
+        float | None, typer.Option(help="Frames per second of the motion file; overrides the file.")
     ] = None,
     body_model: BodyModel = None,
     up: Up = None,

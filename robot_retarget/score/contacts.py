@@ -1,8 +1,8 @@
 """Contacts of the hands that the human makes and the robot keeps.
 
 A human contact is a pair hand–hand, hand–head or hand–leg whose normalised distance is below its threshold. The robot keeps it
-where its own is at most the human's plus 0.04; it makes a false one where it is below the threshold and the human is more
-than 0.04 over it.
+if its distance is at most the human's plus 0.04. A contact is false if the robot is below the threshold and the human more than
+0.04 above it.
 
     recall = kept / human contacts        F1 = 2 kept / (2 kept + false + lost)
 

@@ -1,4 +1,4 @@
-"""What a figure is: a name, a unit, the digits it is worth, and the function that measures it."""
+"""A figure: its name, unit, printed digits, and the function that measures it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ class Figure:
     better: str = "lower"
     """`lower`, `higher` or `neither`."""
     most: float | None = None
-    """Upper end of its range; None where it is unbounded. The lower end is 0 unless `what` says otherwise."""
+    """Upper end of its range; None if unbounded. The lower end is 0 unless `what` says otherwise."""
 
     def rounded(self, value: Value) -> Value:
-        """The value with its digits; integers where it has none."""
+        """The value rounded to its digits."""
         if value is None:
             return None
         return round(float(value), self.digits) + 0.0 if self.digits else int(value)  # −0.0 + 0.0 is 0.0
@@ -46,7 +46,7 @@ class Measure:
     """Whether it needs recognised feet."""
 
     def values(self, subject: Subject) -> dict[str, Value]:
-        """The figures by name; all None where the subject lacks what they need."""
+        """The figures by name; all None without the motion or feet that they need."""
         lacking = (self.human and subject.pair is None) or (self.feet and not subject.soles)
         found = (None,) * len(self.figures) if lacking else self.of(subject)
         return {figure.name: figure.rounded(value) for figure, value in zip(self.figures, found, strict=True)}

@@ -1,6 +1,6 @@
 """Angle between a bone of the human and the robot's.
 
-    θ = arccos(û · v̂),  u and v the bone from each body, seen from the heading of its own pelvis (the hip line)
+    θ = arccos(û · v̂),  u and v the bone on each body in the heading frame of its pelvis (the hip line)
 
 over upper and lower arms, thighs, shins and the trunk. Unit: degree. Range: 0 to 180. Source: the direction error of motion
 retargeting, as in GMR's and this project's comparisons.

@@ -15,7 +15,7 @@ from robot_retarget.score.figure import Figure, Measure, Value
 from robot_retarget.score.subject import Subject
 
 JUMP = 15.0
-"""A joint jumps where it is faster [rad/s]."""
+"""Joint speed above this is a jump [rad/s]."""
 MARGIN = 0.05
 """Share of a joint's range at either end that is near its limit [-]."""
 

@@ -69,7 +69,7 @@ def score(
 def subject_of(
     trajectory: Trajectory, robot: Robot, motion: Motion | None, tables: Mapping[str, Mapping[str, Any]]
 ) -> tuple[Subject, tuple[str, ...]]:
-    """The trajectory with what is recognised in robot and motion, and remarks."""
+    """The trajectory with the recognised keypoints and soles, and notes."""
     notes = [f"self-penetration: {_collision_model(robot)}"]
     try:
         body = body_of(robot, tables.get("robot", {}))

@@ -3,7 +3,7 @@
     d_t = the deepest overlap of two geoms at frame t, by MuJoCo's collision of the model's own collision geoms
 
 less pairs of bodies that overlap already in the reference pose. The share counts frames with d_t > 1 mm. Units: %, cm. Range:
-0 to 100 %, 0 and more cm. Source: GMR's users count it (issue 95 of GMR); mesh hulls overstate it, so the collision model is named beside it.
+0 to 100 %, 0 and more cm. Source: GMR's users count it (issue 95 of GMR); mesh hulls overstate it, so the notes of a score name the collision model.
 """
 
 import numpy as np

@@ -32,7 +32,7 @@ STEADY = 5
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """One trajectory of T frames on its robot, with the human motion it comes from where that is known."""
+    """One trajectory of T frames on its robot, with its human motion if that is known."""
 
     trajectory: Trajectory
     robot: Robot
@@ -117,7 +117,7 @@ class Subject:
 
     @cached_property
     def forces(self) -> Floats:
-        """(T, nv) generalised forces besides the floor's (`robot.dynamics.required_forces`) [N, N m]."""
+        """(T, nv) generalised forces in addition to the floor's (`robot.dynamics.required_forces`) [N, N m]."""
         soles = feet_of(self.robot).corners
         qpos = self.trajectory.qpos
         return required_forces(self.robot, qpos, self.fps, soles, SMOOTH, self.standing & bool(len(soles)))

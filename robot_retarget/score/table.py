@@ -1,4 +1,4 @@
-"""The one table of figures; a new figure is a file beside this one and a line here."""
+"""The one table of figures; a new figure is a file in this folder and a line here."""
 
 from robot_retarget.score import (
     body_position,

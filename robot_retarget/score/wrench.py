@@ -1,4 +1,4 @@
-"""What no contact can provide: the root's residual wrench.
+"""The root's residual wrench, which no contact force provides.
 
     r_t = ‖(f, τ/c)‖ / (m g),   (f, τ) = the root's part of inverse dynamics less contact forces, τ about the centre of mass
 

@@ -3,7 +3,7 @@
     share of frames with a foot on the floor in which the zero moment point leaves the convex hull of the sole points that are down
 
 Unit: %. Range: 0 to 100. Momenta are smoothed over 0.05 s. A robot that is driven by a tracker may leave its support for a moment and
-catch itself; one that plays the motion as it is falls. Source: PBHC calls a frame stable where centre of mass and centre of pressure are
+catch itself; a robot in open-loop playback falls. Source: PBHC calls a frame stable if centre of mass and centre of pressure are
 within 0.1 m [arXiv 2506.12851]; this is the dynamic form.
 """
 

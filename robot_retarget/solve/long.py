@@ -1,7 +1,7 @@
 """A clip of any length, piece by piece: memory is that of one piece, time grows with the number of frames.
 
-Windows are those of the whole clip (`windows.py`). A piece describes and solves a few of them and hands the configurations that the next
-window keeps to the next piece, so that pieces join as windows do.
+Windows are those of the whole clip (`windows.py`). A piece describes and solves a few of them and passes the configurations that the next
+window keeps to the next piece: pieces join as windows do.
 """
 
 from collections.abc import Iterator

@@ -143,7 +143,7 @@ def test_clips_that_differ_in_their_suffix_keep_it_and_clips_of_one_name_are_ref
 def test_a_folder_of_other_results_is_refused_and_left_as_it_is(clips: Path, tmp_path: Path) -> None:
     (tmp_path / "report.json").write_text("{}")
     code, said = command("batch", clips, "-r", "op3", "--out", tmp_path)
-    assert code == 2 and "is no folder of a batch" in said
+    assert code == 2 and "is not a batch folder" in said
     assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
 
 
@@ -184,7 +184,7 @@ def test_an_output_that_cannot_be_written_ends_the_run_and_keeps_what_is_done(cl
     run(job, stop_after=1)
     blocked = replace(job, settings=replace(job.settings, formats=("csv",)))
     (job.out / "op3-csv").write_text("in the way")
-    with pytest.raises(OutputError, match="run it again to go on"):
+    with pytest.raises(OutputError, match="run it again to continue"):
         run(blocked)
     assert [row.state for row in rows_of(job.out)] == ["done"]
     (job.out / "op3-csv").unlink()
