@@ -3,8 +3,10 @@
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +48,8 @@ class Interruptible(TyperGroup):
 
 
 def ending(program: Callable[[], None]) -> None:
-    """Run a program; mistakes and defects end in a sentence and an exit code of their own."""
+    """Run a program; mistakes and defects end in a sentence and an exit code of their own, warnings in a note."""
+    warnings.showwarning = lambda message, *_: console.note(str(message))
     try:
         program()
     except RobotRetargetError as error:
@@ -62,21 +65,34 @@ def ending(program: Callable[[], None]) -> None:
         sys.exit(DEFECT)
 
 
+@dataclass(frozen=True)
+class Filled:
+    """A folder that is being filled."""
+
+    path: Path
+    before: Mapping[Path, int]
+    """The files that were there, and when each was written [ns]."""
+
+    def written(self) -> list[str]:
+        """The names of the files that were written since, sorted."""
+        return sorted(file.name for file, when in _contents(self.path).items() if self.before.get(file) != when)
+
+
 @contextmanager
-def filling(path: Path) -> Iterator[Path]:
-    """A folder for results. Without any it goes as it came; Ctrl-C says which are there.
+def filling(path: Path) -> Iterator[Filled]:
+    """A folder for results, removed if it stays empty; Ctrl-C reports the files that were written.
 
     Raises:
-        OutputError: it cannot be made or written.
-        KeyboardInterrupt: Ctrl-C, with what is kept as its text.
+        OutputError: The folder cannot be made or written.
+        KeyboardInterrupt: Ctrl-C; its text names the files that were written.
     """
     made = [place for place in (path, *path.parents) if not place.exists()]
-    before = _contents(path)
+    filled = Filled(path, _contents(path))
     try:
-        yield folder(path)
+        folder(path)
+        yield filled
     except KeyboardInterrupt as stopped:
-        kept = [file.name for file, written in _contents(path).items() if before.get(file) != written]
-        said = f"kept {', '.join(sorted(kept))} in {path}" if kept else NOTHING
+        said = f"kept {', '.join(filled.written())} in {path}" if filled.written() else NOTHING
         raise KeyboardInterrupt(said) from stopped
     finally:
         with suppress(OSError):  # the first that is not empty ends it

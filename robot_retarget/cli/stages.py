@@ -54,8 +54,9 @@ def fill_folder(
     """
     from robot_retarget.summary import describe_solution
 
-    with filling(out) as target, progress(costs_of(motion, robot, film, draws)) as stages:
+    with filling(out) as filled, progress(costs_of(motion, robot, film, draws)) as stages:
         result = carried_over(motion, robot, wishes, stages.begin(f"retarget to {robot.name}"))
+        target = filled.path
         report, warnings = _tried(result, target, draws, stages.begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
         if outcome is not None:
@@ -65,7 +66,7 @@ def fill_folder(
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
     solved = describe_solution(result.solution, result.notes)
-    files = sorted(path.name for path in target.iterdir())
+    files = filled.written()
     if json:
         console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
     else:
@@ -123,10 +124,13 @@ def _tried(result: "Result", target: Path, draws: int, progress: "Progress") -> 
 
 
 def keep(report: "Report", trajectory: Path, where: Path) -> None:
-    """Write the trajectory with the goals that were judged, and the report of it."""
+    """Write the trajectory with the goals that were judged, and its report: both, or neither."""
+    from robot_retarget.files import replacing
+
     assert report.trajectory is not None
-    report.trajectory.save(trajectory)
-    report.save(where)
+    with replacing(trajectory) as judged, replacing(where) as said:
+        judged.write_bytes(report.trajectory.serialised())
+        said.write_text(report.text(), encoding="utf-8")
 
 
 def judged_plain(trajectory: "Trajectory", robot: "Robot", mode: str, rate: float) -> "Trajectory":

@@ -1,8 +1,10 @@
 """The robot side: an MJCF becomes a `Robot`, and a humanoid is found in it."""
 
+from robot_retarget.robot.rendering import require_usable_gl
 from robot_retarget.robot.versions import require_mujoco
 
 require_mujoco()
+require_usable_gl()
 # ruff: noqa: E402 (what follows imports MuJoCo)
 
 from robot_retarget.robot.anatomy import Anatomy as Anatomy

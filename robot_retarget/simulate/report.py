@@ -127,9 +127,12 @@ class Report:
             OutputError: it cannot be written.
         """
         with replacing(path) as scratch:
-            text = json.dumps(self.contract(), indent=1, ensure_ascii=False, allow_nan=False)
-            scratch.write_text(text + "\n", encoding="utf-8")
+            scratch.write_text(self.text(), encoding="utf-8")
         return Path(path)
+
+    def text(self) -> str:
+        """The text of `report.json`."""
+        return json.dumps(self.contract(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,32 @@
+"""The environment variable MUJOCO_GL: a value that MuJoCo cannot use stops its import, so it is dropped before."""
+
+import ctypes.util
+import os
+import platform
+import warnings
+
+VARIABLE = "MUJOCO_GL"
+OFF = ("disable", "disabled", "off", "false", "0")
+ON = ("", "enable", "enabled", "on", "true", "1", "glfw")
+LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa", "glx": "GL"}
+"""Ways of Linux, and the shared library that each needs."""
+OTHER_SYSTEMS = {"Windows": ("wgl",), "Darwin": ("cgl",)}
+
+
+def require_usable_gl() -> None:
+    """Drop a value of MUJOCO_GL that cannot work here, with a warning; rendering then takes what it finds."""
+    asked = os.environ.get(VARIABLE, "").lower().strip()
+    reason = unusable(asked, platform.system())
+    if reason:
+        del os.environ[VARIABLE]
+        warnings.warn(f"{VARIABLE}={asked} is ignored: {reason}", stacklevel=2)
+
+
+def unusable(asked: str, system: str) -> str:
+    """Why a value of MUJOCO_GL cannot be used on a system; empty if it can."""
+    if asked in (*OFF, *ON, *OTHER_SYSTEMS.get(system, ())):
+        return ""
+    library = LIBRARIES.get(asked) if system == "Linux" else None
+    if library is None:
+        return "MuJoCo has no such way to render (egl, osmesa, glfw, off)"
+    return "" if ctypes.util.find_library(library) else f"the library lib{library} is not installed"
