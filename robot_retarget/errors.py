@@ -61,8 +61,22 @@ def install_line(extra: str) -> str:
     return f"pip install '{DISTRIBUTION}[{extra}]'"
 
 
-def known(names: Iterable[str], limit: int = 24) -> str:
-    """The alternatives, as the tail of a message: `known: a, b, c`."""
+def known(names: Iterable[str], limit: int = 24, typed: object = "") -> str:
+    """List the alternatives, as the tail of a message: `did you mean 'b'? known: a, b, c`.
+
+    Args:
+        limit: Names listed at most.
+        typed: What was given instead; the name nearest to it is suggested.
+    """
     listed = list(names)
     tail = f", … ({len(listed)} in all)" if len(listed) > limit else ""
-    return "known: " + (", ".join(listed[:limit]) + tail if listed else "none")
+    return did_you_mean(str(typed), listed) + "known: " + (", ".join(listed[:limit]) + tail if listed else "none")
+
+
+def did_you_mean(typed: str, names: Iterable[str]) -> str:
+    """Suggest the name nearest to what was typed: `did you mean 'b'? `; empty if none is near."""
+    from difflib import get_close_matches
+
+    lower = {name.lower(): name for name in names}
+    near = get_close_matches(typed.lower(), lower, 1) if typed else []
+    return f"did you mean {lower[near[0]]!r}? " if near else ""

@@ -79,5 +79,5 @@ def motor_named(name: str) -> Motor:
     plain = name.strip().upper()
     plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain
     if plain not in MOTORS:
-        raise ServoError(f"no servo model {name!r}; {known(MOTORS)}")
+        raise ServoError(f"no servo model {name!r}; {known(MOTORS, typed=name)}")
     return MOTORS[plain]

@@ -45,7 +45,7 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
     """
     for what, choice, choices in (("legs", legs, LEGS), ("balance", balance, MODES)):
         if choice not in choices:
-            raise UsageError(f"unknown {what} {choice!r}; {known(choices)}")
+            raise UsageError(f"unknown {what} {choice!r}; {known(choices, typed=choice)}")
     if legs == "stand" and balance == "off":
         raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
     servos = robot.floating and robot.path.with_name("servos.toml").is_file()

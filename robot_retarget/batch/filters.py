@@ -79,7 +79,7 @@ def read_filters(path: Path = SHIPPED) -> dict[str, Filter]:
 def _bounds(path: Path, name: str, tables: Mapping[str, object], within: tuple[str, ...]) -> list[Bound]:
     table = tables.get(name)
     if not isinstance(table, dict):
-        raise UsageError(f"{path}: no filter [{name}]; {known(tables)}")
+        raise UsageError(f"{path}: no filter [{name}]; {known(tables, typed=name)}")
     if name in within:
         raise UsageError(f"{path}: the filter {name!r} includes itself")
     found = list[Bound]()
@@ -94,7 +94,7 @@ def _bounds(path: Path, name: str, tables: Mapping[str, object], within: tuple[s
 
 def _bound(path: Path, name: str, figure: str, value: object) -> Bound:
     if figure not in FIGURES:
-        raise UsageError(f"{path}: [{name}] names the figure {figure!r}; {known(FIGURES, 60)}")
+        raise UsageError(f"{path}: [{name}] names the figure {figure!r}; {known(FIGURES, 60, typed=figure)}")
     pair = value if isinstance(value, list) else [float("-inf"), value]
     if len(pair) != 2 or not all(isinstance(end, int | float) and not isinstance(end, bool) for end in pair):
         raise UsageError(f"{path}: [{name}] {figure} must be a number or [least, most], got {value!r}")

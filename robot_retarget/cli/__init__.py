@@ -13,7 +13,9 @@ import typer
 from robot_retarget import __version__
 from robot_retarget.cli import (
     batch,
+    console,
     cut,
+    doctor,
     formats,
     graph,
     info,
@@ -30,12 +32,12 @@ from robot_retarget.cli import (
 )
 from robot_retarget.cli.ending import Interruptible, ending
 
-GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, batch, formats, play, stream, servos)
+GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, batch, formats, play, stream, servos, doctor)
 
 app = typer.Typer(
     cls=Interruptible,
     context_settings={"help_option_names": ["-h", "--help"]},
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -53,11 +55,27 @@ def _say_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    pass  # the option has done its work by then
+    if context.invoked_subcommand is None:
+        console.say(NEXT)
+    else:
+        console.begin(context.invoked_subcommand)
+
+
+NEXT = """robot-retarget carries human motion over to humanoid robots.
+
+  robot-retarget demo                        a shipped clip on a shipped robot, with report and film, in demo/
+  robot-retarget run CLIP.bvh                your clip on the op3, judged in simulation, in out/
+  robot-retarget run CLIP.bvh -r ROBOT.xml   the same on your robot (MJCF or URDF)
+  robot-retarget info FILE                   what is recognised in a motion or a robot
+  robot-retarget doctor                      what is missing on this machine, and the cure
+
+robot-retarget --help lists all commands; robot-retarget COMMAND --help has an example of each."""
+"""What the command without arguments prints."""
 
 
 def main() -> None:

@@ -26,7 +26,9 @@ RETRIES = ("failed", "timeout", "memory", "crashed")
 )
 def batch(
     folders: Annotated[list[Path], typer.Argument(help="Folders of motions; or merge, and folders of results.")],
-    out: Annotated[Path, typer.Option(help="Folder for the results; running again continues.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", "--output", help="Folder for the results; running again continues.")
+    ],
     robot: Annotated[
         list[str] | None, typer.Option("--robot", "-r", help="As for solve; several --robot for several robots.")
     ] = None,
@@ -195,7 +197,7 @@ def _require(format: list[str] | None, pack: list[str] | None, retry: list[str] 
     for option, given, names in (("--format", format, FORMATS), ("--pack", pack, PACKED), ("--retry", retry, RETRIES)):
         strange = [name for name in given or () if name not in names]
         if strange:
-            raise UsageError(f"{option}: {strange[0]!r}; {known(names, 40)}")
+            raise UsageError(f"{option}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
 
 
 def _shard(text: str | None) -> "Shard":

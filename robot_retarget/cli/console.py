@@ -45,6 +45,12 @@ def say(text: str) -> None:
     out.print(text, markup=False)
 
 
+def begin(command: str) -> None:
+    """Print the first words of a command, on a terminal: the libraries that it needs take a second to load."""
+    if side.is_terminal:
+        side.print(f"{command} …", style="dim", markup=False)
+
+
 def note(text: str) -> None:
     """Print a remark on the side, where it does not disturb what is piped on."""
     side.print(f"note: {in_options(text)}", markup=False, style="dim")

@@ -17,7 +17,7 @@ commands = typer.Typer()
 def cut(
     trajectories: Annotated[list[Path], typer.Argument(help="Trajectories .npz, joined in this order.")],
     robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
     trim: Annotated[str | None, typer.Option(help="Keep START:STOP of each [s].")] = None,
     mirror: Annotated[bool, typer.Option("--mirror", help="Left for right.")] = False,
     repeat: Annotated[int, typer.Option(help="So many times in a row.")] = 1,

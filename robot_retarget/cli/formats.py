@@ -49,7 +49,7 @@ List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, hel
 def export(
     trajectory: TrajectoryFile,
     robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file or folder to write.")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file or folder to write.")],
     format: Annotated[str, typer.Option("--format", "-f", help="See --list.")] = "csv",
     fps: Rate = None,
     joints: Joints = None,
@@ -74,7 +74,7 @@ def export(
 def import_(
     file: MotionOfRobot,
     robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
     format: FileFormat = None,
     fps: Rate = None,
     source_fps: SourceRate = None,
@@ -105,7 +105,7 @@ def convert(
     file: MotionOfRobot,
     robot: RobotName,
     to: Annotated[str, typer.Option("--to", "-t", help="Format to write; export --list names all.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file or folder to write.")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file or folder to write.")],
     source: Annotated[str | None, typer.Option("--from", "-f", help="Format to read; found out by default.")] = None,
     fps: Rate = None,
     source_fps: SourceRate = None,

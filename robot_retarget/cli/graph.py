@@ -7,6 +7,7 @@ import typer
 from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.options import (
+    DefaultRobot,
     Edges,
     Favour,
     Fps,
@@ -16,7 +17,6 @@ from robot_retarget.cli.options import (
     MotionFile,
     Overrides,
     Quiet,
-    RobotName,
     Up,
 )
 from robot_retarget.cli.stages import described, load, read_clip, retarget_cost
@@ -30,7 +30,7 @@ commands = typer.Typer()
 @commands.command(epilog="Example: robot-retarget graph dance.bvh --robot op3 --solve")
 def graph(
     motion: MotionFile,
-    robot: RobotName,
+    robot: DefaultRobot = "",
     frames: Frames = None,
     up: Up = None,
     fps: Fps = None,

@@ -20,7 +20,7 @@ def mend(
     robot: RobotName,
     motion: Annotated[Path, typer.Option(help="The clip it came from.")],
     edges: Annotated[Path, typer.Option(help="EDITS.toml, as the viewer saves it; made in the order they stand.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
     frames: Frames = None,
     up: Up = None,
     map_file: Overrides = None,

@@ -6,21 +6,44 @@ from typing import Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
+from robot_retarget.cli.kinds import require_motion, require_trajectory
+
+DEFAULT_ROBOT = "op3"
+
+
+def named_robot(name: str) -> str:
+    """The robot that was named, or `DEFAULT_ROBOT` with a note."""
+    if not name:
+        console.note(f"no --robot given: {DEFAULT_ROBOT} is used")
+    return name or DEFAULT_ROBOT
+
 
 MotionFile = Annotated[
     Path,
     typer.Argument(
+        callback=require_motion,
         help="A motion: BVH, AMC, C3D, glTF, GLB, VRMA, SMPL or AMASS, DeepMimic, HumanML3D, landmarks, joint positions; "
-        "FILE#NAME where a file holds several."
+        "FILE#NAME where a file holds several.",
     ),
 ]
 SourceFps = Annotated[float | None, typer.Option(help="Frames per second of the motion file, in place of its own.")]
 BodyModel = Annotated[
     Path | None, typer.Option(help="Your .npz of an SMPL model, for the skeleton of SMPL parameters; else a mean one.")
 ]
-TrajectoryFile = Annotated[Path, typer.Argument(help="Trajectory .npz, as solve writes it.")]
+TrajectoryFile = Annotated[
+    Path, typer.Argument(callback=require_trajectory, help="Trajectory .npz, as solve writes it.")
+]
 RobotName = Annotated[
     str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
+]
+DefaultRobot = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        "-r",
+        callback=named_robot,
+        help=f"A shipped name (op3), an MJCF file, or a robot_descriptions name; by default {DEFAULT_ROBOT}.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Quiet = Annotated[
@@ -35,7 +58,8 @@ Quiet = Annotated[
 ]
 """Has done its work when the command begins."""
 Frames = Annotated[
-    str | None, typer.Option(help="Part of the clip, START:STOP in frames, those left aside that reading drops.")
+    str | None,
+    typer.Option(help="Part of the clip: START:STOP in frames (30:90) or seconds (1s:3s), after what reading drops."),
 ]
 Fps = Annotated[
     float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")

@@ -9,6 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import (
     Balance,
     BodyModel,
+    DefaultRobot,
     Draws,
     Favour,
     Fps,
@@ -33,8 +34,8 @@ commands = typer.Typer()
 @commands.command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")
 def run(
     motion: MotionFile,
-    robot: RobotName,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    robot: DefaultRobot = "",
+    out: Annotated[Path, typer.Option("-o", "--out", "--output", help="Folder for the results.")] = Path("out"),
     frames: Frames = None,
     fps: Fps = None,
     source_fps: SourceFps = None,
@@ -68,7 +69,7 @@ def run(
 
 @commands.command(epilog="Example: robot-retarget demo --out demo")
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("demo"),
+    out: Annotated[Path, typer.Option("-o", "--out", "--output", help="Folder for the results.")] = Path("demo"),
     clip: Annotated[str, typer.Option(help="A shipped clip.")] = "wave",
     robot: RobotName = "op3",
     legs: Legs = "auto",

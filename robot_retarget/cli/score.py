@@ -33,7 +33,7 @@ def score(
     body_model: BodyModel = None,
     up: Up = None,
     limits: Limits = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="A JSON file to write.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--out", "--output", help="A JSON file to write.")] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -117,7 +117,7 @@ def check(
 def calibrate(
     map_name: MapName,
     port: Port,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The map to write (.toml).")],
     baud: Baud = None,
     joint: Annotated[list[str] | None, typer.Option(help="Only these joints.")] = None,
     json: Json = False,
@@ -140,7 +140,7 @@ def calibrate(
 @servos.command("import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
 def import_map(
     file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The map to write (.toml).")],
     offsets: Annotated[Path | None, typer.Option(help="offset.yaml beside an OP3.robot.")] = None,
     model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
     json: Json = False,

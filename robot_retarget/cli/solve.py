@@ -10,6 +10,7 @@ from robot_retarget.cli.bars import progress
 from robot_retarget.cli.options import (
     Balance,
     BodyModel,
+    DefaultRobot,
     Edges,
     Favour,
     Fps,
@@ -21,7 +22,6 @@ from robot_retarget.cli.options import (
     Overrides,
     Quiet,
     Repair,
-    RobotName,
     SourceFps,
     Up,
 )
@@ -33,8 +33,8 @@ commands = typer.Typer()
 @commands.command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
     motion: MotionFile,
-    robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The trajectory to write (.npz).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
+    robot: DefaultRobot = "",
     frames: Frames = None,
     fps: Fps = None,
     source_fps: SourceFps = None,

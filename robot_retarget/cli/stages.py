@@ -296,13 +296,25 @@ def read_clip(
     from robot_retarget.motion import read_motion
 
     motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair)
-    if frames is None:
-        return motion
-    start, colon, stop = frames.partition(":")
+    return motion if frames is None else motion.frames(*span_of(frames, len(motion), motion.fps))
+
+
+def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
+    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`), one frame alone is a span of one.
+
+    Raises:
+        UsageError: The text is not of this form.
+    """
+
+    def frame(end: str) -> int:
+        return round(float(end[:-1]) * fps) if end.endswith("s") else int(end)
+
+    start, colon, stop = (part.strip() for part in text.partition(":"))
     try:
-        return motion.frames(int(start or 0), int(stop) if stop else len(motion) if colon else int(start) + 1)
-    except ValueError:
-        raise UsageError(f"--frames takes START:STOP in whole numbers, got {frames!r}") from None
+        first = frame(start) if start else 0
+        return first, frame(stop) if stop else count if colon else first + 1
+    except (ValueError, OverflowError):
+        raise UsageError(f"--frames takes START:STOP in frames (30:90) or seconds (1s:3s), got {text!r}") from None
 
 
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
@@ -343,5 +355,5 @@ def shipped_clip(name: str) -> Path:
 
     clips = {path.stem: path for path in sorted(SAMPLES.glob("*.bvh"))}
     if name not in clips:
-        raise UsageError(f"no shipped clip {name!r}; {known(clips)}")
+        raise UsageError(f"no shipped clip {name!r}; {known(clips, typed=name)}")
     return clips[name]

@@ -90,7 +90,9 @@ def stream(
         require_suffix(calibrate, ".npz", "calibrations are arrays")
         require_writable(calibrate)
     if target not in SINKS:
-        raise UsageError(f"--to {target!r} is no place for poses; {known(SINKS)}; with --send it is vmc://HOST:PORT")
+        raise UsageError(
+            f"--to {target!r} is no place for poses; {known(SINKS, typed=target)}; with --send it is vmc://HOST:PORT"
+        )
     from robot_retarget.cli.stages import load
 
     model = load(robot, limits, servos)

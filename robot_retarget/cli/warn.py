@@ -18,7 +18,7 @@ def warn(
     robot: RobotName,
     horizon: Annotated[float, typer.Option(help="How far ahead to look [s].")] = 0.5,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="A table of the events to write (.csv).")
+        Path | None, typer.Option("-o", "--out", "--output", help="A table of the events to write (.csv).")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
     limits: Limits = None,

@@ -60,7 +60,7 @@ def read_edits(path: str | Path) -> list[Edit]:
     for name, rows in tables.items():
         if name not in KEYS or not isinstance(rows, list) or len(rows) != len(_headers(lines, name)):
             raise GraphError(
-                f"{path}:{_line(lines, name)}: unknown table [{name}]; {known([f'[[{k}]]' for k in KEYS])}"
+                f"{path}:{_line(lines, name)}: unknown table [{name}]; {known([f'[[{k}]]' for k in KEYS], typed=name)}"
             )
     found = [
         Edit(name, values, line, str(path))
@@ -71,7 +71,9 @@ def read_edits(path: str | Path) -> list[Edit]:
         for key in edit.values:
             if key not in KEYS[edit.action]:
                 at = _line(lines, key, edit.line)
-                raise GraphError(f"{path}:{at}: unknown key {key!r} in [[{edit.action}]]; {known(KEYS[edit.action])}")
+                raise GraphError(
+                    f"{path}:{at}: unknown key {key!r} in [[{edit.action}]]; {known(KEYS[edit.action], typed=key)}"
+                )
     return sorted(found, key=lambda edit: edit.line)
 
 

@@ -78,5 +78,5 @@ class Weights:
             UsageError: it is none of these.
         """
         if what not in FAVOURS:
-            raise UsageError(f"nothing to favour is called {what!r}; {known(FAVOURS)}")
+            raise UsageError(f"nothing to favour is called {what!r}; {known(FAVOURS, typed=what)}")
         return replace(self, near=FAVOURS[what] * self.near, far=FAVOURS[what] * self.far)

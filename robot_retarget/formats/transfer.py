@@ -123,7 +123,7 @@ def recognised(source: Source) -> Format:
 
 def _format(name: str) -> Format:
     if name not in FORMATS:
-        raise UsageError(f"unknown format {name!r}; {known(FORMATS)}")
+        raise UsageError(f"unknown format {name!r}; {known(FORMATS, typed=name)}")
     return FORMATS[name]
 
 

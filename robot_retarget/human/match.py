@@ -159,7 +159,7 @@ def read_map(path: Path) -> Mapping[str, Mapping[str, Any]]:
     tables = read_toml(path, MatchError)
     for key, table in tables.items():
         if key not in TABLES:
-            raise MatchError(f"{path}: unknown table [{key}]; {known(TABLES)}")
+            raise MatchError(f"{path}: unknown table [{key}]; {known(TABLES, typed=key)}")
         if not isinstance(table, dict):
             raise MatchError(f"{path}: {key} must be a table, [{key}], got {table!r}")
     return tables

@@ -125,7 +125,7 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
     marks = dict(recognition.marks)
     for keypoint, names in table.items():
         if keypoint not in KEYPOINTS:
-            raise MatchError(f"unknown keypoint {keypoint!r}; {known(KEYPOINTS)}")
+            raise MatchError(f"unknown keypoint {keypoint!r}; {known(KEYPOINTS, typed=keypoint)}")
         wanted = [names] if isinstance(names, str) else names
         if not (isinstance(wanted, list) and all(isinstance(name, str) for name in wanted)):
             raise MatchError(f'{keypoint} must be "JOINT" or ["JOINT", …], got {names!r}')

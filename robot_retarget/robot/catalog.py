@@ -134,7 +134,7 @@ def read_limits(path: Path) -> Limits:
     tables = read_toml(path, RobotError)
     for key, table in tables.items():
         if key not in LIMIT_TABLES:
-            raise RobotError(f"{path}: unknown table [{key}]; {known(LIMIT_TABLES)}")
+            raise RobotError(f"{path}: unknown table [{key}]; {known(LIMIT_TABLES, typed=key)}")
         if not isinstance(table, dict):
             raise RobotError(f"{path}: {key} must be a table, [{key}], got {table!r}")
         for joint, value in table.items():
@@ -163,7 +163,7 @@ def _find(name: str | Path) -> Path:
         if not path.is_file():
             raise RobotError(f"there is no file {path}")
         return path
-    return described(str(name), f"{known(shipped)}; or a path to an MJCF (.xml) or URDF")
+    return described(str(name), tuple(shipped))
 
 
 def _beside(path: Path) -> Path | None:

@@ -5,33 +5,35 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.errors import RobotError, install_line, known
+from robot_retarget.errors import RobotError, did_you_mean, install_line, known
 
 KINDS = {"_mj_description": "MJCF_PATH", "_description": "URDF_PATH"}
 """How the package ends the names of its modules, and where each says its file is; MJCF goes first."""
 EXTRA = install_line("descriptions")
 
 
-def described(name: str, choices: str) -> Path:
+def described(name: str, shipped: tuple[str, ...]) -> Path:
     """The MJCF of a robot by any of its names, its URDF where the package has no MJCF; fetched once by the package.
 
     Args:
-        choices: what else is known, for the message.
+        shipped: The robots that ship, for the message.
 
     Raises:
         RobotError: the name is unknown, the package is not installed, or it cannot fetch the robot.
     """
+    choices = f"{known(shipped)}; or a path to an MJCF (.xml) or URDF"
     try:
         from robot_descriptions._descriptions import DESCRIPTIONS
     except ImportError:
         raise RobotError(
-            f"unknown robot {name!r}; {choices}; robots of robot_descriptions (g1, h1, t1 …) need: {EXTRA}"
+            f"unknown robot {name!r}; {did_you_mean(name, shipped)}{choices}; robots of robot_descriptions (g1, h1, t1 …) need: {EXTRA}"
         ) from None
     entries = humanoids(DESCRIPTIONS)
     module = resolved(name, entries)
     if not module:
         stems = dict.fromkeys(_stem(key)[0] for key in entries)
-        raise RobotError(f"unknown robot {name!r}; {choices}; or one of robot_descriptions, {known(stems, 60)}")
+        near = did_you_mean(name, (*shipped, *stems))
+        raise RobotError(f"unknown robot {name!r}; {near}{choices}; or one of robot_descriptions, {known(stems, 60)}")
     kind = _stem(module)[1]
     try:
         return Path(getattr(importlib.import_module(f"robot_descriptions.{module}"), KINDS[kind]))

@@ -90,10 +90,14 @@ def _spots(robot: Robot, table: Mapping[str, Any]) -> dict[str, Spot]:
     spots = {}
     for keypoint, line in table.items():
         if keypoint not in KEYPOINTS:
-            raise MatchError(f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD))}")
+            raise MatchError(
+                f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD), typed=keypoint)}"
+            )
         if not (isinstance(line, list) and line and isinstance(line[0], str) and _are_numbers(line[1:], 3)):
             raise MatchError(f'override of {keypoint} must be ["body", x, y, z], within {FARTHEST:g} m, got {line!r}')
         if line[0] not in bodies:
-            raise MatchError(f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies)}")
+            raise MatchError(
+                f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies, typed=line[0])}"
+            )
         spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
     return spots

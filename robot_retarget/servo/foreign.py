@@ -67,7 +67,9 @@ def _op3(text: str, offsets: dict[str, float], name: str, model: str | None) -> 
         raise ServoError("no dynamixel stands under [ device info ]")
     strange = sorted(set(offsets) - {servo.joint for servo in servos})
     if strange:
-        raise ServoError(f"the offsets name {strange[0]!r}; {known(servo.joint for servo in servos)}")
+        raise ServoError(
+            f"the offsets name {strange[0]!r}; {known((servo.joint for servo in servos), typed=strange[0])}"
+        )
     return ServoMap(name, tuple(servos), baud)
 
 

@@ -159,7 +159,10 @@ class ServoMap:
         for joint, angle in self.stop.pose.items():
             if joint not in self.joints:
                 raise MapError(
-                    f"[stop] pose names {joint!r}, which has no servo; {known(self.joints)}", "stop", "pose", joint
+                    f"[stop] pose names {joint!r}, which has no servo; {known(self.joints, typed=joint)}",
+                    "stop",
+                    "pose",
+                    joint,
                 )
             servo = self[joint]
             Bounds(servo.lower, servo.upper, "rad").require(f"[stop] pose of {joint}", angle, "stop", "pose", joint)
@@ -185,7 +188,7 @@ class ServoMap:
     def __getitem__(self, joint: str) -> Servo:
         found = {servo.joint: servo for servo in self.servos}
         if joint not in found:
-            raise ServoError(f"no servo for joint {joint!r}; {known(found)}")
+            raise ServoError(f"no servo for joint {joint!r}; {known(found, typed=joint)}")
         return found[joint]
 
 
@@ -268,7 +271,7 @@ def _build(kind: Any, values: dict[str, Any], what: str, *key: str) -> Any:
 def _only(values: dict[str, Any], allowed: set[str], what: str, *key: str) -> None:
     strange = sorted(set(values) - allowed)
     if strange:
-        raise MapError(f"{what}: no key {strange[0]!r}; {known(sorted(allowed))}", *key, strange[0])
+        raise MapError(f"{what}: no key {strange[0]!r}; {known(sorted(allowed), typed=strange[0])}", *key, strange[0])
 
 
 def _dict(value: Any, *key: str) -> dict[str, Any]:

@@ -129,5 +129,5 @@ def _hinge(model: mujoco.MjModel, joint: str, path: str | Path) -> int:
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
     if found < 0:
         names = [model.joint(j).name for j in range(model.njnt)]
-        raise ServoError(f"{path}: no joint {joint!r} as the servo map has; {known(names)}")
+        raise ServoError(f"{path}: no joint {joint!r} as the servo map has; {known(names, typed=joint)}")
     return int(found)

@@ -115,7 +115,7 @@ def read_thresholds(path: str | Path) -> Thresholds:
     names = [field.name for field in fields(Thresholds)]
     strange = [name for name in table if name not in names]
     if strange:
-        raise UsageError(f"{path}: no threshold {strange[0]!r}; {known(names)}")
+        raise UsageError(f"{path}: no threshold {strange[0]!r}; {known(names, typed=strange[0])}")
     try:
         return Thresholds(**table)
     except UsageError as error:

@@ -59,7 +59,7 @@ def _column_called(name: str, robot: Robot, wanted: list[str]) -> str:
         TrajectoryError: no joint of the robot has that name.
     """
     if not name.endswith(HINGE_UNIT):
-        raise TrajectoryError(f"column {name!r} is not one of {robot.name!r}; {known(wanted)}")
+        raise TrajectoryError(f"column {name!r} is not one of {robot.name!r}; {known(wanted, typed=name)}")
     return joint_called(name.removesuffix(HINGE_UNIT), robot) + HINGE_UNIT
 
 
