@@ -116,7 +116,7 @@ def recognised(source: Source) -> Format:
         raise UsageError(f"{source.path} may be {names}, which nothing in it tells apart: say which with --format")
     if not claimed:
         raise TrajectoryError(
-            f"{source.path}: {unsupported(source) or f'no known format of robot motion; {known(FORMATS)}'}"
+            f"{source.path}: {unsupported(source) or f'no known format of robot motion (a human motion goes to robot-retarget run); {known(FORMATS)}'}"
         )
     return claimed[0]
 
