@@ -130,7 +130,7 @@ class Tracker:
         self.model.opt.timestep = 1 / (RATE * STEPS)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        self.session = onnxruntime.InferenceSession(str(policy), options, providers=["CPUExecutionProvider"])
+        self.session: Any = onnxruntime.InferenceSession(str(policy), options, providers=["CPUExecutionProvider"])
         self.input = self.session.get_inputs()[0].name
 
     def run(self, name: str, trajectory: rr.Trajectory, motion: rr.Motion | None) -> Executed:
