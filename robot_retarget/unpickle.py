@@ -41,6 +41,7 @@ def load_pickle(path: Path) -> Any:
         MemoryError,
         TypeError,
         ValueError,
+        struct.error,
     ) as error:
         raise TrajectoryError(f"{path}: broken pickle: {error}") from error
 

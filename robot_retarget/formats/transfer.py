@@ -79,15 +79,14 @@ def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -
         described: a JSON file beside the file states the order.
     """
     robot, told = source.robot, source.options.quaternion
-    doubts: tuple[str, ...] = ()
     if told is not None:
         if columns.quaternion is None:
             raise UsageError(f"--quaternion: format {kind.name!r} holds none whose order could be another")
         columns = replace(columns, quaternion=told_order(columns.quaternion, kind.quaternion, told))
-    elif columns.quaternion is not None and not (kind.complete or described):
-        doubts = doubt(columns.quaternion, kind.quaternion, robot)
     trajectory = continuous(assembled(columns, robot, source.options, kind.fps), robot)
-    return replace(trajectory, notes=(*trajectory.notes, *doubts))
+    if told is not None or columns.quaternion is None or kind.complete or described:
+        return trajectory
+    return replace(trajectory, notes=(*trajectory.notes, *doubt(columns.quaternion, kind.quaternion, robot)))
 
 
 def load_trajectory(

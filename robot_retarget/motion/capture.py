@@ -8,6 +8,9 @@ from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.skeleton import Skeleton
 
+FARTHEST = 1e7
+"""A joint farther from the origin is a mistake [file units]: 10 km in millimetres."""
+
 
 @dataclass(frozen=True)
 class Capture:
@@ -32,6 +35,16 @@ class Capture:
             if values is not None and not np.isfinite(values).all():
                 frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
                 raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if not np.ptp(self.positions, axis=1).any() and len(self.skeleton) > 1:
+            raise MotionError("all joints are at one place in every frame", self.source)
+        far = np.abs(self.positions) > FARTHEST
+        if far.any():
+            frame, joint, axis = np.argwhere(far)[0]
+            raise MotionError(
+                f"frame {frame}, joint {self.skeleton.names[joint]!r} is at {self.positions[frame, joint, axis]:.3g}, "
+                f"farther than {FARTHEST:g} from the origin",
+                self.source,
+            )
 
     def part(self, frames: slice) -> "Capture":
         """Some of the frames."""

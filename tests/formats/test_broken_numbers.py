@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import pickle
 import time
 import zipfile
 
@@ -116,3 +117,23 @@ def test_a_zip_that_is_no_pickle_is_refused(name: str, op3, tmp_path) -> None:
         archive.writestr("readme.txt", "nothing here")
     with pytest.raises(TrajectoryError, match=name):
         import_motion(tmp_path / name, op3)
+
+
+def test_quaternions_of_zeros_and_joint_kinds_of_another_shape_are_refused(op3, tmp_path) -> None:
+    path = export(motion_of("op3"), op3, "locomujoco", tmp_path / "a.npz")
+    with np.load(path) as arrays:
+        np.savez(path, **{**arrays, "jnt_type": arrays["jnt_type"][..., None]})
+    with pytest.raises(TrajectoryError, match="jnt_type must"):
+        import_motion(path, op3)
+    table = {"fps": 30, "root_pos": np.zeros((3, 3)), "root_rot": np.zeros((3, 4)), "dof_pos": np.zeros((3, 20))}
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(table))
+    with pytest.raises(TrajectoryError, match="quaternion has the norm 0"):
+        import_motion(tmp_path / "a.pkl", op3)
+
+
+def test_a_pickle_cut_inside_a_number_is_refused(op3, tmp_path) -> None:
+    path = export(motion_of("op3"), op3, "mimickit", tmp_path / "a.pkl")
+    beside(path).unlink()
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(TrajectoryError, match="broken pickle"):
+        import_motion(path, op3, "mimickit")

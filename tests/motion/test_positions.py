@@ -163,3 +163,19 @@ def test_a_sorted_tree_is_the_same_tree(seed, joints):
     assert np.all(found < np.arange(joints))
     original = shuffle[order]
     assert [-1 if p < 0 else original[p] for p in found] == list(parents[original])
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        ({"positions": np.zeros((3, 22, 3))}, "all joints are at one place"),
+        ({"positions": np.full((3, 22, 3), 1e200) * np.arange(22)[:, None]}, "farther than 1e\\+07 from the origin"),
+        ({"positions": np.ones((3, 22, 3)), "fps": 1e-300}, "from 0.01 to 10000"),
+        ({"positions": np.ones((3, 22, 3)), "fps": 1e300}, "from 0.01 to 10000"),
+        ({"poses": np.full((3, 156), 1e300)}, "more than 1000"),
+    ],
+)
+def test_sizes_rates_and_turns_that_no_motion_has_are_refused(arrays, sentence, tmp_path):
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(MotionError, match=sentence):
+        read_motion(tmp_path / "a.npz")

@@ -55,12 +55,12 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 def read(source: Source) -> Columns:
     """Read the first clip; more are left out, and said."""
-    names, kinds = source.names(), source.array("jnt_type").astype(int).tolist()
+    names, kinds = source.names(), shaped(source.array("jnt_type"), (None,), "jnt_type").astype(int).tolist()
     if names is None or len(names) != len(kinds):
         raise TrajectoryError(f"{len(names or ())} joint names for {len(kinds)} joints")
     sizes = [COORDINATES.get(kind, 1) for kind in kinds]
     qpos = shaped(source.array("qpos"), (None, sum(sizes)), "qpos")
-    ends = source.arrays.get("split_points", np.array([0, len(qpos)])).astype(int)
+    ends = shaped(source.arrays.get("split_points", [0, len(qpos)]), (None,), "split_points").astype(int)
     clip = qpos[: ends[1]] if len(ends) > 1 else qpos
     starts = np.cumsum([0, *sizes])
     free = [int(start) for start, kind in zip(starts, kinds, strict=False) if kind == FREE]

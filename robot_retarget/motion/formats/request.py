@@ -8,6 +8,8 @@ from robot_retarget.errors import MotionError, known
 
 USUAL_FPS = 30.0
 """Of files that say no frame rate and whose kind has no custom of its own [1/s]."""
+RATES = (0.01, 10_000.0)
+"""Frame rates outside these bounds are mistakes [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,14 @@ class Request:
     """The body model of SMPL parameters."""
 
     def rate(self, stored: float | None = None, usual: float = USUAL_FPS) -> tuple[float, tuple[str, ...]]:
-        """Frames per second, asked for, stored or usual, and a sentence where it is not the stored one."""
+        """Frames per second: those asked for, else the stored, else the usual ones, with a note where they are not stored.
+
+        Raises:
+            MotionError: the rate is out of `RATES`.
+        """
+        for rate in (self.fps, stored if self.fps is None else None):
+            if rate is not None and not RATES[0] <= rate <= RATES[1]:
+                raise MotionError(f"frames per second must be from {RATES[0]:g} to {RATES[1]:g}, got {rate:g}")
         if self.fps is not None:
             told = stored is not None and stored != self.fps
             note = f"Read at {self.fps:g} frames per second; the file says {stored:.4g}." if told else ""

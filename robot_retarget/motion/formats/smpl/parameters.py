@@ -21,6 +21,8 @@ WHOLE = ("pose_world", "poses", "pose", "full_pose", "fullpose")
 ROOT = ("root_orient", "global_orient")
 BODY = ("pose_body", "body_pose")
 PLACE = ("trans_world", "trans", "transl", "translation")
+MOST_TURNED = 1000.0
+"""Of a vector of rotation; more is another unit or damage [rad]."""
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 
@@ -92,6 +94,8 @@ def _quaternions(values: Any, least: int, key: str, path: Path) -> Floats:
         raise MotionError(f"{key}: expected numbers (T, {3 * least}), got {values.dtype} {values.shape}", path)
     if not np.isfinite(values).all():
         raise MotionError(f"{key}: frame {int(np.argwhere(~np.isfinite(values))[0, 0])} is not finite", path)
+    if np.abs(values).max() > MOST_TURNED:
+        raise MotionError(f"{key}: a turn of {np.abs(values).max():.3g} rad, more than {MOST_TURNED:g}", path)
     matrices = values.ndim >= 3 and values.shape[-2:] == (3, 3) and values.size % (9 * len(values)) == 0
     flat = values.astype(float).reshape(len(values), -1)
     size = 9 if matrices and (values.ndim == 4 or least == 1) else 3
