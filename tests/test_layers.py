@@ -50,7 +50,7 @@ LIBRARIES = {
     "rich": ("cli/console.py", "cli/bars.py"),
     "ray": ("batch/cluster.py",),
     "pyarrow": ("batch/summary.py",),
-    "pythonosc": ("live/protocols/osc.py", "live/send.py"),
+    "pythonosc": ("live/send.py",),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/child.py",),
     "fast_simplification": ("view/web/",),

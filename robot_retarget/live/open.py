@@ -43,7 +43,7 @@ def opened(
         say: is told of faults.
 
     Raises:
-        UsageError: what was asked for does not go together, python-osc is missing, or the port cannot be used.
+        UsageError: what was asked for does not go together, or the port cannot be used.
         MotionError: a motion file cannot be read.
     """
     faults = Faults(say)
@@ -52,7 +52,6 @@ def opened(
         return Replay(read_motion(source), faults, speed)
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
-        require_osc()
         from robot_retarget.live.protocols.vmc import PORT, VmcDecoder
 
         if tcp or known:
@@ -65,13 +64,13 @@ def opened(
 
 
 def require_osc() -> None:
-    """VMC needs python-osc.
+    """Check that python-osc, which sends VMC, is installed.
 
     Raises:
         UsageError: it is not installed.
     """
     if importlib.util.find_spec("pythonosc") is None:
-        raise UsageError(f"VMC needs python-osc: {install_line('live')}")
+        raise UsageError(f"--send needs python-osc: {install_line('live')}")
 
 
 def _floats(faults: Faults, known: Skeleton | None, whole: bool) -> FloatDecoder:

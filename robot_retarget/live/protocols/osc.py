@@ -2,9 +2,8 @@
 
 import struct
 from collections.abc import Collection, Iterator
+from itertools import groupby
 from typing import Any, NamedTuple
-
-from pythonosc.osc_message import OscMessage, ParseError
 
 from robot_retarget.live.faults import Fault, RefusedError
 
@@ -13,6 +12,8 @@ HEAD = 16
 """Bytes of a bundle before its first element: its name and a time tag."""
 DEEPEST = 4
 """Bundles in bundles."""
+NUMBERS = {"f": "f", "i": "i"}
+"""Type tags of numbers of four bytes, as the `struct` module has them."""
 
 
 class Message(NamedTuple):
@@ -53,17 +54,31 @@ def _elements(packet: bytes, deepest: int) -> Iterator[bytes]:
 
 def _message(element: bytes) -> Message:
     try:
-        message = OscMessage(element)
-        address, values = message.address, message.params
-    except (ParseError, ValueError, IndexError, UnicodeDecodeError) as error:
+        address, at = _text(element, 0)
+        tags, at = _text(element, at)
+        values: list[Any] = []
+        for tag, run in groupby(tags[1:]):
+            taken, at = _values(element, at, tag, len(list(run)))
+            values += taken
+    except (KeyError, ValueError, struct.error) as error:
         raise RefusedError(Fault.MALFORMED, f"an OSC message: {error}") from None
-    if len(element) != _length(address, values):
+    if at != len(element) or not tags.startswith(","):
         raise RefusedError(Fault.MALFORMED, f"an OSC message at {address} of {len(element)} bytes")
     return Message(address, values)
 
 
-def _length(address: str, values: list[Any]) -> int:
-    """Bytes of a message whose values are texts and numbers of four bytes: python-osc fills up what is missing."""
-    texts = [address, "," + "x" * len(values), *(value for value in values if isinstance(value, str))]
-    numbers = sum(not isinstance(value, str) for value in values)
-    return sum(len(text.encode()) // 4 * 4 + 4 for text in texts) + 4 * numbers
+def _values(element: bytes, at: int, tag: str, count: int) -> tuple[list[Any], int]:
+    """Return values of one type, and where they end; texts, and numbers of four bytes."""
+    if tag == "s":
+        texts: list[Any] = []
+        for _ in range(count):
+            text, at = _text(element, at)
+            texts.append(text)
+        return texts, at
+    return list(struct.unpack_from(f">{count}{NUMBERS[tag]}", element, at)), at + 4 * count
+
+
+def _text(element: bytes, at: int) -> tuple[str, int]:
+    """Return a text, and where its padding to four bytes ends."""
+    end = element.index(b"\0", at)
+    return element[at:end].decode(), at + (end - at) // 4 * 4 + 4
