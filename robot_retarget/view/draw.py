@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 from robot_retarget.arrays import Floats
 from robot_retarget.view import human
 from robot_retarget.view.picture import Pixels
-from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, Staging, geom_corners, visible
+from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, LINK, METAL, Colour, Staging, geom_corners, visible
 
 PAPER = (247, 249, 252)
 GROUND = (228, 232, 237)
@@ -41,7 +41,7 @@ class Sketch:
         image = Image.new("RGB", self._size, PAPER)
         pen = ImageDraw.Draw(image)
         self._ground(pen, k)
-        shapes = self._boxes(pen, k) + self._limbs(pen, k)
+        shapes = self._boxes(pen, k) + self._limbs(pen, k) + self._links(pen, k)
         for _, paint in sorted(shapes, key=lambda shape: -shape[0]):
             paint()
         return np.asarray(image.resize((self._size[0] // FINE, self._size[1] // FINE), Image.Resampling.LANCZOS))
@@ -82,9 +82,19 @@ class Sketch:
     def _limbs(self, pen: ImageDraw.ImageDraw, k: int) -> list[Shape]:
         points, depth = self._project(self._staging.human[k], k)
         return [
-            (float(depth[a] + depth[b]) / 2, partial(_limb, pen, points[a], points[b], radius * self._scale / depth[a]))
+            self._capsule(pen, points[[a, b]], depth[[a, b]], radius, human.COLOUR)
             for (a, b), radius in zip(self._figure.limbs, self._figure.radii, strict=True)
         ]
+
+    def _links(self, pen: ImageDraw.ImageDraw, k: int) -> list[Shape]:
+        points, depth = self._project(self._staging.links[k], k)
+        radius = LINK * self._staging.height
+        return [self._capsule(pen, ends, far, radius, METAL) for ends, far in zip(points, depth, strict=True)]
+
+    def _capsule(self, pen: ImageDraw.ImageDraw, ends: Floats, depth: Floats, radius: float, colour: Colour) -> Shape:
+        """Between two ends (2, 2) [pixels] at depths (2,) [m]."""
+        wide = radius * self._scale / depth[0]
+        return float(depth.mean()), partial(_limb, pen, ends[0], ends[1], wide, colour)
 
 
 def _box(pen: ImageDraw.ImageDraw, corners: Floats, fill: tuple[int, ...]) -> None:
@@ -95,8 +105,8 @@ def _box(pen: ImageDraw.ImageDraw, corners: Floats, fill: tuple[int, ...]) -> No
     pen.polygon([tuple(p) for p in outline], fill=fill, outline=EDGE, width=FINE)
 
 
-def _limb(pen: ImageDraw.ImageDraw, start: Floats, end: Floats, radius: float) -> None:
-    fill = tuple(int(255 * v) for v in human.COLOUR[:3])
+def _limb(pen: ImageDraw.ImageDraw, start: Floats, end: Floats, radius: float, colour: Colour) -> None:
+    fill = tuple(int(255 * v) for v in colour[:3])
     pen.line([tuple(start), tuple(end)], fill=fill, width=max(round(2 * radius), 1))
     for x, y in (start, end):
         pen.ellipse([x - radius, y - radius, x + radius, y + radius], fill=fill)

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.view import human
 from robot_retarget.view.gl import open_context
 from robot_retarget.view.picture import Pixels, Unavailable
-from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, Staging, visible
+from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, LINK, METAL, Colour, Staging, visible
 
 MAX_GEOMS = 10_000
 SKY = ((0.97, 0.98, 1.0), (0.80, 0.86, 0.93))
@@ -67,7 +67,9 @@ class Stage:
         )
         points = self._staging.human[k]
         for (start, end), radius in zip(self._figure.limbs, self._figure.radii, strict=True):
-            _add_limb(self._scene, points[start], points[end], radius)
+            _add_limb(self._scene, points[start], points[end], radius, human.COLOUR)
+        for start, end in self._staging.links[k]:
+            _add_limb(self._scene, start, end, LINK * self._staging.height, METAL)
         self._context.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._drawing)
         pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
@@ -147,12 +149,12 @@ def _light(spec: mujoco.MjSpec, staging: Staging) -> None:
         )
 
 
-def _add_limb(scene: mujoco.MjvScene, start: Floats, end: Floats, radius: float) -> None:
+def _add_limb(scene: mujoco.MjvScene, start: Floats, end: Floats, radius: float, colour: Colour) -> None:
     if scene.ngeom == scene.maxgeom:
         return
     geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom
-    colour = np.array(human.COLOUR, np.float32)
-    mujoco.mjv_initGeom(geom, kind.mjGEOM_SPHERE, np.full(3, radius), start, np.eye(3).ravel(), colour)
+    rgba = np.array(colour, np.float32)
+    mujoco.mjv_initGeom(geom, kind.mjGEOM_SPHERE, np.full(3, radius), start, np.eye(3).ravel(), rgba)
     if (start != end).any():
         mujoco.mjv_connector(geom, kind.mjGEOM_CAPSULE, radius, start, end)
     geom.specular, geom.shininess = 0.2, 0.3

@@ -30,6 +30,11 @@ PROBES = 40
 """Extents are taken from so many moments."""
 FLESH = 0.03
 """Joints stand this far under the skin, as a part of the height."""
+LINK = 0.02
+"""Radius of a link that no geom shows, as a part of the height ..."""
+METAL = (0.45, 0.5, 0.56, 1.0)
+"""... and its colour: red, green, blue, alpha."""
+Colour = tuple[float, float, float, float]
 VISIBLE_GROUPS = 3
 """MuJoCo shows the geoms of groups 0, 1 and 2."""
 
@@ -63,6 +68,8 @@ class Staging:
     """Width over height of a picture that holds both."""
     floor: float
     """Its height [m]."""
+    links: Floats
+    """(F, L, 2, 3) ends of the robot's links, if no geom shows them [m]; else L = 0."""
 
     @property
     def right(self) -> Floats:
@@ -74,7 +81,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     """Set the figures side by side for the given times (F,) [s].
 
     The human (T', J, 3), spread evenly over the trajectory's duration, is scaled to the robot's height, set on the
-    floor and kept at the robot's side however far either travels.
+    floor and kept at the robot's side however far either travels. The camera is far enough away for both.
 
     Raises:
         TrajectoryError: it belongs to another robot.
@@ -85,8 +92,8 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     clock = np.linspace(0, trajectory.duration, PROBES)
     azimuth = _heading(robot, trajectory.qpos[0]) + 180 - THREE_QUARTERS
     path = _path(body_frames(robot, trajectory.qpos)[0][:, robot.root_body], trajectory.fps)
-    corners = geom_corners(robot, sample(trajectory, robot, clock)).reshape(PROBES, -1, 3)
-    standing = geom_corners(robot, robot.standing()[None])[..., 2]
+    corners = body_points(robot, sample(trajectory, robot, clock))
+    standing = body_points(robot, robot.standing()[None])[..., 2]
     height = float(np.ptp(standing))
     floor = 0.0 if robot.root_joints.size else float(corners[..., 2].min())
     figure = _in_place(points, height, (len(points) - 1) / max(trajectory.duration, 1e-9))
@@ -96,6 +103,8 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     camera, human_at, width = _side_by_side(moved @ right, figure @ right, FLESH * height)
     tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * FLESH * height, height)
     way = _at(path, times, trajectory.duration) + np.array([0, 0, floor])
+    aspect = float(np.clip(width / tall, *ROOMINESS))
+    size, deep = max(tall, width / aspect), max(np.abs(moved).max(), np.abs(figure).max(initial=0.0))
     return Staging(
         robot=robot,
         times=times,
@@ -105,10 +114,11 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
         aside=human_at,
         targets=way + camera * right + [0, 0, tall / 2],
         azimuth=azimuth,
-        distance=float(MARGIN * tall / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2)) + np.abs(moved).max() / 2),
+        distance=float(MARGIN * size / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2)) + deep / 2),
         height=height,
-        aspect=float(np.clip(width / tall, *ROOMINESS)),
+        aspect=aspect,
         floor=floor,
+        links=links_of(robot, sample(trajectory, robot, times)),
     )
 
 
@@ -132,6 +142,22 @@ def geom_corners(robot: Robot, qpos: Floats) -> Floats:
         turned = np.einsum("gij,gcj->gci", data.geom_xmat[geoms].reshape(-1, 3, 3), local)
         corners[frame] = data.geom_xpos[geoms, None] + turned
     return corners
+
+
+def links_of(robot: Robot, qpos: Floats) -> Floats:
+    """Return (F, L, 2, 3) the lines from the origin of each body's parent to its own [m], for a robot without visible geoms."""
+    model = robot.model
+    bodies = np.arange(2, model.nbody) if not visible(model).size else np.zeros(0, int)
+    bodies = bodies[model.body_parentid[bodies] > 0]
+    places = body_frames(robot, qpos)[0]
+    return np.stack([places[:, model.body_parentid[bodies]], places[:, bodies]], axis=2)
+
+
+def body_points(robot: Robot, qpos: Floats) -> Floats:
+    """Return (F, P, 3) the points that the robot reaches: corners of its visible geoms, or origins of its bodies [m]."""
+    if not visible(robot.model).size:
+        return body_frames(robot, qpos)[0][:, 1:]
+    return geom_corners(robot, qpos).reshape(len(qpos), -1, 3)
 
 
 def _checked(human: Floats | None, bones: Ints | None) -> tuple[Floats, Ints]:
@@ -182,10 +208,14 @@ def _in_place(points: Floats, height: float, fps: float) -> Floats:
     """The human (T', J, 3) at a given height, on the floor z = 0, about its own way over ground."""
     if not points.size:
         return points
-    stature = np.percentile(np.ptp(points[..., 2], axis=1), 90)
-    scaled = points * height * (1 - 2 * FLESH) / stature
+    scaled = points * height * (1 - 2 * FLESH) / np.percentile(_sizes(points), 90)
     lift = np.array([0, 0, FLESH * height - scaled[..., 2].min()])
     return scaled + lift - _path(scaled.mean(1), fps)[:, None]
+
+
+def _sizes(points: Floats) -> Floats:
+    """(T',) the greatest distance between two points of a body, which is its stature whether it stands, crawls or lies [m]."""
+    return np.array([np.linalg.norm(x[:, None] - x, axis=-1).max() for x in points])
 
 
 def _at(values: Floats, times: Floats, duration: float) -> Floats:

@@ -46,7 +46,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     moved = swing(OP3, "l_sho_roll", 0.9, 0.5, 2.0)
     warnings = warnings_of(moved, OP3)
-    report = simulate(moved, OP3, mode="free", warnings=warnings)
+    report = simulate(moved, OP3, mode="free", warnings=warnings, others=False)
     Image.new("RGB", (60, 20), (200, 30, 60)).save(folder / "strip.png")
     written = save_page(report, judged(report), folder / "report.html", warnings=warnings, strip=folder / "strip.png")
     assert written == folder / "report.html"

@@ -22,6 +22,7 @@ from robot_retarget.view.gl import open_context
 from robot_retarget.view.human import COLOUR, figure
 from robot_retarget.view.render import TILE, open_stage
 from robot_retarget.view.staging import arrange, geom_corners, visible
+from robot_retarget.view.strip import GAP
 
 OP3 = load_robot("op3")
 BONES = np.array([(0, 1), (1, 2), (2, 3), (2, 4), (0, 5), (0, 6)])
@@ -96,6 +97,41 @@ def test_who_walks_away_stays_in_the_picture():
     reach = staging.height * staging.aspect
     for body in (staging.human, geom_corners(OP3, staging.qpos).reshape(9, -1, 3)):
         assert np.abs((body - staging.targets[:, None]) @ staging.right).max() < reach
+
+
+@pytest.mark.parametrize("lying", [False, True])
+def test_both_bodies_are_inside_the_picture_also_when_they_lie(lying: bool) -> None:
+    qpos, man = OP3.standing(), stick_man()
+    if lying:
+        qpos[3:7] = [np.sqrt(0.5), 0, np.sqrt(0.5), 0]
+        qpos[2] -= geom_corners(OP3, qpos[None])[..., 2].min()
+        man = man[..., [2, 1, 0]] * [-1, 1, 1] + [0, 0, 0.1]
+    staging = arrange(OP3, hold(OP3, qpos=qpos), man, BONES, np.array([0.4]))
+    spread = np.linalg.norm(staging.human[0][:, None] - staging.human[0], axis=-1).max()
+    assert spread == pytest.approx(staging.height, rel=0.15)
+    width, height = round(300 * staging.aspect), 300
+    sketch = Sketch(staging, width, height)
+    for body in (staging.human[0], geom_corners(OP3, staging.qpos)[0].reshape(-1, 3)):
+        pixels, _ = sketch._project(body, 0)
+        assert (pixels >= 0).all() and (pixels <= [2 * width, 2 * height]).all()
+
+
+def test_a_robot_without_any_geom_is_shown_by_its_links(tmp_path, monkeypatch):
+    spec = OP3.spec()
+    for element in [*spec.geoms, *spec.meshes, *spec.sensors, *spec.keys, *spec.excludes]:
+        spec.delete(element)
+    robot = robot_of(spec.to_xml(), tmp_path / "bare.xml")
+    assert not visible(robot.model).size
+    turned = robot.standing()
+    turned[robot.qpos_index] += 0.8
+    moving = Trajectory(np.stack([robot.standing(), turned]), 1.0, robot.joint_names, robot.name)
+    for opengl in ("egl", "disable"):
+        monkeypatch.setenv("MUJOCO_GL", opengl)
+        shown = strip(robot, moving, count=2, height=160)
+        assert isinstance(shown, Picture)
+        width = (shown.pixels.shape[1] - GAP) // 2
+        one, other = shown.pixels[20:, :width].astype(int), shown.pixels[20:, -width:].astype(int)  # below the labels
+        assert (np.abs(one - other).max(axis=2) > 25).mean() > 0.005  # the links move with the joints
 
 
 def test_robot_and_human_are_shown_at_the_same_time():
@@ -222,6 +258,6 @@ def test_bad_input_is_refused(tmp_path):
     with pytest.raises(UsageError, match="positive, got 0"):
         video(OP3, hold(OP3), tmp_path / "v.mp4", fps=0)
     with pytest.raises(TrajectoryError, match="not of 'op3'"):
-        strip(OP3, Trajectory(hold(OP3).qpos, 50, ("tail",) * 20, "lizard"))
+        strip(OP3, Trajectory(hold(OP3).qpos, 50, ("tail", *OP3.joint_names[1:]), "lizard"))
     with pytest.raises(OutputError, match="missing"):
         video(OP3, hold(OP3), tmp_path / "missing" / "v.mp4")
