@@ -152,9 +152,11 @@ def _sided(body: Body, legs: Pair, arms: Pair) -> "_Sided":
         notes.append(
             "What hangs below the ankles points backwards by names and knees: heels, not toes; there are no toes."
         )
-    if said * decided < 0:
-        notes.append("Names of left and right are swapped: feet and knees point the other way. Geometry was followed.")
     arms = arms if same_side_first(body, legs, arms) else _turned(arms)
+    if said * decided < 0:
+        arms_agree = named_leftness(body, arms) * decided > 0
+        whose = "left and right legs" if arms_agree else "left and right"
+        notes.append(f"Names of {whose} are swapped: feet and knees point the other way. Geometry was followed.")
     if decided < 0:
         legs, arms = _turned(legs), _turned(arms)
     return _Sided(legs, arms, certainty, not heels, tuple(notes))

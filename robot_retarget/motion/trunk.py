@@ -9,6 +9,8 @@ from robot_retarget.motion.limbs import Body, Pair
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
+LEVEL = 0.1
+"""A joint of the spine that is no higher over the shoulders is level with them [leg lengths]."""
 _LEAST = -5.0
 """A joint that scores less is no head."""
 _APART = 0.03
@@ -59,10 +61,14 @@ def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
 
 
 def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None:
-    """The arms' hub, or the first spine joint below where the arms hang from the neck or from above the shoulders."""
+    """The arms' hub, or the first spine joint below where the arms hang from the neck or from above the shoulders.
+
+    A hub whose name speaks of the spine (`Thorax`, `torso_7`) is the chest although it is level with the shoulders.
+    """
     hips = float(np.mean([height[limb.joints[0]] for limb in legs.sides]))
     for joint in body.skeleton.above(arms.hub):
-        neck = "neck" in body.senses[joint].parts or height[joint] > 0.0
+        parts = body.senses[joint].parts
+        neck = "neck" in parts or height[joint] > (LEVEL if "spine" in parts else 0.0)
         if not neck and height[joint] > hips + 0.1:
             return joint
         if joint == legs.hub:

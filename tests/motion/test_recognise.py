@@ -364,3 +364,36 @@ def test_a_name_is_taken_apart_into_side_and_part(name, side, part):
 def test_a_body_of_one_point_is_refused():
     with pytest.raises(MatchError, match="no two legs"):
         recognise(Skeleton(("a", "b", "c"), np.array([-1, 0, 0]), np.zeros((3, 3))), np.zeros((4, 3, 3)))
+
+
+LEVEL = STANDING | {"chest": (0, 0, 1.46), "neck": (0.01, 0, 1.5)}
+"""A thorax between the shoulders and a little over them, as Human3.6M and mocopi have it."""
+
+
+@pytest.mark.parametrize(("lower", "hub"), [("Spine", "Thorax"), ("torso_6", "torso_7")])
+def test_a_thorax_level_with_the_shoulders_is_the_chest_and_not_the_spine_below(lower, hub):
+    tree = {
+        {"chest": hub}.get(name, name): (part, {"chest": hub, "pelvis": "pelvis"}.get(parent, parent))
+        for name, (part, parent) in PLAIN.items()
+    }
+    tree = {"pelvis": tree.pop("pelvis"), lower: ("spine", "pelvis"), hub: ("chest", lower)} | tree
+    tree[hub] = ("chest", lower)
+    for name in ("{}_clavicle",):
+        del tree[name]
+    tree["{}_shoulder"] = ("shoulder", hub)
+    skeleton, pose, _ = body(tree, ("left", "right"), LEVEL)
+    assert joints_of(recognise(skeleton, pose), skeleton)["chest"] == (hub,)
+
+
+def test_of_swapped_legs_and_right_arms_the_legs_alone_are_named():
+    skeleton, pose, _ = body(PLAIN, ("left", "right"))
+    other = {"left": "right", "right": "left"}
+    legs = ("hip", "knee", "ankle", "toe")
+
+    def swap(name: str) -> str:
+        side, _, part = name.partition("_")
+        return f"{other[side]}_{part}" if part in legs else name
+
+    swapped = replace(skeleton, names=tuple(map(swap, skeleton.names)))
+    assert "Names of left and right legs are swapped" in " ".join(recognise(swapped, pose).notes)
+    assert joints_of(recognise(swapped, pose), swapped)["l_hand"] == ("left_hand",)
