@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_retarget.errors import MotionError, TrajectoryError
 from robot_retarget.formats.options import Options
+from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.sidecar import read_sidecar
 from robot_retarget.motion.formats.smpl.torch_file import load_torch
 from robot_retarget.robot.model import Robot
@@ -79,12 +80,14 @@ class Source:
             raise TrajectoryError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")
         return self.arrays[key]
 
-    def number(self, key: str) -> float | None:
-        """A number of an `.npz`, alone or as an array of one; None where it is not there."""
-        value = self.arrays.get(key)
-        return (
-            None if value is None or value.size != 1 or value.dtype.kind not in "fiu" else float(value.reshape(-1)[0])
-        )
+    @property
+    def rate(self) -> float | None:
+        """Frames per second of an `.npz`, under any of `RATE_KEYS`; None where there are none.
+
+        Raises:
+            TrajectoryError: they are not one number.
+        """
+        return rate_of(self.arrays)
 
     def names(self, key: str = "joint_names") -> tuple[str, ...] | None:
         """Names in an `.npz`, or in the JSON file beside it; None where there are none."""

@@ -63,7 +63,7 @@ def read(source: Source) -> Columns:
     if layout != LAYOUT or names is None:
         raise TrajectoryError(f"qpos_layout is {layout!r}, this reader knows {LAYOUT!r} with joint_names")
     qpos = shaped(source.array("qpos"), (None, 7 + len(names)), "qpos")
-    return Columns(qpos[:, 7:], names, qpos[:, :3], qpos[:, 3:7], source.number("fps"))
+    return Columns(qpos[:, 7:], names, qpos[:, :3], qpos[:, 3:7], source.rate)
 
 
 FORMAT = Format(

@@ -70,7 +70,7 @@ def read(source: Source) -> Columns:
         tuple(names[k] for k in single),
         clip[:, free[0] : free[0] + 3] if free else None,
         clip[:, free[0] + 3 : free[0] + 7] if free else None,
-        source.number("frequency"),
+        source.rate,
         notes=(f"The first of {len(ends) - 1} clips.",) if len(ends) > 2 else (),
     )
 

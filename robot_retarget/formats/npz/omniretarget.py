@@ -55,7 +55,7 @@ def read(source: Source) -> Columns:
 
 def _rate(source: Source) -> float | None:
     """Frames per second, whichever of its two meanings `fps` has."""
-    stored = source.number("fps")
+    stored = source.rate
     if stored is None:
         return source.told_fps
     return 1 / stored if 0 < stored < 1 else stored

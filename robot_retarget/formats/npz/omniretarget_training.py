@@ -50,7 +50,7 @@ def read(source: Source) -> Columns:
         raise TrajectoryError("no joint_names")
     rows = shaped(source.array("joint_pos"), (None, 7 + len(names)), "joint_pos")
     notes = (OBJECT_LEFT_OUT,) if OBJECT in source.arrays else ()
-    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.number("fps"), notes=notes)
+    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.rate, notes=notes)
 
 
 def claims(source: Source) -> bool:

@@ -35,7 +35,7 @@ def read(source: Source) -> Columns:
     position = shaped(source.array("base_frame_pos"), (None, 3), "base_frame_pos")
     quaternion = shaped(source.array("base_frame_wxyz"), (len(position), 4), "base_frame_wxyz")
     angles = shaped(source.array("joint_angles"), (len(position), None), "joint_angles")
-    return Columns(angles, source.names(), position, quaternion, source.number("fps"))
+    return Columns(angles, source.names(), position, quaternion, source.rate)
 
 
 FORMAT = Format(

@@ -67,7 +67,7 @@ def read_tracking(source: Source, hinges: Ints, other: tuple[Ints, str]) -> Colu
                 f"bodies are up to {mine:.3g} m from where the joints put them in this order, and within {theirs:.1g} m in "
                 f"that of {other[1]!r}: say --format {other[1]}"
             )
-    return Columns(angles, source.names(), positions[:, 0], quaternions[:, 0], source.number("fps"), hinges)
+    return Columns(angles, source.names(), positions[:, 0], quaternions[:, 0], source.rate, hinges)
 
 
 def misfit(source: Source, hinges: Ints) -> float:

@@ -26,9 +26,3 @@ def array_in(table: Any, key: str, shape: tuple[int | None, ...]) -> Floats:
         return shaped(np.asarray(table[key]), shape, key)
     except ValueError as error:
         raise TrajectoryError(f"{key!r} is no array: {error}") from error
-
-
-def number_in(table: Any, key: str) -> float | None:
-    """A number by its key; None where there is none."""
-    value = np.asarray(table[key]) if holds(table, key) else np.empty(0)
-    return float(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "fiu" else None

@@ -13,8 +13,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.orders import body_names, robot_bodies
-from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
+from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
+from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.robot.kinematics import body_frames
@@ -51,7 +52,7 @@ def read(source: Source) -> Columns:
     position = array_in(source.pickled, "root_pos", (None, 3))
     quaternion = array_in(source.pickled, "root_rot", (len(position), 4))[:, FIRST_LAST]
     angles = array_in(source.pickled, "dof_pos", (len(position), None))
-    return Columns(angles, source.names(), position, quaternion, number_in(source.pickled, "fps"))
+    return Columns(angles, source.names(), position, quaternion, rate_of(source.pickled))
 
 
 FORMAT = Format(

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
-from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
+from robot_retarget.formats.pickles.dictionary import array_in, holds
+from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.unpickle import dump_pickle
@@ -32,7 +33,7 @@ def read(source: Source) -> Columns:
     """Read the pickle, restricted to data."""
     frames = array_in(source.pickled, "frames", (None, None))
     quaternion = Rotation.from_rotvec(frames[:, 3:6]).as_quat(scalar_first=True)
-    return Columns(frames[:, 6:], source.names(), frames[:, :3], quaternion, number_in(source.pickled, "fps"))
+    return Columns(frames[:, 6:], source.names(), frames[:, :3], quaternion, rate_of(source.pickled))
 
 
 FORMAT = Format(

@@ -15,8 +15,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import Format
-from robot_retarget.formats.pickles.dictionary import array_in, holds, number_in
+from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
+from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import Source
 from robot_retarget.unpickle import dump_pickle
@@ -58,7 +59,7 @@ def read(source: Source) -> Columns:
     position = array_in(clip, "root_trans_offset", (None, 3))
     quaternion = array_in(clip, "root_rot", (len(position), 4))[:, FIRST_LAST]
     angles = array_in(clip, "dof", (len(position), None))
-    return Columns(angles, source.names(), position, quaternion, number_in(clip, "fps"), source=str(name))
+    return Columns(angles, source.names(), position, quaternion, rate_of(clip), source=str(name))
 
 
 def claims(source: Source) -> bool:
