@@ -143,8 +143,8 @@ def solve(
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
     """
     mode = balance_of(graph.robot, legs, balance)
-    if mode != "off":  # balance plays no faster: what its draft does at full speed would come too late
-        options = replace(options or Options(), speed=PlantOptions().speed)
+    if mode != "off" and "speed" in graph.kinds:  # the playback is no faster than its draft
+        graph = graph.with_bounds("speed", factor=PlantOptions().speed)
     draft, planting = progress, None
     if mode != "off" and progress:
         draft, planting = one_after_another(progress, expected_steps(graph))

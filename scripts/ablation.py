@@ -38,7 +38,7 @@ KINDS: dict[str, Variant] = {
     },
     "no hip and shoulder lines": Variant(Weights(hips=0.0, shoulders=0.0)),
     "distances by squares": Variant(Weights(give=1e6)),
-    "no separation": Variant(options=Options(separation=False)),
+    "no separation": Variant(without="separation"),
     "no second differences": Variant(Weights(smooth=1e-3)),
     "frame by frame": Variant(smoothing=Smoothing(passes=0)),
 }

@@ -17,9 +17,9 @@ from retarget_figures import Figures, figures, mean
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import Surfaces, surfaces, warnings_of
+from robot_retarget.describe.weights import Weights
 from robot_retarget.robot.clearance import Clearance
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options
 
 APART = 0.003
 """[m]."""
@@ -43,9 +43,10 @@ class Run:
     """What was minimised, summed over the frames."""
 
 
-def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, options: Options) -> Run:
-    """Carry a clip over and measure what came of it."""
-    result = rr.retarget(motion, robot, fps=fps, options=options)
+def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, weight: float | None) -> Run:
+    """Retarget a clip with interaction edges of a weight, or without separation, and measure the result."""
+    graph = rr.describe(motion, robot, fps=fps, weights=Weights(interaction=weight or 0.0))
+    result = rr.solve(graph.without("separation") if weight is None else graph)
     qpos = result.trajectory.qpos
     human = result.match.human_positions(result.motion)
     distance = Clearance(robot, known.pairs).all(qpos, FAR)
@@ -102,8 +103,8 @@ def main() -> None:
     ask.add_argument("--plot", type=Path, help="draw the first collision of the last clip with one")
     given = ask.parse_args()
     ways = {
-        "separation alone": Options(interaction=0.0),
-        **{f"edges, {w:g}": Options(interaction=w) for w in given.weights},
+        "separation alone": 0.0,
+        **{f"edges, {w:g}": w for w in given.weights},
     }
     print(
         "| robot | solved with | collisions avoided | begins [s] | alarms | stress | limbs [°] | jerk [rad/s³] | overlap [%] | deepest [cm] |"
@@ -113,10 +114,8 @@ def main() -> None:
         robot = rr.load_robot(name)
         known = surfaces(robot)
         motions = [rr.read_motion(path) for path in given.clips]
-        free = [
-            solved(motion, robot, known, given.fps, Options(separation=False, interaction=0.0)) for motion in motions
-        ]
-        runs = {way: [solved(m, robot, known, given.fps, options) for m in motions] for way, options in ways.items()}
+        free = [solved(motion, robot, known, given.fps, None) for motion in motions]
+        runs = {way: [solved(m, robot, known, given.fps, weight) for m in motions] for way, weight in ways.items()}
         for way, found in runs.items():
             times = [t for one, run in zip(free, found, strict=True) for t in starts(one, run)]
             f = mean([run.figures for run in found])

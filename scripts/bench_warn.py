@@ -22,7 +22,6 @@ from robot_retarget.collision.warn import Surfaces, Warner, Warnings, WarnOption
 from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.robot.clearance import Clearance, Marks
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options
 from robot_retarget.trajectory import Trajectory
 
 NEAR_MISS = 0.01
@@ -89,7 +88,8 @@ def clips_of(robot: rr.Robot, where: Sequence[Path]) -> Iterator[Trajectory]:
     """Clips carried over without separation."""
     paths = [path for place in where for path in (sorted(place.rglob("*.bvh")) if place.is_dir() else [place])]
     for path in paths:
-        yield rr.retarget(rr.read_motion(path), robot, fps=30, options=Options(separation=False)).trajectory
+        graph = rr.describe(rr.read_motion(path), robot, fps=30)
+        yield rr.solve(graph.without("separation")).trajectory
 
 
 def stretches(what: np.ndarray, gap: int) -> list[tuple[int, int]]:

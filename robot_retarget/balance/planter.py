@@ -13,16 +13,18 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.kinds.kind import Nearby, Playback, Played, Stood
 from robot_retarget.describe.kinds.mass import Mass
+from robot_retarget.describe.role import Role
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.describe.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
+from robot_retarget.solve.clip import measured_by
 from robot_retarget.solve.compiled import dense_function
-from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import build_problem, wishes_of
-from robot_retarget.solve.sqp import Box, FrameSolver
+from robot_retarget.solve.sqp import FrameSolver
 
 
 @dataclass(frozen=True)
@@ -33,12 +35,10 @@ class PlantOptions:
     """Arms stay so far from all else: servos lag, and links that are planned to pass closely touch ..."""
     legs_margin: float = 0.025
     """... and other links: legs lag less, have to pass each other in a step, and to bend under a trunk."""
-    reach: float = 0.08
-    """Links nearer than this are watched."""
     speed: float = 0.8
     """Share of the joints' speeds that is used: servos under load are slower."""
     bent: float = 0.12
-    """A knee is bent so far at least: nearly straight, a leg has two ways to stand [rad]."""
+    """Least bend of a knee: nearly straight, a leg has two ways to stand [rad]."""
     swing: float = 1e3
     """π of a swing foot on its way, over the squared leg."""
     height: float = 20.0
@@ -55,15 +55,14 @@ class Planter:
     """Plants the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
 
     def __init__(self, graph: Graph, options: PlantOptions | None = None):
-        self.graph, self.robot, self.match, self.options = graph, graph.robot, graph.match, options or PlantOptions()
+        self.robot, self.match, self.options = graph.robot, graph.match, options or PlantOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
-        tracks = [*graph.tracks, Mass().track(np.zeros((len(graph), 2)), self.leg)]
+        self.graph = held_apart(knees_bent(graph, own.bent), own)
+        """With the limits of a playback."""
+        tracks = [*self.graph.tracks, Mass().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
-        self.solver = FrameSolver(problem, Options(margin=own.margin, reach=own.reach, speed=own.speed))
-        self.solver.ranges = knees_bent(self.robot, self.match, own.bent)
-        if self.solver.costs.separation is not None:
-            self.solver.costs.separation.let_near(~_on_arms(self.robot, self.match), own.legs_margin * self.leg)
+        self.solver = FrameSolver(problem)
         q = ca.MX.sym("q", self.robot.model.nq)
         self._mass = dense_function("mass", [q], [mass_function(self.robot)(q)[0]])
 
@@ -94,64 +93,77 @@ class Planter:
         """Where the hinges between pelvis and soles stand in qpos."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
-    def planted(self, tracks: Sequence[Track], places: Floats, planted: np.ndarray, centre: Floats) -> list[Track]:
-        """Tracks (K frames) with soles at places (K, F, 4, 3), feet (K, F) planted, and mass over spots (K, 2) [m]."""
-        grip = np.where(planted, HARD, self.options.swing)
-        priority = np.repeat(grip, 3 * CORNERS, axis=1)
-        flat = places.reshape(len(places), -1)
-        feet = [
-            replace(track, lower=flat, upper=flat, priority=priority) if track.name == "foothold" else track
-            for track in tracks
-        ]
-        return [*feet, Mass().track(centre, self.leg)]
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> Playback:
+        """K frames with a share (K, 1) of the human's motion, soles at places (K, F, 4, 3) [m], feet (K, F) planted."""
+        grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
+        own = self.options
+        return Playback(share, places.reshape(len(places), -1), grip, own.standing, own.upright, own.height)
 
     def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
         """(nq,) the balanced stand: soles on places (F, 4, 3), mass over a spot (2,), all else as the robot stands."""
-        tracks = self.planted(self._as_standing(start), places[None], np.ones((1, len(self.feet)), bool), centre[None])
-        pose = self.solver.descend(start, wishes_of(tracks).at(0), iterations=60, tolerance=1e-7)
-        return self.solver.lifted(pose).qpos
-
-    def _as_standing(self, start: Floats) -> list[Track]:
-        """One frame that asks for joints as the robot stands, and the pelvis as it is in a configuration."""
-        found = []
+        playback = self.playback(np.zeros((1, 1)), places[None], np.ones((1, len(self.feet)), bool))
+        measured, tracks = measured_by(self.solver.problem, self.graph, start[None]), []
         for track in self.graph.tracks:
             one = track.at([0])
-            measured = self.measured(track.name, start)[None]
-            if track.name == "rest":
-                one = replace(one, priority=np.full((1, len(track)), self.options.standing))
-            elif track.name in ("path", "orientation"):
-                own = [
-                    a == "pelvis" and axis == "z" if track.name == "path" else a == "pelvis"
-                    for (a, _), axis in zip(track.ends, track.axes, strict=True)
-                ]
-                weight = np.where(own, self.options.upright, 0.0)[None]
-                one = replace(one, lower=measured, upper=measured, priority=weight)
-            else:
+            if isinstance(track.kind, Stood):
+                one = track.kind.stood(one, measured[track.name], playback)
+            elif track.role is Role.COST:
                 one = one.weighed(0.0)
-            found.append(one)
-        return found
+            tracks.append(one)
+        wishes = wishes_of([*tracks, Mass().track(centre[None], self.leg)])
+        pose = self.solver.descend(start, wishes.at(0), iterations=60, tolerance=1e-7)
+        return self.solver.lifted(pose).qpos
 
-    def measured(self, kind: str, qpos: Floats) -> Floats:
-        """(E,) what the edges of a kind measure at a configuration."""
-        first = 0
-        for track in self.graph.tracks:
-            if track.name == kind:
-                return self.solver.problem.values(qpos)[first : first + len(track)]
-            first += len(track)
-        return np.zeros(0)
+    def targets(
+        self, graph: Graph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
+    ) -> list[Track]:
+        """The tracks of a playback.
 
-
-def knees_bent(robot: Robot, match: Match, bent: float) -> Box:
-    """The joint ranges, less those in which a knee is straight or bent backward."""
-    lower, upper = robot.lower.copy(), robot.upper.copy()
-    for knee in ("l_knee", "r_knee"):
-        own = robot.model.jnt_bodyid[robot.joint_ids] == match.anatomy.spots[knee].body
-        for hinge in np.flatnonzero(own)[-1:]:
-            if abs(upper[hinge]) > abs(lower[hinge]):
-                lower[hinge] = max(lower[hinge], bent)
+        Args:
+            graph: the human's targets, frame by frame of the clip.
+            at: (K,) the frame of the clip at each frame of the playback.
+            stands: the configurations (nq,) before and after.
+            centre: (K, 2) places of the centre of mass [m].
+        """
+        first = np.arange(len(at))[:, None] < len(at) // 2
+        values = [measured_by(self.solver.problem, self.graph, stand[None]) for stand in stands]
+        costs, tracks = {track.name for track in graph.costs}, []
+        for track in graph.tracks:
+            if track.name not in costs:
+                tracks.append(track.at(np.zeros(len(at), dtype=int)))
+            elif isinstance(track.kind, Played):
+                stand = np.where(first, *(value[track.name] for value in values))
+                tracks.append(track.kind.played(track.resampled(at), stand, playback))
             else:
-                upper[hinge] = min(upper[hinge], -bent)
-    return Box(lower, upper)
+                tracks.append(track.resampled(at).weighed(playback.share))
+        return [*tracks, Mass().track(centre, self.leg)]
+
+
+def knees_bent(graph: Graph, bent: float) -> Graph:
+    """The graph with joint ranges without those in which a knee is straight or bent backward."""
+    robot, anatomy = graph.robot, graph.match.anatomy
+    for knee in ("l_knee", "r_knee"):
+        own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.spots[knee].body
+        for hinge in np.flatnonzero(own)[-1:]:
+            ends = robot.joint_names[hinge], "zero"
+            lower, upper = float(robot.lower[hinge]), float(robot.upper[hinge])
+            if abs(upper) > abs(lower):
+                graph = graph.with_bounds(ends, lower=max(lower, bent))
+            else:
+                graph = graph.with_bounds(ends, upper=min(upper, -bent))
+    return graph
+
+
+def held_apart(graph: Graph, options: PlantOptions) -> Graph:
+    """The graph with the margins between surfaces that a playback needs: less between links that are not on arms."""
+    arms = {graph.robot.model.body(int(b)).name for b in np.flatnonzero(_on_arms(graph.robot, graph.match))}
+    leg, tracks = graph.match.robot_leg, []
+    for track in graph.tracks:
+        if isinstance(track.kind, Nearby):
+            margins = [options.margin if set(ends) & arms else options.legs_margin for ends in track.ends]
+            track = track.bounded(leg * np.array(margins), np.inf)
+        tracks.append(track)
+    return replace(graph, tracks=tuple(tracks))
 
 
 def _on_arms(robot: Robot, match: Match) -> np.ndarray:

@@ -18,9 +18,8 @@ from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.solve.clip import Clip as SolverClip
-from robot_retarget.solve.clip import clip_passes, smoothness
+from robot_retarget.solve.clip import clip_of, clip_passes
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import wishes_of
 from robot_retarget.solve.sqp import Pose
 from robot_retarget.trajectory import Trajectory
 
@@ -129,14 +128,14 @@ def _require_pace(stretch: Floats, slowest: float) -> None:
 
 def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: bool = False) -> Balanced:
     """The configurations that follow an outline; `near` where the clip's configurations have been planted before."""
-    tracks = asked(planter, clip, outline)
-    wishes, graph, robot = wishes_of(tracks), clip.graph, planter.robot
-    smooth, inertia = smoothness(robot, graph.weights, clip.fps)
-    solver_clip = SolverClip(planter.solver, wishes, Smoothing(), smooth, inertia, clip.fps)
+    timeline, robot = outline.timeline, planter.robot
+    playback = planter.playback(timeline.share[:, None], outline.places, timeline.planted)
+    tracks = planter.targets(clip.graph, timeline.at, outline.stands, playback, outline.plan.centre)
+    solver_clip = clip_of(planter.solver, tracks, Smoothing(), clip.fps)
     count.expect(round(ROUNDS * len(outline.wished) * ((0 if near else IN_TURN) + Smoothing().passes)))
     start = list(outline.wished) if near else _in_turn(planter, outline, solver_clip, count)
     poses = clip_passes(solver_clip, start, count)
-    qpos, timeline = np.array([pose.qpos for pose in poses]), outline.timeline
+    qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK)
     margin = np.array([p.margin(x) for p, x in zip(outline.supports, pressed.point, strict=True)])
     standing = [spots[down].reshape(-1, 3) for spots, down in zip(outline.places, timeline.planted, strict=True)]
@@ -153,30 +152,6 @@ def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: b
         margin,
         pressed.friction(standing),
     )
-
-
-def asked(planter: Planter, clip: Clip, outline: Outline) -> list[Track]:
-    """What is asked of a playback: the human's edges at its pace, fading into the stands, feet and mass as outlined."""
-    timeline, tracks = outline.timeline, []
-    share, first = timeline.share[:, None], np.arange(len(timeline.share)) < len(timeline.share) // 2
-    for track in clip.graph.tracks:
-        own = track.resampled(timeline.at)
-        stand = np.where(first[:, None], *(planter.measured(track.name, stand)[None] for stand in outline.stands))
-        if track.name == "rest":
-            own = replace(
-                own,
-                lower=np.where(share < 1, stand, own.lower),
-                upper=np.where(share < 1, stand, own.upper),
-                priority=own.priority + (1 - share) * planter.options.standing,
-            )
-        elif track.name == "path":
-            height = share * np.minimum(own.lower, stand) + (1 - share) * stand
-            weight = np.where([axis == "z" for axis in own.axes], planter.options.height, 0.0)
-            own = replace(own, lower=height, upper=height, priority=np.broadcast_to(weight, height.shape))
-        else:
-            own = replace(own, priority=own.priority * share)
-        tracks.append(own)
-    return planter.planted(tracks, outline.places, timeline.planted, outline.plan.centre)
 
 
 def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count) -> list[Floats]:

@@ -33,7 +33,7 @@ def expanded(graph: "Graph") -> Instance:
     """The papers' graph over V × T: V the keypoints, and the places that edges of one's own name, held by their boxes."""
     places = places_of(graph)
     vertices = (*graph.match.keypoints, *places)
-    tracks = [track.subset(between_points(track, vertices)) for track in graph.tracks]
+    tracks = [track.subset(between_points(track, vertices)) for track in graph.costs]
     held = np.array([places.get(name, np.full(3, np.nan)) for name in vertices])
     boxes = (np.tile(np.where(np.isnan(held), free, held), (len(graph), 1, 1)) for free in (-np.inf, np.inf))
     bones = replace(_bones(graph, vertices), **dict(zip(("box_lower", "box_upper"), boxes, strict=True)))

@@ -1,10 +1,11 @@
-"""The graph of a retargeting: G = (V × T, E, {δ, π}), from human to robot, to be seen, weighed and added to.
+"""The graph of a retargeting, G = (V × T, E, {δ, π}), from human to robot.
 
-V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. Edges stand in
-tracks, one a kind: who is joined is said once, what is wished frame by frame.
+V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. A track holds
+the edges of one kind: their ends once, their intervals and priorities frame by frame. The solver minimises and enforces
+the tracks of a graph, and nothing else.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +18,10 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.kinds import KINDS, Kind
-from robot_retarget.describe.kinds.kind import Renewable, Scene
+from robot_retarget.describe.kinds.kind import Renewable, Scene, frame_costs
 from robot_retarget.describe.kinds.own import End, Own
-from robot_retarget.describe.limits import limit_tracks
 from robot_retarget.describe.path import pelvis_path
+from robot_retarget.describe.role import FRAME, Role
 from robot_retarget.describe.track import HARD, Track
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import GraphError, UsageError, known
@@ -59,7 +60,7 @@ class Graph:
     match: Match
     human: HumanFeatures
     tracks: tuple[Track, ...]
-    """Edges that are minimised; hard ones have the priority `track.HARD`."""
+    """One per kind; hard edges have the priority `track.HARD`, limits ∞."""
     pelvis: Floats
     """(T, 3) where the pelvis should be [m]; starts are made from it."""
     weights: Weights
@@ -74,15 +75,15 @@ class Graph:
         """Frames per second."""
         return self.human.fps
 
-    @cached_property
-    def limits(self) -> tuple[Track, ...]:
-        """Edges that hold exactly: the floor under soles, links apart, joint ranges and speeds."""
-        return limit_tracks(self.robot, self.match, len(self), self.fps)
-
     @property
     def kinds(self) -> dict[str, Track]:
         """All tracks by the name of their kind."""
-        return {track.name: track for track in (*self.tracks, *self.limits)}
+        return {track.name: track for track in self.tracks}
+
+    @property
+    def costs(self) -> list[Track]:
+        """The tracks of symbolic costs of one frame, in the order of compiled measures."""
+        return frame_costs(self.tracks)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{len(track)} {name}" for name, track in self.kinds.items())
@@ -145,23 +146,48 @@ class Graph:
         return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
     def with_priority(self, what: str | tuple[str, str], factor: float) -> "Graph":
-        """The graph with a kind, or the edges between two ends, weighed by a factor.
+        """The graph with the priority of a kind, or of the edges between two ends, multiplied by a factor.
 
         Raises:
-            GraphError: nothing is called so, or a factor below 0.
+            GraphError: an unknown kind or end, a factor below 0, or a limit, which has no priority.
         """
         if not 0 <= factor < np.inf:
-            raise GraphError(f"a priority is weighed by a factor of 0 or more, got {factor}")
-        return replace(self, tracks=tuple(t.weighed(factor, self._chosen(t, what)) for t in self._checked(what)))
+            raise GraphError(f"a priority is multiplied by a factor of 0 or more, got {factor}")
+        refusal = f"{what} is a limit, which has no priority; `with_bounds` moves it"
+        return self._changed(what, lambda track, edges: track.weighed(factor, edges), _is_cost, refusal)
 
-    def without(self, what: str | tuple[str, str]) -> "Graph":
-        """The graph less a kind, or less the edges between two ends; limits stay.
+    def with_bounds(
+        self,
+        what: str | tuple[str, str],
+        lower: float | None = None,
+        upper: float | None = None,
+        *,
+        factor: float = 1.0,
+    ) -> "Graph":
+        """The graph with other bounds of a limit or of added edges: margins, shares of joint speeds, narrower ranges.
+
+        Args:
+            what: a kind, or two ends.
+            lower: in the unit of the kind, in place of the present bound.
+            upper: likewise.
+            factor: multiplies both bounds after that, e.g. .8 for four fifths of all joint speeds.
 
         Raises:
-            GraphError: nothing is called so.
+            GraphError: an unknown kind or end, targets that follow the human's motion, a bound beyond the robot's own, or
+                an empty interval.
         """
-        kept = [_less(track, self._chosen(track, what)) for track in self._checked(what)]
-        return replace(self, tracks=tuple(track for track in kept if len(track)))
+        refusal = f"the targets of {what} follow the human's motion; `with_priority` weighs them"
+        return self._changed(what, lambda t, edges: _rebounded(t, edges, lower, upper, factor), _has_bounds, refusal)
+
+    def without(self, what: str | tuple[str, str]) -> "Graph":
+        """The graph without a kind, or without the edges between two ends.
+
+        Raises:
+            GraphError: an unknown kind or end, or joint ranges, which protect the robot.
+        """
+        refusal = f"{what} protects the robot; narrow it with `with_bounds`, or load the robot with wider limits"
+        left = self._changed(what, _less, _can_be_dropped, refusal)
+        return replace(left, tracks=tuple(track for track in left.tracks if len(track)))
 
     def frames(self, first: int, last: int) -> "Graph":
         """The graph of frames `first` … `last` − 1."""
@@ -185,20 +211,43 @@ class Graph:
         if end not in self.ends:
             raise GraphError(f"nothing in the graph is called {end!r}; {known(self.ends)}")
 
-    def _checked(self, what: str | tuple[str, str]) -> tuple[Track, ...]:
-        if isinstance(what, str):
-            if what not in {track.name for track in self.tracks}:
-                raise GraphError(f"no kind {what!r} that can be weighed; {known([t.name for t in self.tracks])}")
-        else:
-            for end in what:
-                self._require_end(end)
-        return self.tracks
+    def _changed(
+        self,
+        what: str | tuple[str, str],
+        change: Callable[[Track, np.ndarray], Track],
+        applies: Callable[[Track], bool],
+        refusal: str,
+    ) -> "Graph":
+        """The graph with the named edges changed, of the tracks that the change applies to.
 
-    @staticmethod
-    def _chosen(track: Track, what: str | tuple[str, str]) -> np.ndarray:
-        if isinstance(what, str):
-            return np.full(len(track), track.name == what)
-        return track.joins(*what)
+        Raises:
+            GraphError: an unknown kind or end, or the change applies to no track.
+        """
+        if isinstance(what, str) and what not in self.kinds:
+            raise GraphError(f"no kind {what!r}; {known(self.kinds)}")
+        for end in () if isinstance(what, str) else what:
+            self._require_end(end)
+        tracks, changed = [], False
+        for track in self.tracks:
+            edges = np.full(len(track), track.name == what) if isinstance(what, str) else track.joins(*what)
+            chosen = bool(edges.any()) and applies(track)
+            changed |= chosen
+            tracks.append(change(track, edges) if chosen else track)
+        if not changed:
+            raise GraphError(refusal)
+        return replace(self, tracks=tuple(tracks))
+
+
+def _is_cost(track: Track) -> bool:
+    return track.role is Role.COST
+
+
+def _has_bounds(track: Track) -> bool:
+    return track.role is not Role.COST or isinstance(track.kind, Own)
+
+
+def _can_be_dropped(track: Track) -> bool:
+    return (track.role, track.stencil) != (Role.BOUND, FRAME)
 
 
 def describe(
@@ -261,11 +310,11 @@ def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kin
     return _built(motion, scene, kinds)
 
 
-def graph_from(graph: Graph, human: HumanFeatures, kinds: Iterable[Kind] = KINDS) -> Graph:
-    """The same bodies with another human; edges that were added stay."""
-    built = _built(graph.motion, Scene(human, graph.match, graph.robot, graph.weights), kinds)
-    added = tuple(track for track in graph.tracks if track.name not in {kind.name for kind in kinds})
-    return replace(built, tracks=(*built.tracks, *added))
+def graph_from(graph: Graph, human: HumanFeatures) -> Graph:
+    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
+    scene, costs = Scene(human, graph.match, graph.robot, graph.weights), {track.name for track in graph.costs}
+    tracks = tuple((track.kind.wish(scene) or track) if track.name in costs else track for track in graph.tracks)
+    return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
 
 
 def _built(motion: Motion, scene: Scene, kinds: Iterable[Kind]) -> Graph:
@@ -278,6 +327,19 @@ def _less(track: Track, edges: np.ndarray) -> Track:
     """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
     whole = isinstance(track.kind, Renewable) and not edges.all()
     return track.weighed(0.0, edges) if whole else track.subset(~edges)
+
+
+def _rebounded(track: Track, edges: np.ndarray, lower: float | None, upper: float | None, factor: float) -> Track:
+    """A track with other intervals of some edges."""
+    low, high = (
+        factor * (own[:, edges] if bound is None else np.full_like(own[:, edges], bound))
+        for own, bound in ((track.lower, lower), (track.upper, upper))
+    )
+    if (low > high).any() or not np.isfinite(factor):
+        raise GraphError(f"{track.name}: the bounds leave no interval: {low.max():g} … {high.min():g}")
+    if track.role is Role.BOUND and ((low < track.lower[:, edges]).any() or (high > track.upper[:, edges]).any()):
+        raise GraphError(f"{track.name}: bounds can be narrowed only; the robot's limits file widens them")
+    return track.bounded(low, high, edges)
 
 
 def _rows(track: Track, frames: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
+from robot_retarget.describe.role import Role
 from robot_retarget.errors import GraphError
 
 if TYPE_CHECKING:
@@ -74,6 +75,16 @@ class Track:
         return self.kind.name
 
     @property
+    def role(self) -> Role:
+        """Of the kind."""
+        return self.kind.role
+
+    @property
+    def stencil(self) -> tuple[int, ...]:
+        """Of the kind."""
+        return self.kind.stencil
+
+    @property
     def exact(self) -> bool:
         """Whether every interval is a single value."""
         return bool((self.lower == self.upper).all())
@@ -122,6 +133,12 @@ class Track:
             **columns,
         )
 
+    def bounded(self, lower: Floats | float, upper: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
+        """Other intervals for some edges."""
+        bounds = {"lower": np.array(self.lower), "upper": np.array(self.upper)}
+        bounds["lower"][:, edges], bounds["upper"][:, edges] = lower, upper
+        return replace(self, **bounds)
+
     def weighed(self, factor: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
         """π multiplied, for some edges."""
         priority = np.array(self.priority)
@@ -150,6 +167,15 @@ def exact(
         tuple(axes),
         give,
     )
+
+
+def limit(
+    kind: "Kind", ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
+) -> Track:
+    """Edges with the same interval at every frame, of an inequality or a bound: they have no priority."""
+    shape = (frames, len(ends))
+    low, high = np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
+    return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
 
 
 def joined(parts: Sequence[Track]) -> Track:

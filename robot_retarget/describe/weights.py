@@ -58,6 +58,9 @@ class Weights:
     smooth_root: float = 10.0
     """How much more the root's count, per rad² and per m² [-]."""
 
+    interaction: float = 0.0
+    """Links that near each other, over the squared leg; 0 for none, 1 lowers false alarms of warnings [-]."""
+
     def __post_init__(self) -> None:
         for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
             positive = name in ("reach", "give")

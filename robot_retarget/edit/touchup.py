@@ -20,11 +20,10 @@ from robot_retarget.describe.kinds.own import Own
 from robot_retarget.describe.soles import smoothstep
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.clip import Clip, clip_passes, renewed_tracks, smoothness
+from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks
 from robot_retarget.solve.options import Options, Smoothing
 from robot_retarget.solve.problem import Wishes, build_problem, wishes_of
 from robot_retarget.solve.solution import UnmetEdge
-from robot_retarget.solve.solve import measured_by
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.unmet import unmet_edges
 from robot_retarget.trajectory import Trajectory
@@ -90,9 +89,7 @@ def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
         for t, w, k in zip(range(start, stop), shares, led, strict=True)
     ]
     fixed = 0 if start == 0 else min(FIXED, first - start)
-    part = wishes_of([track.at(slice(start, stop)) for track in tracks])
-    smooth, inertia = smoothness(graph.robot, graph.weights, graph.fps)
-    clip = Clip(solver, part, Smoothing(), smooth, inertia, graph.fps, fixed)
+    clip = clip_of(solver, [track.at(slice(start, stop)) for track in tracks], Smoothing(), graph.fps, fixed)
     poses = [pose.qpos for pose in clip_passes(clip, begin, Count(None, len(begin) * Smoothing().passes))]
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)

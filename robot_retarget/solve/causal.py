@@ -4,6 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
@@ -20,9 +21,10 @@ def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count
     for t in range(len(graph)):
         box = solver.reachable([before] if t else [], 1 / graph.fps)
         start = predicted(solver.robot, poses, box) if t > 2 else before
-        pose = solver.descend(start, wishes.at(t), box=box)
+        past = Past(before, 1 / graph.fps) if t else None
+        pose = solver.descend(start, wishes.at(t), past=past, box=box)
         if t > 2 and pose.missing > 0:  # links may have gone around each other on the wrong side
-            pose = min(pose, solver.descend(before, wishes.at(t), box=box), key=lambda end: end.cost)
+            pose = min(pose, solver.descend(before, wishes.at(t), past=past, box=box), key=lambda end: end.cost)
         if pose.missing > 0:
             pose = solver.held_back(before, pose)
         poses.append(solver.lifted(pose))

@@ -1,5 +1,6 @@
 """The whole clip at once: a coarse path through the candidates, then the smooth path all frames agree on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -7,17 +8,17 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.kinds.kind import Renewable
+from robot_retarget.describe.kinds.kind import Past, Renewable
+from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.track import Track, joined
-from robot_retarget.describe.weights import Weights
 from robot_retarget.progress import Count
-from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.between import Between, on_the_way
 from robot_retarget.solve.candidates import coarse_path
+from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.options import Search, Smoothing
-from robot_retarget.solve.problem import Wishes, wishes_of
-from robot_retarget.solve.quadratic import Interaction, Proximal
+from robot_retarget.solve.problem import Problem, Wishes, wishes_of
+from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
@@ -68,7 +69,6 @@ def clip_poses(
     known = part.known if part else ()
     poses = [Pose(q, Status.CONVERGED, 0.0, 0) for q in known]
     asked: list[list[Track]] = []
-    smooth, inertia = smoothness(solver.robot, graph.weights, graph.fps)
     windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
     count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
     for window in windows:
@@ -76,7 +76,7 @@ def clip_poses(
         coarse = coarse_path(solver, own, wishes_of(coarse_tracks(own)), search, before)
         count.one(COARSE * (len(own) - window.fixed))
         tracks = renewed_tracks(solver, own, coarse, window.fixed)
-        clip = Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, graph.fps, window.fixed)
+        clip = clip_of(solver, tracks, smoothing, graph.fps, window.fixed)
         kept = slice(window.fixed, window.final - window.first)
         poses += [replace(pose, model=None) for pose in clip_passes(clip, coarse, count)[kept]]
         asked.append([track.at(kept) for track in tracks])
@@ -92,23 +92,24 @@ def coarse_tracks(graph: Graph) -> list[Track]:
 
 def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
     """The tracks, those that depend on where the robot goes by itself renewed."""
-    measured, tracks, first = np.array([solver.problem.values(q) for q in coarse]), [], 0
-    for track in graph.tracks:
-        own = measured[:, first : first + len(track)]
-        first += len(track)
-        tracks.append(track.kind.renewed(track, own, fixed) if isinstance(track.kind, Renewable) else track)
-    return tracks
+    measured = measured_by(solver.problem, graph, np.array(coarse))
+    return [
+        track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, Renewable) else track
+        for track in graph.tracks
+    ]
 
 
-def smoothness(robot: Robot, weights: Weights, fps: float) -> tuple[Floats, Floats]:
-    """Weights of the squared second differences  κ ‖q_{t−1} − 2 q_t + q_{t+1}‖².
+def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Floats]:
+    """Per kind of symbolic cost (T, E) the values of its edges at configurations (T, nq)."""
+    every = np.array([problem.values(q) for q in qpos])
+    ends = np.cumsum([len(track) for track in graph.costs])[:-1]
+    return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
 
-    Returns:
-        (nv,) κ at a frame rate, which `weights.smooth` gives at 30 a second, and (nv,) its ratio to that of a hinge.
-    """
-    inertia = np.full(robot.model.nv, weights.smooth_root)
-    inertia[robot.dof_index] = 1.0
-    return weights.smooth * (fps / 30) ** 4 * inertia, inertia
+
+def clip_of(solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0) -> Clip:
+    """Frames with the targets of tracks (T frames) and the temporal costs among them."""
+    smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
+    return Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, fps, fixed)
 
 
 def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
@@ -164,7 +165,7 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set
         poses[t],
         clip.wishes.at(t),
         proximal=proximal,
-        interaction=_interaction(clip, poses, t),
+        past=Past(poses[t - 1].qpos, 1 / clip.fps) if t else None,
         iterations=1,
         tolerance=clip.smoothing.tolerance,
         box=solver.reachable(_beside(poses, t), 1 / clip.fps),
@@ -176,16 +177,11 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set
     return replace(after, status=status, iterations=poses[t].iterations + after.iterations)
 
 
-def _interaction(clip: Clip, poses: list[Pose], t: int) -> Interaction | None:
-    """The interaction edges of a frame: what its step from the frame before leads to."""
-    return clip.solver.interaction(poses[t - 1].qpos, clip.fps) if t else None
-
-
 def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
     """The smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
     robot = clip.solver.robot
     speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
-    offsets = smooth_offsets(speed, float(stiffness.max()), clip.fixed)
+    offsets = smooth_offsets(speed, stiffness, clip.fixed)
     return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
 
 

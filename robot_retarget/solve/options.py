@@ -21,30 +21,18 @@ class Options:
     """Levenberg's λ at the outset."""
     refusals: int = 6
     """Steps that raised the cost, after which a descent gives up; each one taken makes up for one of them."""
-    separation: bool = True
-    """Keep links apart ..."""
-    margin: float = 0.006
-    """... by this much ..."""
     reach: float = 0.05
-    """... by rows of the quadratic program for those nearer than this ..."""
+    """Links nearer than this have rows in the quadratic program."""
     glance: float = 0.02
-    """Joints that turned by less since distances of links were measured let these go on along their slopes [rad] ..."""
+    """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
     tolerated: float = 2e-4
-    """... though they may stay where they lack so little of their margin: distances bend along a step ..."""
+    """Deficit of the margin that costs nothing: distances bend along a step."""
     overlap_cost: float = 1e6
-    """... and what cannot be kept apart at once costs so much, over the squared leg."""
+    """Cost of the squared deficit beyond that, over the squared leg."""
     overlap: float = 5e-4
     """Links inside each other by more are not accepted [m]."""
-    speed: float = 1.0
-    """Share of the joints' speeds that is used between frames [-]."""
-    coupled: float = 30.0
-    """π of joints that are geared together and of chains that close, over the squared leg."""
     sunk: float = 1e-4
-    """A start this deep under the floor takes its first steps whatever they cost [m]."""
-    interaction: float = 0.0
-    """π of interaction edges of whole clips, over the squared leg; 0 for none, 1 lowers false alarms of warnings."""
-    horizon: float = 0.3
-    """How far ahead these look [s]."""
+    """A start that violates an inequality by more takes its first steps at any cost [m]."""
 
 
 @dataclass(frozen=True)

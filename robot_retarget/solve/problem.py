@@ -9,17 +9,19 @@ model lies above ϱ everywhere) the model is  cost + 2 (Jᵀ W r)·v + vᵀ (J�
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds import KINDS
+from robot_retarget.describe.kinds.kind import Grounded, Symbolic, frame_costs
 from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.role import Role
 from robot_retarget.describe.track import HARD, Track
 from robot_retarget.human.match import Match
-from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.kinematics import point_function
+from robot_retarget.robot import Robot
 from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
 
 
@@ -49,9 +51,10 @@ class Wishes:
 
 
 def wishes_of(tracks: Sequence[Track]) -> Wishes:
-    """The tracks side by side."""
+    """The symbolic costs of a graph's tracks side by side."""
+    costs = frame_costs(tracks)
     return Wishes(
-        *(np.concatenate([getattr(track, name) for track in tracks], axis=1) for name in ("lower", "upper", "priority"))
+        *(np.concatenate([getattr(track, name) for track in costs], axis=1) for name in ("lower", "upper", "priority"))
     )
 
 
@@ -61,7 +64,7 @@ class Part:
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
         body = Measured(robot, match)
-        found = body.resolved([track.kind.measure(track, body) for track in tracks])
+        found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in tracks])
         self.terms = _Terms(tracks, found.rows)
         self.edges = slice(first, first + self.terms.edges)
         q, asked = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
@@ -89,11 +92,10 @@ class Problem:
 
     robot: Robot
     match: Match
+    tracks: tuple[Track, ...]
+    """All of the graph, as they were when the problem was built: limits and temporal costs are read here."""
     parts: tuple[Part, ...]
-    heights: Compiled
-    """q ↦ heights over the floor (F) [m] of the soles' points, and their Jacobian (F, nv)."""
-    soles: int
-    """F, how many points stay above the floor."""
+    inequalities: "Inequalities"
 
     @property
     def leg(self) -> float:
@@ -132,6 +134,42 @@ class Problem:
         return np.concatenate([part.values(q)[0] for part in self.parts])
 
 
+class Inequalities:
+    """Symbolic inequalities as compiled rows  J v ≥ deficit; an upper bound is a row of opposite sign."""
+
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track]):
+        self.tracks = [t for t in tracks if t.role is Role.INEQUALITY and isinstance(t.kind, Symbolic)]
+        self._nv, body = robot.model.nv, Measured(robot, match)
+        found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in self.tracks])
+        rows = found.rows.tolist()
+        values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
+        self._measure = Compiled(ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes]))
+        bounds = [
+            np.concatenate([np.zeros(0), *(getattr(t, side)[0] for t in self.tracks)]) for side in ("lower", "upper")
+        ]
+        self._below, self._above = (np.flatnonzero(np.isfinite(bound)) for bound in bounds)
+        self._lower, self._upper = bounds
+        self._ends = np.cumsum([len(track) for track in self.tracks])[:-1]
+
+    def __len__(self) -> int:
+        return len(self._below) + len(self._above)
+
+    def rows(self, q: Floats) -> tuple[Floats, Floats]:
+        """Slopes (R, nv) and deficits (R,) at a configuration: bound minus value."""
+        values, slopes = self._measure(q)
+        slopes = slopes.reshape(len(values), self._nv)
+        if not self._above.size:
+            return slopes, self._lower - values
+        deficit = np.concatenate([(self._lower - values)[self._below], (values - self._upper)[self._above]])
+        return np.concatenate([slopes[self._below], -slopes[self._above]]), deficit
+
+    def depth(self, q: Floats) -> float:
+        """How deep the robot is under the floor [m], by the kinds that know."""
+        values = np.split(self._measure(q)[0], self._ends)
+        tracks = zip(self.tracks, values, strict=True) if self.tracks else ()
+        return max((t.kind.depth(t, own) for t, own in tracks if isinstance(t.kind, Grounded)), default=0.0)
+
+
 def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False) -> Problem:
     """Assemble the functions for a robot; wished values stay parameters.
 
@@ -142,17 +180,16 @@ def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: b
         native: take machine code as soon as it can be had (`native.py`); until then, and elsewhere, CasADi's virtual
             machine serves, with the same results.
     """
-    common = {kind.name for kind in KINDS}
-    groups = [[track for track in tracks if track.name in common]]
-    groups += [[track] for track in tracks if track.name not in common]
+    common, costs = {kind.name for kind in KINDS}, frame_costs(tracks)
+    groups = [[track for track in costs if track.name in common]]
+    groups += [[track] for track in costs if track.name not in common]
     firsts = np.cumsum([0, *(sum(map(len, group)) for group in groups)])
     parts = [
         Part(robot, match, group, int(first), native and group is groups[0])
         for group, first in zip(groups, firsts, strict=False)
         if group
     ]
-    heights = _heights(robot, match)
-    return Problem(robot, match, tuple(parts), Compiled(heights), heights.numel_out(0))
+    return Problem(robot, match, tuple(tracks), tuple(parts), Inequalities(robot, match, tracks))
 
 
 class _Terms:
@@ -185,22 +222,10 @@ class _Terms:
         return cost, self.gather @ (weight * residual), self.gather @ weight
 
 
-def _heights(robot: Robot, match: Match) -> ca.Function:
-    """q ↦ heights of the sole points over the floor (F) [m] and their Jacobian (F, nv)."""
-    soles = list(match.anatomy.soles.values()) if robot.root_joints.size else []
-    points = Points(
-        np.concatenate([np.zeros(0, int), *(sole.bodies for sole in soles)]),
-        np.concatenate([np.zeros((0, 3)), *(sole.offsets for sole in soles)]),
-    )
-    q = ca.SX.sym("q", robot.model.nq)
-    x, jacobian = point_function(robot, points)(q)
-    return ca.Function("heights", [q], [ca.densify(x[2::3]), ca.densify(jacobian[2::3, :])])
-
-
 def stresses(track_list: Sequence[Track], values: Floats) -> dict[str, Floats]:
     """Per kind (T, E) π ϱ(e) at measured values (T, E in all), by the equation of `describe.track`."""
     found, first = {}, 0
-    for track in track_list:
+    for track in frame_costs(track_list):
         own = values[:, first : first + len(track)]
         first += len(track)
         found[track.name] = track.priority * track.loss((own - np.clip(own, track.lower, track.upper)) / track.scale)

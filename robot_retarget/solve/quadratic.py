@@ -1,13 +1,16 @@
 """The quadratic model of a frame's cost around a configuration, and the rows that bound a step from there."""
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot.coupling import Coupling
+from robot_retarget.describe.kinds.kind import Contacts, Nearby, Numeric, Past, Projecting
+from robot_retarget.describe.role import FRAME, STEP, Role
+from robot_retarget.describe.track import Track
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
-from robot_retarget.robot.separation import Separation
 from robot_retarget.solve.between import Between
 from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import Problem, Wish
@@ -20,26 +23,6 @@ class Proximal:
     anchor: Floats
     offset: Floats
     weight: Floats
-
-
-@dataclass(frozen=True)
-class Interaction:
-    """Σ π max(0, margin − D)²/ℓ²: interaction edges between links that near each other, δ = [margin, ∞).
-
-    D is the interaction distance of `dgp.interaction` with its minimum over α = 1 + k, of surfaces that are taken as flat
-    where they are nearest: their signed distance d changes by ḋ with every step, and so
-
-        D = min_{0 ≤ k ≤ H} d + k ḋ,    k = H where links near each other, k = 0 where they part,
-
-    with (1 + k) times the gradient of d. What d itself lacks to the margin is left to separation.
-    """
-
-    before: Floats
-    """The configuration a frame before."""
-    horizon: float
-    """H in frames; real, so that the cost has no steps."""
-    weight: float
-    """π."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,79 +71,95 @@ class Quadratic:
         return replace(self, rows=rows, least=least)
 
 
+class NumericCost:
+    """The cost of a track that is evaluated numerically."""
+
+    def __init__(self, track: Track, robot: Robot):
+        self.name, self.stencil, self.track = track.name, track.stencil, track
+        self.evaluate = cast(Numeric, track.kind).evaluator(track, robot)
+
+    def terms(self, q: Floats, past: Past | None, contacts: Contacts | None) -> tuple[float, Floats, Floats] | None:
+        """Σ π r²/scale² with its half gradient (nv,) and normal matrix (nv, nv); None where no edge costs."""
+        rows = self.evaluate(q, past, contacts)
+        if rows is None:
+            return None
+        edges, track = list(rows.edges), self.track
+        residual = rows.values - np.clip(rows.values, track.lower[0, edges], track.upper[0, edges])
+        weight = track.priority[0, edges] / track.scale[edges] ** 2
+        weighted = weight[:, None] * rows.slope
+        return float(weight @ residual**2), weighted.T @ residual, rows.slope.T @ weighted
+
+
 class CostModel:
-    """The cost of one frame's problem around any configuration, links kept apart."""
+    """The cost of one frame's problem around any configuration, and the inequality rows there."""
 
     def __init__(self, problem: Problem, options: Options):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
-        feet = frozenset(int(sole.bodies[0]) for sole in problem.match.anatomy.soles.values())
-        floor = feet if self.robot.root_joints.size else None
-        reach, margin = options.reach * self.leg, options.margin * self.leg
-        self.separation = Separation(self.robot, reach, margin, feet=floor) if options.separation else None
-        self.coupling = Coupling(self.robot)
-        self.rows = problem.soles + (self.separation.most if self.separation else 0)
+        costs = [t for t in problem.tracks if t.role is Role.COST and isinstance(t.kind, Numeric)]
+        self.numeric = [NumericCost(track, self.robot) for track in costs]
+        near = [t for t in problem.tracks if isinstance(t.kind, Nearby)]
+        self.proximity = near[0].name if near else ""
+        """The kind of the surfaces' inequality."""
+        reach = options.reach * self.leg
+        self.separation = (
+            cast(Nearby, near[0].kind).proximity(near[0], self.robot, problem.match, reach) if near else None
+        )
+        self.rows = len(problem.inequalities) + (self.separation.most if self.separation else 0)
 
     def linearize(
         self, q: Floats, wish: Wish, between: tuple[Between, ...] = (), known: Near | None = None
     ) -> Quadratic:
-        """What edges, gears, floor and links say at a configuration, and links `between` it and its neighbours.
+        """Costs and inequality rows at a configuration, and those of links `between` it and its neighbours.
 
         Args:
-            known: links as they were measured nearby: less than a `glance` away they go on along their slopes.
+            known: distances of links measured nearby: less than `glance` away they are extrapolated along their slopes.
         """
         total, gradient, normal = self.problem.model(q, wish)
-        floor, slope = self.problem.heights(q)
-        if self.coupling.present:
-            violation, tie = self.coupling(q)
-            scale = self.options.coupled / self.leg**2
-            total += scale * float(violation @ violation)
-            gradient, normal = gradient + scale * (tie.T @ violation), normal + scale * (tie.T @ tie)
-        nv, floors = len(gradient), len(floor)
+        for cost in self.numeric:
+            if cost.stencil == FRAME and (found := cost.terms(q, None, None)) is not None:
+                total, gradient, normal = total + found[0], gradient + found[1], normal + found[2]
+        slope, deficit = self.problem.inequalities.rows(q)
+        nv, hard = len(gradient), len(deficit)
         rows, least = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
-        rows[:floors, :nv], least[:floors] = slope, -floor
+        rows[:hard, :nv], least[:hard] = slope, deficit
         near = self._near(q, known)
-        missing = self._apart(q, near, between, rows[floors:], least[floors:]) if near else 0.0
+        missing = self._apart(q, near, between, rows[hard:], least[hard:]) if near else 0.0
         total += self.options.overlap_cost * missing**2
-        sunk = bool(floor.min(initial=0.0) < -self.options.sunk)
+        sunk = bool(deficit.max(initial=0.0) > self.options.sunk)
         return Quadratic(total, gradient, normal, rows, least, missing, sunk, near)
 
-    def cost(self, q: Floats, wish: Wish) -> float:
-        """What is minimised, at a configuration."""
-        return self.problem.cost(q, wish) + self.coupling_cost(q) + self.separation_cost(q)
+    def cost(self, q: Floats, wish: Wish, past: Past | None = None) -> float:
+        """The minimised cost of a frame at a configuration."""
+        return self.problem.cost(q, wish) + sum(self.parts(q, past).values())
 
-    def coupling_cost(self, q: Floats) -> float:
-        """Its part for gears that are out of mesh and chains that are open."""
-        if not self.coupling.present:
-            return 0.0
-        violation = self.coupling(q)[0]
-        return self.options.coupled / self.leg**2 * float(violation @ violation)
+    def parts(self, q: Floats, past: Past | None = None) -> dict[str, float]:
+        """Per numeric kind its part of the cost; that of surfaces is the cost of their slack."""
+        found = {self.proximity: self.separation_cost(q)} if self.separation else {}
+        contacts = self._contacts(q) if past is not None else None
+        for cost in self.numeric:
+            terms = cost.terms(q, past, contacts)
+            found[cost.name] = terms[0] if terms else 0.0
+        return found
 
     def separation_cost(self, q: Floats) -> float:
-        """Its part for links that lack more to their margin than is tolerated."""
+        """The cost of links that lack more of their margin than is tolerated."""
         if self.separation is None:
             return 0.0
         distance, _, rest = self.separation.near(q)
         return self.options.overlap_cost * self._missing(self.separation.lacking(distance, rest)) ** 2
 
+    def _contacts(self, q: Floats) -> Contacts | None:
+        """The rows of surfaces near each other at a configuration."""
+        near = self._near(q, None)
+        if near is None or self.separation is None:
+            return None
+        rows, least = np.zeros((self.separation.most, near.slope.shape[1] + 1)), np.full(self.separation.most, -np.inf)
+        self._apart(q, near, (), rows, least)
+        return Contacts(rows[:, :-1], least)
+
     def _missing(self, wanted: Floats) -> float:
         """How much more than what is tolerated the nearest links lack, over the leg."""
         return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
-
-    def interaction_cost(self, q: Floats, interaction: Interaction) -> float:
-        """The part of interaction edges, at a configuration."""
-        near = self._near(q, None)
-        if near is None:
-            return 0.0
-        rows, least = np.zeros((self.rows, near.slope.shape[1] + 1)), np.full(self.rows, -np.inf)
-        self._apart(q, near, (), rows, least)
-        error = self._foreseen(rows[:, :-1], least, q, interaction)
-        return interaction.weight / self.leg**2 * float(error @ error)
-
-    def _foreseen(self, rows: Floats, least: Floats, q: Floats, interaction: Interaction) -> Floats:
-        """How much D lacks to the margin beyond what d does itself [m], per row of separation."""
-        step = difference(self.robot, interaction.before, q)
-        ahead = interaction.horizon * np.minimum(rows @ step, 0.0)  # k = H or 0, whichever makes d + k ḋ least
-        return np.where(ahead < 0, np.maximum(-ahead + np.minimum(least, 0.0), 0.0), 0.0)
 
     def decrease(self, here: Quadratic, step: Floats, slack: float) -> float:
         """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
@@ -216,21 +215,29 @@ class CostModel:
             normal=here.normal + np.diag(proximal.weight),
         )
 
-    def with_interaction(self, here: Quadratic, q: Floats, interaction: Interaction | None) -> Quadratic:
-        """The model with interaction edges on top, on the rows of separation, whose `least` is what lacks to the margin."""
-        if interaction is None or self.separation is None:
+    def with_past(self, here: Quadratic, q: Floats, past: Past | None) -> Quadratic:
+        """The model with the numeric costs that join the frame before on top."""
+        joining = [cost for cost in self.numeric if cost.stencil == STEP] if past is not None else []
+        if not joining:
             return here
-        rows, least = here.rows[self.problem.soles :, :-1], here.least[self.problem.soles :]
-        error = self._foreseen(rows, least, q, interaction)
-        short = np.flatnonzero(error)
-        if not short.size:
-            return here
-        error, alpha = error[short], interaction.horizon + (least[short] < 0)
-        slope = alpha[:, None] * rows[short]
-        scale = interaction.weight / self.leg**2
-        return replace(
-            here,
-            cost=here.cost + scale * float(error @ error),
-            gradient=here.gradient - scale * (slope.T @ error),
-            normal=here.normal + scale * (slope.T @ slope),
-        )
+        first = len(self.problem.inequalities)
+        contacts = Contacts(here.rows[first:, :-1], here.least[first:]) if self.separation else None
+        for cost in joining:
+            if (found := cost.terms(q, past, contacts)) is not None:
+                value, pull, curvature = found
+                here = replace(
+                    here, cost=here.cost + value, gradient=here.gradient + pull, normal=here.normal + curvature
+                )
+        return here
+
+    def projected(self, q: Floats) -> Floats:
+        """The configuration with closed chains and meshed gears."""
+        for cost in self.numeric:
+            if isinstance(cost.evaluate, Projecting):
+                q = cost.evaluate.projected(q)
+        return q
+
+    @property
+    def projects(self) -> bool:
+        """Whether a cost is closed exactly."""
+        return any(isinstance(cost.evaluate, Projecting) for cost in self.numeric)

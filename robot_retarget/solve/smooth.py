@@ -5,15 +5,18 @@ from scipy.linalg import solveh_banded
 
 from robot_retarget.arrays import Floats
 
+DECIMALS = 9
+"""Stiffnesses that agree in these decimals share one banded system."""
 
-def smooth_offsets(speed: Floats, stiffness: float, fixed: int = 0) -> Floats:
+
+def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> Floats:
     """What to add to each frame so that second differences shrink.
 
     minimise  Σ_t ‖δ_t‖² + κ Σ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
 
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
-        stiffness: κ.
+        stiffness: κ, for all columns or each (n,).
         fixed: so many frames at the beginning keep δ = 0.
 
     Returns:
@@ -26,8 +29,11 @@ def smooth_offsets(speed: Floats, stiffness: float, fixed: int = 0) -> Floats:
     pushed = np.zeros((frames, speed.shape[1]))
     for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
         pushed[shift : shift + len(bend)] += factor * bend
-    offsets = np.zeros_like(pushed)
-    offsets[fixed:] = solveh_banded(_bands(frames, stiffness)[:, fixed:], -stiffness * pushed[fixed:])
+    offsets, rounded = np.zeros_like(pushed), np.round(np.broadcast_to(stiffness, bend.shape[1:]), DECIMALS)
+    for kappa in np.unique(rounded):
+        columns = np.flatnonzero(rounded == kappa)
+        right = -kappa * pushed[fixed:, columns]
+        offsets[fixed:, columns] = solveh_banded(_bands(frames, float(kappa))[:, fixed:], right)
     return offsets
 
 

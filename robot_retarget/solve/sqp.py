@@ -5,14 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raised
 from robot_retarget.solve.between import Between, on_the_way
 from robot_retarget.solve.compiled import QuadraticProgram
+from robot_retarget.solve.limits import joint_bounds
 from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import Problem, Wish
-from robot_retarget.solve.quadratic import CostModel, Interaction, Proximal, Quadratic
+from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
 from robot_retarget.solve.solution import Status
 
 SHORT = 0.1
@@ -82,9 +84,8 @@ class FrameSolver:
     def __init__(self, problem: Problem, options: Options | None = None):
         self.problem, self.options, self.robot = problem, options or Options(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
-        self.ranges = Box(self.robot.lower, self.robot.upper)
-        self.speed = self.options.speed * self.robot.max_speed
-        """(n,) of the joints between frames, at most [rad/s]."""
+        bounds = joint_bounds(self.robot, problem.tracks)
+        self.ranges, self.speed = Box(bounds.lower, bounds.upper), bounds.speed
         self.costs = CostModel(problem, self.options)
         self.diagonal = np.diag_indices(self.robot.model.nv)
         slack = 1  # of separation; it stands last
@@ -98,7 +99,7 @@ class FrameSolver:
         wish: Wish,
         *,
         proximal: Proximal | None = None,
-        interaction: Interaction | None = None,
+        past: Past | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
@@ -114,7 +115,7 @@ class FrameSolver:
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
         known = start.model if isinstance(start, Pose) and not between else None
         base = known or self.costs.linearize(q, wish, between)
-        here, region, strayed = self._with_terms(base, q, proximal, interaction), _TrustRegion(self.options), True
+        here, region, strayed = self._with_terms(base, q, proximal, past), _TrustRegion(self.options), True
         while region.taken < most and region.refused < self.options.refusals:
             strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
             step, gain = self._step(q, here, region, box)
@@ -126,7 +127,7 @@ class FrameSolver:
                 return self._closed(Pose(last, Status.CONVERGED, base.cost, region.taken, missing=base.missing))
             trial = integrate(self.robot, q, step)
             there = self.costs.linearize(trial, wish, between, here.near)
-            lowered = self._with_terms(there, trial, proximal, interaction)
+            lowered = self._with_terms(there, trial, proximal, past)
             entering = strayed and there.missing <= here.missing
             if lowered.cost < here.cost or entering or here.sunk:
                 q, base, here = trial, there, lowered
@@ -155,10 +156,8 @@ class FrameSolver:
         """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
         return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.missing))
 
-    def _with_terms(
-        self, base: Quadratic, q: Floats, proximal: Proximal | None, interaction: Interaction | None
-    ) -> Quadratic:
-        return self.costs.with_interaction(self.costs.with_proximal(base, q, proximal), q, interaction)
+    def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
+        return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
 
     def _step(self, q: Floats, here: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
         """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
@@ -182,13 +181,13 @@ class FrameSolver:
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
         """The model, with what a refused short step has met."""
         met = there.missing > here.missing and np.abs(step).max() < SHORT
-        return here.with_rows_met(self.problem.soles, there, step) if met else here
+        return here.with_rows_met(len(self.problem.inequalities), there, step) if met else here
 
     def _closed(self, pose: Pose) -> Pose:
         """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""
-        if not self.costs.coupling.present:
+        if not self.costs.projects:
             return pose
-        q, hinges = self.costs.coupling.closed(pose.qpos), self.robot.qpos_index
+        q, hinges = self.costs.projected(pose.qpos), self.robot.qpos_index
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
         return replace(pose, qpos=q, model=None)
 
@@ -196,13 +195,6 @@ class FrameSolver:
         """What the hinges can be a time [s] from each of some configurations, at their speeds."""
         index = self.robot.qpos_index
         return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
-
-    def interaction(self, before: Floats, fps: float) -> Interaction | None:
-        """The interaction edges of a frame after one before, where there are any."""
-        options = self.options
-        if options.interaction == 0 or not options.separation:
-            return None
-        return Interaction(before, options.horizon * fps, options.interaction)
 
     def depth(self, qpos: Floats) -> float:
         """How deep links are inside each other [m], where they are kept apart."""
@@ -228,7 +220,7 @@ class FrameSolver:
 
     def lifted(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let it sink under the floor."""
-        depth = -float(self.problem.heights(pose.qpos)[0].min()) if self.problem.soles else 0.0
+        depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation
         depth = max(depth, apart.sunk(pose.qpos)) if apart else depth
         return replace(pose, qpos=raised(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)

@@ -33,7 +33,7 @@ def unmet_edges(
         qpos: (T, nq) the solution.
     """
     found, first = [], 0
-    for track in graph.tracks:
+    for track in graph.costs:
         value = measured[track.name]
         miss = np.where(track.priority >= HARD, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
         for edge in np.flatnonzero(miss.max(axis=0, initial=0.0) > UNMET):

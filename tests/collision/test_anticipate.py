@@ -7,6 +7,9 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import surfaces, warnings_of
 from robot_retarget.describe.graph import describe
+from robot_retarget.describe.kinds.interaction import Interaction
+from robot_retarget.describe.kinds.kind import Past
+from robot_retarget.describe.weights import Weights
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.clearance import Clearance
@@ -14,21 +17,24 @@ from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import build_problem
-from robot_retarget.solve.quadratic import CostModel, Interaction, Quadratic
+from robot_retarget.solve.quadratic import CostModel, Quadratic
 from robot_retarget.solve.solve import solve_graph
 
 K, WEIGHT = 6.0, 3.0
+HORIZON = Interaction().horizon
 
 
 @pytest.fixture(scope="module")
 def costs() -> CostModel:
-    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3"))
+    graph = describe(
+        read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3"), weights=Weights(interaction=WEIGHT)
+    )
     return CostModel(build_problem(graph.robot, graph.match, graph.tracks), Options())
 
 
 def model_of(costs: CostModel, slope: Floats, room: Floats) -> Quadratic:
     """No cost, and links whose distances beyond the margin are `room` + `slope` v."""
-    nv, soles, near = costs.robot.model.nv, costs.problem.soles, len(room)
+    nv, soles, near = costs.robot.model.nv, len(costs.problem.inequalities), len(room)
     rows, least = np.zeros((costs.rows, nv + 1)), np.full(costs.rows, -np.inf)
     rows[soles : soles + near, :-1], rows[soles : soles + near, -1], least[soles : soles + near] = slope, 1.0, -room
     return Quadratic(0.0, np.zeros(nv), np.zeros((nv, nv)), rows, least, 0.0, False)
@@ -40,7 +46,7 @@ def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs:
     step, slope = np.zeros(robot.model.nv), draw.normal(size=(9, robot.model.nv))
     step[robot.dof_index] = draw.normal(scale=0.02, size=len(robot.dof_index))
     room, q = draw.uniform(-0.01, 0.05, 9), robot.standing()
-    found = costs.with_interaction(model_of(costs, slope, room), q, Interaction(integrate(robot, q, -step), K, WEIGHT))
+    found = costs.with_past(model_of(costs, slope, room), q, Past(integrate(robot, q, -step), HORIZON / K))
 
     def cost(v: Floats) -> float:
         now, change = np.maximum(room + slope @ v, 0), slope @ (step + v)
@@ -58,7 +64,7 @@ def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None
     slope[0, robot.dof_index[0]], step[robot.dof_index[0]] = 1.0, 0.1
     for way, cost in ((0.0, 0.0), (1.0, 0.0), (-1.0, WEIGHT * (0.1 * K - 0.01) ** 2 / costs.leg**2)):
         before = integrate(robot, q, -way * step)
-        found = costs.with_interaction(model_of(costs, slope, np.array([0.01])), q, Interaction(before, K, WEIGHT))
+        found = costs.with_past(model_of(costs, slope, np.array([0.01])), q, Past(before, HORIZON / K))
         assert found.cost == pytest.approx(cost)
 
 
@@ -70,7 +76,7 @@ def test_warnings_are_fewer_for_a_twentieth_of_the_stress_at_most_and_legs_pass_
     known = surfaces(robot)
     clearance, near, alarms, stress = Clearance(robot, known.pairs), [], [], []
     for weight in (0.0, 1.0):
-        solution = solve_graph(describe(motion, robot, fps=30), options=Options(interaction=weight))
+        solution = solve_graph(describe(motion, robot, fps=30, weights=Weights(interaction=weight)))
         distance = clearance.all(solution.trajectory.qpos, 0.05)
         assert distance.min() > -1e-3
         near.append(np.sort(distance.min(axis=1))[: len(distance) // 4].mean())

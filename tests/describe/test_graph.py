@@ -31,14 +31,14 @@ def test_every_kind_and_every_limit_of_the_bodies_is_there_in_its_number() -> No
     graph, robot = clap(), load_robot("op3")
     keypoints, hinges = len(graph.match.keypoints), len(robot.joint_names)
     pairs = keypoints * (keypoints - 1) // 2
-    assert list(graph.kinds) == [*(kind.name for kind in KINDS), "ground", "separation", "range", "speed"]
+    assert list(graph.kinds) == [kind.name for kind in KINDS if kind.name not in ("interaction", "coupling")]
     count = {name: len(track) for name, track in graph.kinds.items()}
     bones = int((graph.match.parents >= 0).sum())
     assert (keypoints, bones, count["posture"]) == (18, 17, pairs - bones)
     assert count["compass"] == 3 * (bones - 4 + 2)
     assert count["orientation"] == 2 * 3 * len(graph.human.segments)
     assert (count["path"], count["rest"], count["foothold"]) == (3, hinges, 2 * 4 * 3)
-    assert count["ground"] == sum(len(sole) for sole in graph.match.anatomy.soles.values())
+    assert count["floor"] == sum(len(sole) for sole in graph.match.anatomy.soles.values())
     assert (count["separation"], count["range"], count["speed"]) == (len(allowed(robot)), hinges, hinges)
     assert len(graph) == FRAMES and graph.fps == 30
 
@@ -85,7 +85,7 @@ def test_the_table_is_the_tracks_expanded_frame_by_frame() -> None:
         ]
     assert np.array_equal(graph.table(3), rows[rows["frame"] == 3])
     assert set(graph.table()["frame"]) == set(range(FRAMES))
-    assert rows["hard"][np.isin(rows["kind"], ("ground", "separation", "range", "speed"))].all()
+    assert rows["hard"][np.isin(rows["kind"], ("floor", "separation", "range", "speed"))].all()
 
 
 def test_frames_are_cut_out_of_everything() -> None:
@@ -159,7 +159,11 @@ def test_without_a_kind_or_a_pair_the_rest_stays() -> None:
     [
         (lambda g: g.between("l_paw", "head"), r"nothing in the graph is called 'l_paw'.*l_hand"),
         (lambda g: g.without("paws"), r"no kind 'paws'.*posture, touch, compass"),
-        (lambda g: g.without("range"), r"no kind 'range'"),
+        (lambda g: g.without("range"), r"range protects the robot; narrow it with `with_bounds`"),
+        (lambda g: g.with_priority("floor", 2), r"floor is a limit, which has no priority"),
+        (lambda g: g.with_bounds("posture", 0.1), r"the targets of posture follow the human's motion"),
+        (lambda g: g.with_bounds("speed", factor=2), r"speed: bounds can be narrowed only"),
+        (lambda g: g.with_bounds("range", lower=9.0), r"range: the bounds leave no interval"),
         (lambda g: g.without(("l_hand", "paw")), r"'paw'.*l_hand"),
         (lambda g: g.with_priority("paws", 2.0), r"no kind 'paws'.*posture"),
         (lambda g: g.with_priority("posture", -1.0), r"factor of 0 or more, got -1"),

@@ -57,7 +57,7 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
 
 def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Asked) -> None:
     solver, wish = asked
-    robot, soles, step = solver.robot, solver.problem.soles, 1e-6
+    robot, soles, step = solver.robot, len(solver.problem.inequalities), 1e-6
     separation, way = solver.costs.separation, Between(arms(robot, -0.5, 1.57, -1.57), 0.3)
     assert separation is not None
     q = arms(robot, -0.3, 1.57, -1.5)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
+from robot_retarget.describe.graph import describe
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options, Smoothing
-from robot_retarget.transfer import retarget
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.transfer import retarget, solve
 
 LEFT = np.array([0.0, 1.0, 0.0])
 
@@ -31,15 +32,16 @@ def mirrored(motion: Motion) -> Motion:
     return replace(motion, positions=motion.positions[:, order] * [1, -1, 1], rotations=turned)
 
 
-def asymmetry(motion: Motion, robot: Robot, smoothing: Smoothing, options: Options | None = None) -> float:
+def asymmetry(motion: Motion, robot: Robot, smoothing: Smoothing, separated: bool = True) -> float:
     """By how much a hinge of the mirrored trajectory misses that of the mirrored motion, at most [rad]."""
     motions, hinges = (motion, mirrored(motion)), robot.qpos_index
-    here, there = (retarget(m, robot, smoothing=smoothing, options=options).trajectory.qpos[:, hinges] for m in motions)
+    graphs = (describe(m, robot) for m in motions)
+    graphs = (graph if separated else graph.without("separation") for graph in graphs)
+    here, there = (solve(graph, smoothing=smoothing).trajectory.qpos[:, hinges] for graph in graphs)
     return float(np.abs(mirror_of(robot, LEFT).angles(here) - there).max())
 
 
 CAUSAL, WHOLE = Smoothing(passes=0), Smoothing()
-FREE = Options(separation=False)
 
 
 # Squat and hands on hips are their own mirror images. Where hands meet, as in a clap, one goes first.
@@ -92,4 +94,4 @@ def test_so_it_does_on_robots_whose_joints_mirror_each_other_and_whose_meshes_do
 ) -> None:
     """But for links that near each other: there it is the meshes that say how far they may."""
     motion, robot = read_motion(clip).resample(10), load_robot(SHARED / f"robots/{name}/{name}.xml")
-    assert asymmetry(motion, robot, smoothing, FREE) < 1e-3
+    assert asymmetry(motion, robot, smoothing, separated=False) < 1e-3

@@ -67,8 +67,8 @@ def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))
         jacobian[:, column] = (ahead - behind) / (2 * step)
-    scale = np.concatenate([track.scale for track in graph.tracks])
-    give = np.concatenate([np.full(len(track), track.give) for track in graph.tracks])
+    scale = np.concatenate([track.scale for track in graph.costs])
+    give = np.concatenate([np.full(len(track), track.give) for track in graph.costs])
     d = problem.values(q)
     error = (d - np.clip(d, asked.lower, asked.upper)) / scale
     inside = (asked.lower < d) & (d < asked.upper)
@@ -83,5 +83,5 @@ def test_floor_heights_are_those_of_the_sole_points(case: Case) -> None:
     graph, problem = case
     q = somewhere(problem, 4)
     soles = [world_points(problem.robot, sole, q[None])[0, :, 2] for sole in graph.match.anatomy.soles.values()]
-    assert np.allclose(problem.heights(q)[0], np.concatenate(soles), atol=1e-12)
-    assert problem.soles == len(np.concatenate(soles))
+    assert np.allclose(-problem.inequalities.rows(q)[1], np.concatenate(soles), atol=1e-12)
+    assert len(problem.inequalities) == len(np.concatenate(soles))

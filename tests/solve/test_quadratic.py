@@ -22,7 +22,7 @@ def asked() -> tuple[FrameSolver, Wish]:
 
 def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_to_stay_as_they_are() -> None:
     solver, wish = asked()
-    robot, soles = solver.robot, solver.problem.soles
+    robot, soles = solver.robot, len(solver.problem.inequalities)
     draw, met = np.random.default_rng(0), 0
     for _ in range(40):
         q = robot.standing()
@@ -45,7 +45,12 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
 
 def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_wholly() -> None:
     (solver, wish), draw = asked(), np.random.default_rng(0)
-    robot, costs, separation, soles = solver.robot, solver.costs, solver.costs.separation, solver.problem.soles
+    robot, costs, separation, soles = (
+        solver.robot,
+        solver.costs,
+        solver.costs.separation,
+        len(solver.problem.inequalities),
+    )
     assert separation is not None
     stayed = parted = 0
     for _ in range(40):
@@ -54,7 +59,7 @@ def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_w
         for _ in range(14):  # halve the way to where links lack half of what is tolerated
             q = (apart + near) / 2
             distance, _, rest = separation.near(q)
-            lacking = (np.minimum(separation.margin, rest) - distance).max(initial=0.0) / solver.leg
+            lacking = separation.lacking(distance, rest).max(initial=0.0) / solver.leg
             here = costs.linearize(q, wish)
             may_stay = bool((here.least[soles:] <= 0).all())
             assert may_stay == (lacking <= TOLERATED) == (here.missing == 0)

@@ -21,15 +21,15 @@ class CausalWishes:
     """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
 
     def __init__(self, graph: Graph):
-        self.lower = np.concatenate([track.lower[0] for track in graph.tracks])
-        self.upper = np.concatenate([track.upper[0] for track in graph.tracks])
-        self.priority = np.concatenate([track.priority[0] for track in graph.tracks])
+        self.lower = np.concatenate([track.lower[0] for track in graph.costs])
+        self.upper = np.concatenate([track.upper[0] for track in graph.costs])
+        self.priority = np.concatenate([track.priority[0] for track in graph.costs])
         self.feet = placed_feet(graph.match, graph.robot)
         scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
-        firsts = np.cumsum([0, *(len(track) for track in graph.tracks)])
+        firsts = np.cumsum([0, *(len(track) for track in graph.costs)])
         self.askers = [
             (slice(int(first), int(first) + len(track)), asker)
-            for first, track in zip(firsts, graph.tracks, strict=False)
+            for first, track in zip(firsts, graph.costs, strict=False)
             if (asker := self._asker(track, scene, graph)) is not None
         ]
 

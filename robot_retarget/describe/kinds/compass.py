@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Role, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
@@ -37,6 +37,8 @@ class Compass:
     """Bones as the human's point."""
 
     name: str = "compass"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's directions."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, settled
-from robot_retarget.describe.kinds.kind import AXES, Scene
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, Role, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.soles import CORNER_NAMES
 from robot_retarget.describe.track import HARD, Track, exact
@@ -25,6 +25,8 @@ class Foothold:
     """The corners of every sole."""
 
     name: str = "foothold"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
     tilting: float = 20.0
     """π across the floor of soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
@@ -56,6 +58,14 @@ class Foothold:
             foot, corner = sole.split(" sole ")
             found.append(body.corners(foot)[CORNER_NAMES.index(corner)])
         return ca.vertcat(*found)
+
+    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+        """The places and the grip of the plan."""
+        return replace(track, lower=playback.soles, upper=playback.soles, priority=playback.grip)
+
+    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+        """As in a playback."""
+        return self.played(track, measured, playback)
 
     def coarse(self, track: Track) -> Track:
         """Soles that stand lie on the floor, wherever that is."""

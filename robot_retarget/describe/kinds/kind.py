@@ -1,16 +1,20 @@
-"""What a kind of edge is: a wish on the human, a measure on the robot.
+"""Kinds of edges: targets from the human's motion, a measure on the robot, a role, and the frames that an edge joins.
 
-A new kind is one file with a small class like those beside this one, and one line in `kinds/__init__.py`.
+A kind is one file with one small class, and one line in `kinds/__init__.py`. The solver reads kinds through the protocols
+below: `Symbolic` kinds write their measure in CasADi, `Numeric` kinds evaluate it; bounds and temporal kinds need neither,
+for their measures are joint angles and differences of configurations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import casadi as ca
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.role import FRAME as FRAME
+from robot_retarget.describe.role import Role as Role
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.human.features import HumanFeatures
@@ -22,7 +26,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that a wish may depend on."""
+    """The inputs of a kind's targets."""
 
     human: HumanFeatures
     match: Match
@@ -31,7 +35,7 @@ class Scene:
 
     @property
     def leg(self) -> float:
-        """The robot's leg [m], the length that errors of places are over."""
+        """Length of the robot's leg [m], the scale of errors of places."""
         return self.match.robot_leg
 
 
@@ -40,20 +44,153 @@ class Kind(Protocol):
 
     @property
     def name(self) -> str:
-        """As tables show it."""
+        """In tables and reports."""
+        ...
+
+    @property
+    def role(self) -> Role:
+        """Cost, inequality or bound."""
+        ...
+
+    @property
+    def stencil(self) -> tuple[int, ...]:
+        """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
         ...
 
     def wish(self, scene: Scene) -> Track | None:
-        """What the human asks for over time: ends, intervals, π; None where the bodies have no such edges."""
+        """Ends, intervals and priorities over time; None where the bodies have no such edges."""
         ...
 
+
+@runtime_checkable
+class Symbolic(Protocol):
+    """A kind with a measure of one frame that CasADi differentiates; a cost or an inequality."""
+
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """(E,) what the edges measure on the robot, an expression of its points, axes and joints."""
+        """(E,) values of the edges, an expression of the robot's points, axes and joints."""
+        ...
+
+
+@runtime_checkable
+class Grounded(Protocol):
+    """An inequality that raising the root restores: points over the floor."""
+
+    def depth(self, track: Track, values: Floats) -> float:
+        """How deep the lowest point is under the floor, by the values (E,) of the edges [m]."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The frame before."""
+
+    qpos: Floats
+    """(nq,)."""
+    seconds: float
+    """Time since then [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Rows of the inequalities near their bound at a configuration."""
+
+    slope: Floats
+    """(R, nv) of the distances."""
+    deficit: Floats
+    """(R,) lower bound minus distance [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Values of some edges and their Jacobian by the tangent vector."""
+
+    values: Floats
+    """(R,)."""
+    slope: Floats
+    """(R, nv)."""
+    edges: Sequence[int]
+    """(R,) columns of the track; an edge may have several rows, or none."""
+
+
+class Evaluator(Protocol):
+    """The measure of a `Numeric` cost."""
+
+    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows | None:
+        """Evaluate the edges.
+
+        Args:
+            qpos: (nq,) the configuration.
+            past: the frame before, for a stencil (−1, 0); None at the first frame.
+            contacts: inequality rows at the configuration, None without such kinds.
+
+        Returns:
+            The rows that cost, None without any.
+        """
+        ...
+
+
+@runtime_checkable
+class Projecting(Protocol):
+    """An evaluator whose edges are closed exactly at the end of a descent."""
+
+    def projected(self, qpos: Floats) -> Floats:
+        """The nearby configuration (nq,) that meets the edges."""
+        ...
+
+
+@runtime_checkable
+class Numeric(Protocol):
+    """A cost whose measure CasADi cannot express."""
+
+    def evaluator(self, track: Track, robot: Robot) -> Evaluator:
+        """The measure of a track's edges."""
+        ...
+
+
+class Proximity(Protocol):
+    """Distances of surfaces near each other: the measure of an inequality that one slack relaxes."""
+
+    most: int
+    """Rows at most."""
+    rest: Floats
+    """Per pair of geoms the distance that they may keep [m]."""
+
+    def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distances (C,) [m], slopes (C, nv) and the distance that each pair may keep (C,) [m]."""
+        ...
+
+    def found(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
+        """Distances (C,) [m], geoms (C, 2) and slopes (C, nv)."""
+        ...
+
+    def lacking(self, distance: Floats, rest: Floats) -> Floats:
+        """(C,) lower bound minus distance [m]."""
+        ...
+
+    def foremost(self, distance: Floats, rest: Floats) -> Ints:
+        """Indices of the `most` distances with the least room to their bound."""
+        ...
+
+    def depth(self, qpos: Floats) -> float:
+        """Depth of the deepest overlap [m]."""
+        ...
+
+    def sunk(self, qpos: Floats) -> float:
+        """Depth of the lowest surface under the floor [m]."""
+        ...
+
+
+@runtime_checkable
+class Nearby(Protocol):
+    """An inequality between surfaces, evaluated numerically where they are near."""
+
+    def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Proximity:
+        """The distances of a track's pairs nearer than `reach` [m]."""
         ...
 
 
 class Asking(Protocol):
-    """What edges ask for at T frames: wished values and π, each (T, E) or broadcast to it."""
+    """Targets of edges at T frames: values and π, each (T, E) or broadcast to it."""
 
     @property
     def ends(self) -> Sequence[tuple[str, str]]:
@@ -61,35 +198,80 @@ class Asking(Protocol):
         ...
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
-        """Of a human of T frames."""
+        """The targets for a human of T frames."""
         ...
 
 
 @runtime_checkable
 class Instant(Protocol):
-    """A kind that asks at a frame for what the human of that frame alone tells: a stream asks it frame by frame."""
+    """A kind whose targets at a frame depend on the human of that frame alone: a stream evaluates it frame by frame."""
 
     def edges(self, scene: Scene) -> Asking | None:
-        """What stays the same over time, found once; None where the bodies have no such edges."""
+        """The part that is constant over time; None where the bodies have no such edges."""
         ...
 
 
 def coordinates(kind: Kind, edges: Asking | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
-    """The track of edges that ask for x, y and z of one vector after the other; None where there are none."""
+    """The track of edges with the targets x, y and z of vectors; None where there are none."""
     if edges is None:
         return None
     wished, priority = edges.asked(human)
     return exact(kind, edges.ends, wished, priority, scale, axes=AXES * (len(edges.ends) // len(AXES)))
 
 
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """K frames of a balanced playback: it begins and ends in a stand."""
+
+    share: Floats
+    """(K, 1) share of the human's motion, 0 in the stands."""
+    soles: Floats
+    """(K, F · 4 · 3) places of the sole corners [m]."""
+    grip: Floats
+    """(K, F · 4 · 3) π of these."""
+    standing: float
+    """π of joints as the robot stands [1/rad²]."""
+    upright: float
+    """π of the pelvis in a stand."""
+    height: float
+    """π of the height of the pelvis, over the squared leg."""
+
+
+@runtime_checkable
+class Played(Protocol):
+    """A cost with targets of its own in a balanced playback; other costs fade out towards the stands."""
+
+    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+        """The targets of a track at the K frames of a playback.
+
+        Args:
+            stand: (K, E) values in the stand before, or after, each frame.
+        """
+        ...
+
+
+@runtime_checkable
+class Stood(Protocol):
+    """A cost that shapes a balanced stand; other costs are absent there."""
+
+    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+        """The targets of one frame, from the values (1, E) in the standing pose."""
+        ...
+
+
 @runtime_checkable
 class Renewable(Protocol):
-    """A kind whose δ depends on where the robot goes by itself: it is renewed once, after the coarse path."""
+    """A kind whose targets depend on the robot's own path: they are updated once, after the coarse path."""
 
     def coarse(self, track: Track) -> Track:
-        """What is asked for while that is not known."""
+        """The targets for the coarse path."""
         ...
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
-        """What is asked for when the edges measure (T, E) on the coarse path; its first frames are `fixed`."""
+        """The targets from the measures (T, E) on the coarse path; its first frames are `fixed`."""
         ...
+
+
+def frame_costs(tracks: Iterable[Track]) -> list[Track]:
+    """The tracks of symbolic costs of one frame, which are compiled together."""
+    return [t for t in tracks if t.role is Role.COST and t.stencil == FRAME and isinstance(t.kind, Symbolic)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 
@@ -18,6 +18,8 @@ class Mass:
     """The centre of mass along the floor."""
 
     name: str = "mass"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """Nothing: the human's mass is not known."""

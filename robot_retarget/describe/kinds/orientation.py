@@ -3,13 +3,13 @@
 Two markers on each segment, one ahead of it and one above: their directions  R e  are as the human segment's, r.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import AXES, Scene, coordinates
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, Role, Scene, coordinates
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
@@ -37,6 +37,8 @@ class Orientation:
     """Forward and up of segments."""
 
     name: str = "orientation"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """The human's, of segments that both bodies have."""
@@ -50,6 +52,11 @@ class Orientation:
         weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
         ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
         return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
+
+    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+        """The pelvis as it is turned in the standing pose."""
+        weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
+        return replace(track, lower=measured, upper=measured, priority=weight[None])
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """R e, x y z of one marker after the other."""

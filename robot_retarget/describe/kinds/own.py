@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track
 
@@ -20,6 +20,8 @@ class Own:
 
     ends: tuple[tuple[End, End], ...] = ()
     name: str = "own"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """Nothing: the human does not ask for them."""

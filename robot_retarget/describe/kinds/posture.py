@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
@@ -42,6 +42,8 @@ class Posture:
     """Every two keypoints that no bone joins."""
 
     name: str = "posture"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """δ by the paths of both bodies."""

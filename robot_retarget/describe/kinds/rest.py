@@ -1,11 +1,12 @@
 """Rest: joints as the robot stands, by a little, so that what nothing asks for stays where it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.kinds.kind import FRAME, Playback, Role, Scene
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.robot.kinematics import carrying
@@ -16,6 +17,8 @@ class Rest:
     """Every hinge."""
 
     name: str = "rest"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
         """The standing pose."""
@@ -24,6 +27,17 @@ class Rest:
         weight = np.where(_wrists(scene), w.wrist, w.rest)
         wished = np.broadcast_to(standing, (len(scene.human), len(standing)))
         return exact(self, [(name, "standing pose") for name in robot.joint_names], wished, weight)
+
+    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+        """The stand's angles, held more firmly, outside the human's motion."""
+        inside = playback.share >= 1
+        lower, upper = (np.where(inside, bound, stand) for bound in (track.lower, track.upper))
+        priority = track.priority + (1 - playback.share) * playback.standing
+        return replace(track, lower=lower, upper=upper, priority=priority)
+
+    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+        """Joints as the robot stands."""
+        return replace(track, priority=np.full((1, len(track)), playback.standing))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
         """Angles [rad]."""

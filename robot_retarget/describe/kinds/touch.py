@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.track import Track, exact
@@ -39,6 +39,8 @@ class Touch:
     """Pairs that may touch; π is 0 while they do not."""
 
     name: str = "touch"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
     head: float = 0.22
     knee: float = 0.14
     hand: float = 0.14

@@ -9,7 +9,10 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.wishes import CausalWishes
 from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.temporal import Smoothness
 from robot_retarget.describe.path import carriage_of
+from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import CausalFeatures
@@ -17,8 +20,8 @@ from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.solve.candidates import rooted
-from robot_retarget.solve.clip import smoothness
 from robot_retarget.solve.compiled import Compiled
+from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.lag import FixedLag, Solved
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
@@ -47,15 +50,14 @@ class Follower:
     """One performer and one robot, calibrated."""
 
     def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
-        match, w = graph.match, graph.weights
+        match = graph.match
         self.graph, self.wishes = graph, CausalWishes(graph)
         self.human = CausalFeatures(calibrate(graph.motion, match, graph.human))
         self.carriage = carriage_of(graph.human, match)
         self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
         frames = FrameSolver(self.problem)
-        self.solver = RealTimeSolver(frames, options, w.smooth_root)
-        smooth, inertia = smoothness(graph.robot, w, graph.fps)
-        self.lag = FixedLag(frames, lag, smooth, inertia, Smoothing()) if lag else None
+        self.solver = RealTimeSolver(frames, options)
+        self.lag = FixedLag(frames, lag, *_smoothness(graph), Smoothing()) if lag else None
         self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
         self.asked: Wish | None = None
         self.latest: HumanFeatures | None = None
@@ -99,6 +101,12 @@ class Follower:
     def _asked(self, human: HumanFeatures, qpos: Floats, seconds: float) -> Wish:
         asked = self.wishes.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
         return Wish(*(np.array(each) for each in asked)) if self.lag else Wish(*asked)
+
+
+def _smoothness(graph: Graph) -> tuple[Floats, Floats]:
+    """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
+    scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
+    return difference_weights(graph.robot, [Smoothness().wish(scene)], SECOND_DIFFERENCE)
 
 
 def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:

@@ -41,7 +41,7 @@ class FixedLag:
         """
         self.solver, self.lag, self.robot = solver, lag, solver.robot
         self.weight = smoothing.proximal * inertia
-        self.stiffness = float((smooth / self.weight).max())
+        self.stiffness = smooth / self.weight
         self.waiting: deque[Solved] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 

@@ -12,7 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.describe.role import CAUSAL_DIFFERENCE
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.home import Home
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import Wish
@@ -24,15 +26,10 @@ from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 class RealTimeSolver:
     """A pose that follows what is asked of it; it remembers the pose before and its velocity."""
 
-    def __init__(self, solver: FrameSolver, options: RealTime, root: float):
-        """Follow with one solver.
-
-        Args:
-            root: how much more inert the root is than joints (`Weights.smooth_root`) [-].
-        """
+    def __init__(self, solver: FrameSolver, options: RealTime):
+        """Follow with one solver, whose tracks hold the inertia."""
         self.solver, self.robot, self.options = solver, solver.robot, options
-        self.inertia = np.full(self.robot.model.nv, root)
-        self.inertia[solver.hinges] = 1.0
+        self.inertia, _ = difference_weights(self.robot, solver.problem.tracks, CAUSAL_DIFFERENCE)
         dofs, free = solver.roots, self.robot.floating
         self.root = np.full(len(dofs), options.root_turn)
         self.root[: 3 if free else 0] = options.root_speed

@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import describe
+from robot_retarget.describe.kinds import STREAM_KINDS
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion, Skeleton
@@ -117,7 +118,7 @@ class Stream:
         return self._last
 
     def _calibrated(self, motion: Motion) -> "Follower":
-        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights)
+        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights, kinds=STREAM_KINDS)
         return Follower(graph, self.options, self.lag, self.native)
 
     def _standing(self, time: float) -> StreamPose:

@@ -1,0 +1,40 @@
+"""Floor: the points of the soles stay above the floor."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.track import Track, limit
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The height of every sole point [m], at least 0."""
+
+    name: str = "floor"
+    role: Role = Role.INEQUALITY
+    stencil: tuple[int, ...] = FRAME
+
+    def wish(self, scene: Scene) -> Track | None:
+        """[0, ∞); none of a robot that is bolted to the world."""
+        soles = scene.match.anatomy.soles if scene.robot.root_joints.size else {}
+        ends = [(f"{foot} sole point {k}", "floor") for foot, sole in soles.items() for k in range(len(sole))]
+        return limit(self, ends, 0.0, np.inf, len(scene.human)) if ends else None
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        """Heights [m]."""
+        found = []
+        for name, _ in track.ends:
+            foot, point = name.split(" sole point ")
+            sole = body.match.anatomy.soles[foot]
+            found.append(body.point(int(sole.bodies[int(point)]), sole.offsets[int(point)])[2])
+        return ca.vertcat(*found)
+
+    @staticmethod
+    def depth(track: Track, values: Floats) -> float:
+        """How deep the lowest point is under the floor [m]."""
+        return float((track.lower[0] - values).max(initial=0.0))

@@ -1,0 +1,65 @@
+"""Interaction: the interaction distance of links that near each other stays above their margin, within a horizon.
+
+D is the interaction distance of `dgp.interaction` with its minimum over α = 1 + k, of surfaces that are taken as flat where
+they are nearest: their signed distance d changes by ḋ with every step, and so
+
+    D = min_{0 ≤ k ≤ H} d + k ḋ,    k = H where links near each other, k = 0 where they part,
+
+with (1 + k) times the gradient of d. The deficit of d itself is left to the separation inequality.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.describe.kinds.kind import Contacts, Past, Role, Rows, Scene
+from robot_retarget.describe.role import STEP
+from robot_retarget.describe.track import Track
+from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import difference
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """Margin minus interaction distance, without the deficit of the distance itself [m], at most 0."""
+
+    name: str = "interaction"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = STEP
+    horizon: float = 0.3
+    """Time that the interaction distance looks ahead [s]."""
+
+    def wish(self, scene: Scene) -> Track | None:
+        """One edge for all pairs near each other, of priority `Weights.interaction`."""
+        frames, priority = len(scene.human), scene.weights.interaction
+        if priority == 0:
+            return None
+        lower, upper = np.full((frames, 1), -np.inf), np.zeros((frames, 1))
+        ends = (("links near each other", "a frame before"),)
+        return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, scene.leg))
+
+    def evaluator(self, track: Track, robot: Robot) -> "Approach":
+        """On the rows of separation."""
+        return Approach(robot, self.horizon)
+
+
+class Approach:
+    """Interaction distances from the separation rows at a configuration and the step from the frame before."""
+
+    def __init__(self, robot: Robot, horizon: float):
+        self.robot, self.horizon = robot, horizon
+
+    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows | None:
+        """The pairs that near each other and would pass the margin within the horizon."""
+        if past is None or contacts is None:
+            return None
+        horizon = self.horizon / past.seconds
+        step = difference(self.robot, past.qpos, qpos)
+        ahead = horizon * np.minimum(contacts.slope @ step, 0.0)  # k = H or 0, whichever makes d + k ḋ least
+        value = np.where(ahead < 0, np.maximum(-ahead + np.minimum(contacts.deficit, 0.0), 0.0), 0.0)
+        rows = np.flatnonzero(value)
+        if not rows.size:
+            return None
+        alpha = horizon + (contacts.deficit[rows] < 0)
+        return Rows(value[rows], -alpha[:, None] * contacts.slope[rows], [0] * len(rows))

@@ -1,0 +1,38 @@
+"""Joint range and joint speed: bounds on the hinges."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
+from robot_retarget.describe.role import STEP
+from robot_retarget.describe.track import Track, limit
+
+
+@dataclass(frozen=True)
+class Range:
+    """Angle of every hinge [rad], within the robot's range."""
+
+    name: str = "range"
+    role: Role = Role.BOUND
+    stencil: tuple[int, ...] = FRAME
+
+    def wish(self, scene: Scene) -> Track | None:
+        """[lower, upper] of the robot."""
+        robot = scene.robot
+        return limit(self, [(j, "zero") for j in robot.joint_names], robot.lower, robot.upper, len(scene.human))
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Speed of every hinge from frame to frame [rad/s], within the robot's."""
+
+    name: str = "speed"
+    role: Role = Role.BOUND
+    stencil: tuple[int, ...] = STEP
+
+    def wish(self, scene: Scene) -> Track | None:
+        """[−v, v] of the robot."""
+        robot = scene.robot
+        most = np.asarray(robot.max_speed)
+        return limit(self, [(j, f"{j} a frame before") for j in robot.joint_names], -most, most, len(scene.human))

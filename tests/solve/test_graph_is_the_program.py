@@ -1,0 +1,191 @@
+"""The solver minimises and enforces the edges of the graph, and nothing else; a new kind is one class and one line."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from robot_retarget.arrays import Floats
+from robot_retarget.balance.planter import Planter, PlantOptions
+from robot_retarget.describe.edits import Edit
+from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
+from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, Role, Rows, Scene
+from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.role import SECOND_DIFFERENCE
+from robot_retarget.describe.track import Track, exact
+from robot_retarget.edit.touchup import mended
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.motion import read_motion
+from robot_retarget.robot import Robot, load_robot, world_points
+from robot_retarget.robot.separation import Separation
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.live import stream as stream_module
+from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.solution import Solution
+from robot_retarget.solve.solve import solve_graph
+
+CAUSAL = Smoothing(passes=0)
+
+
+@cache
+def graph(clip: str = "wave", first: int = 40, last: int = 70) -> Graph:
+    return describe(read_motion(SAMPLES / f"{clip}.bvh").frames(first, last), load_robot("op3"))
+
+
+def hinges(solution: Solution) -> Floats:
+    return solution.trajectory.qpos[:, solution.graph.robot.qpos_index]
+
+
+def test_every_track_has_a_role_and_a_stencil_and_is_in_the_table() -> None:
+    assert {track.name for track in graph().tracks} <= {kind.name for kind in KINDS}
+    kinds = {row["kind"] for row in graph().table(3)}
+    assert {"posture", "smoothness", "floor", "separation", "range", "speed"} <= kinds
+    assert all(isinstance(track.role, Role) and 0 in track.stencil for track in graph().tracks)
+
+
+def test_the_margin_of_separation_is_read_from_the_graph() -> None:
+    """Both feet beside each other: as near as the margin of the graph lets them be."""
+    robot, nearest = graph().robot, []
+    surfaces = Separation(robot, 0.1)
+    for margin in (0.002, 0.02):
+        found = solve_graph(graph("hips_and_bow", 30, 60).with_bounds("separation", lower=margin), smoothing=CAUSAL)
+        rest_free = [d[rest > margin] for d, _, rest in map(surfaces.near, found.trajectory.qpos)]
+        nearest.append(min(d.min(initial=np.inf) for d in rest_free))
+    assert nearest[0] < 0.012 and nearest[1] > 0.015
+
+
+def test_a_share_of_the_joint_speeds_and_a_narrower_range_are_read_from_the_graph() -> None:
+    slow = graph().with_bounds("speed", factor=0.25).with_bounds(("l_el", "zero"), lower=0.2)
+    found, robot = solve_graph(slow), slow.robot
+    speed = np.abs(np.diff(hinges(found), axis=0)) * slow.fps
+    assert (speed <= 0.25 * robot.max_speed + 1e-6).all() and speed.max() > 0.2 * robot.max_speed.min()
+    assert hinges(found)[:, robot.joint_names.index("l_el")].min() >= 0.2 - 1e-9
+
+
+def test_smoothness_is_weighed_and_dropped_like_any_other_kind() -> None:
+    graphs = graph().with_priority("smoothness", 10), graph(), graph().without("smoothness")
+    bends = [float(np.abs(np.diff(hinges(solve_graph(each)), n=2, axis=0)).mean()) for each in graphs]
+    assert bends[0] < bends[1] < bends[2]
+    assert "smoothness" not in solve_graph(graph().without("smoothness"), smoothing=CAUSAL).stress
+
+
+def test_without_separation_and_floor_there_are_no_such_rows() -> None:
+    found = solve_graph(graph().without("separation").without("floor"), smoothing=CAUSAL)
+    assert not {"separation", "floor"} & found.graph.kinds.keys() and "separation" not in found.stress
+
+
+def test_balance_shows_the_margins_and_knees_that_it_uses() -> None:
+    planted, options = Planter(graph()).graph, PlantOptions()
+    margins = planted.kinds["separation"].lower[0] / planted.match.robot_leg
+    assert set(np.round(margins, 6)) == {options.margin, options.legs_margin}
+    knee = [name for name, _ in planted.kinds["range"].ends].index("l_knee")
+    bounds = planted.kinds["range"].lower[0, knee], planted.kinds["range"].upper[0, knee]
+    assert min(abs(bound) for bound in bounds) == pytest.approx(options.bent)
+
+
+@dataclass(frozen=True)
+class Nod:
+    """A new kind: the head over the floor, as high as the human's over the leg."""
+
+    name: str = "nod"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+
+    def wish(self, scene: Scene) -> Track | None:
+        edges = self.edges(scene)
+        heights, priority = edges.asked(scene.human)
+        return exact(self, edges.ends, heights, priority, scene.leg)
+
+    def edges(self, scene: Scene) -> "_Heights":
+        return _Heights([("head", "floor")], scene.match.index("head"), 0.5 * scene.match.leg_ratio)
+
+    def measure(self, track: Track, body: Measured) -> ca.SX:
+        return body.keypoint("head")[2]
+
+
+@dataclass(frozen=True)
+class _Heights:
+    ends: list[tuple[str, str]]
+    head: int
+    ratio: float
+
+    def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
+        return self.ratio * human.positions[:, self.head, 2:], 300.0
+
+
+@dataclass(frozen=True)
+class Elbow:
+    """A new kind that CasADi does not see: the left elbow at one radian."""
+
+    name: str = "elbow"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+
+    def wish(self, scene: Scene) -> Track | None:
+        return exact(self, [("l_el", "one radian")], np.ones((len(scene.human), 1)), 100.0)
+
+    def evaluator(self, track: Track, robot: Robot) -> "_Angle":
+        return _Angle(robot, robot.joint_names.index(track.ends[0][0]))
+
+
+@dataclass(frozen=True)
+class _Angle:
+    robot: Robot
+    hinge: int
+
+    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows:
+        slope = np.zeros((1, self.robot.model.nv))
+        slope[0, self.robot.dof_index[self.hinge]] = 1.0
+        return Rows(qpos[[self.robot.qpos_index[self.hinge]]], slope, [0])
+
+
+def head_height(of: Graph, qpos: Floats) -> Floats:
+    return world_points(of.robot, of.match.points, np.atleast_2d(qpos))[:, of.match.index("head"), 2]
+
+
+def with_new_kinds() -> Graph:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(40, 70), load_robot("op3")
+    return describe(motion, robot, kinds=(*KINDS, Nod(), Elbow()))
+
+
+@pytest.mark.parametrize("smoothing", [CAUSAL, Smoothing()], ids=["frame by frame", "whole clip"])
+def test_new_kinds_work_in_clips_and_reports(smoothing: Smoothing) -> None:
+    new = with_new_kinds()
+    found = solve_graph(new, smoothing=smoothing)
+    elbow = hinges(found)[:, new.robot.joint_names.index("l_el")]
+    assert np.abs(elbow - 1).mean() < 0.05
+    assert (
+        head_height(new, found.trajectory.qpos) < head_height(new, solve_graph(graph()).trajectory.qpos) - 0.02
+    ).all()
+    assert {"nod", "elbow"} <= found.stress.keys() and np.allclose(found.cost, sum(found.stress.values()))
+    dropped = new.with_priority("nod", 0.0).without("elbow")
+    assert "elbow" not in solve_graph(dropped, smoothing=CAUSAL).stress
+
+
+def test_a_new_kind_works_in_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion, heights = read_motion(SAMPLES / "wave.bvh").frames(40, 60), []
+    for kinds in (STREAM_KINDS, (*STREAM_KINDS, Nod())):
+        monkeypatch.setattr(stream_module, "STREAM_KINDS", kinds)
+        poses = list(stream_module.stream(load_robot("op3"), motion, native=False))
+        heights.append(head_height(graph(), poses[-1])[0])
+    assert heights[1] < heights[0] - 0.02
+
+
+def test_a_new_kind_works_in_balance_and_touch_up() -> None:
+    new = with_new_kinds()
+    planter = Planter(new)
+    assert planter.solver.problem.values(new.robot.standing()).shape == (sum(map(len, new.costs)) + 2,)
+    solved = solve_graph(new, smoothing=CAUSAL).trajectory
+    edit = Edit("edge", {"a": "r_hand", "b": "head", "at": 0.2, "frames": [12, 14]})
+    done = mended(new, solved, edit)
+    elbow = done.trajectory.qpos[:, new.robot.qpos_index[new.robot.joint_names.index("l_el")]]
+    assert np.abs(elbow - 1).mean() < 0.05
+
+
+def test_the_temporal_cost_of_a_stream_is_a_kind_too() -> None:
+    motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 20), load_robot("op3")
+    tracks = describe(motion, robot, kinds=STREAM_KINDS).kinds
+    assert "inertia" in tracks and not any(track.stencil == SECOND_DIFFERENCE for track in tracks.values())
