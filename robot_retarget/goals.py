@@ -9,6 +9,8 @@ import numpy as np
 from robot_retarget.archive import Field
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
+from robot_retarget.feedback.law import FIELDS as FEEDBACK_FIELDS
+from robot_retarget.feedback.law import Feedback, read_feedback
 
 RATE = 125.0
 """Goals a second, unless told otherwise [1/s]."""
@@ -21,6 +23,8 @@ FIELDS = {
 }
 """Of the trajectory file."""
 KEYS = tuple(FIELDS)
+FILE_FIELDS = FIELDS | FEEDBACK_FIELDS
+"""Those of goals and of their feedback."""
 LARGEST_ANGLE = 100.0
 """An angle of a joint beyond it, sixteen turns, is a mistake [rad]."""
 BOUNDS = {"rate": (1.0, 1000.0), "lead_in": (0.0, 60.0), "lead_out": (0.0, 60.0)}
@@ -41,6 +45,8 @@ class Goals:
     """From the trajectory's last frame to the last row [s]."""
     servos: str = ""
     """The servo map they are for (`ServoMap.fingerprint`); empty for the model's own actuators."""
+    feedback: Feedback | None = None
+    """How an inertial sensor's readings alter them, or None for open-loop playback."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", frozen(self.angles))
@@ -52,6 +58,12 @@ class Goals:
             object.__setattr__(self, name, value)
             if not low <= value <= high:
                 raise TrajectoryError(f"goals_{name} must be in {low:g} … {high:g}, got {value:g}")
+        if self.feedback is not None and self.feedback.reference.shape[0] != len(self.angles):
+            raise TrajectoryError(f"feedback_reference has {len(self.feedback.reference)} rows, goals {len(self)}")
+        if self.feedback is not None and len(self.feedback.lower) != self.angles.shape[1]:
+            raise TrajectoryError(
+                f"the feedback is for {len(self.feedback.lower)} joints, goals {self.angles.shape[1]}"
+            )
 
     def __len__(self) -> int:
         return len(self.angles)
@@ -69,7 +81,7 @@ class Goals:
     def arrays(self) -> dict[str, Any]:
         """The keys of the trajectory file."""
         values = self.angles, self.rate, self.lead_in, self.lead_out, self.servos
-        return dict(zip(KEYS, values, strict=True))
+        return dict(zip(KEYS, values, strict=True)) | (self.feedback.arrays() if self.feedback else {})
 
 
 def require_angles(what: str, row: str, angles: Floats, first: int = 0) -> None:
@@ -104,4 +116,4 @@ def read_goals(values: Mapping[str, Any]) -> Goals | None:
     if len(there) < len(KEYS):
         raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
     angles, rate, lead_in, lead_out, servos = (values[key] for key in KEYS)
-    return Goals(angles, float(rate), float(lead_in), float(lead_out), str(servos))
+    return Goals(angles, float(rate), float(lead_in), float(lead_out), str(servos), read_feedback(values))

@@ -12,7 +12,7 @@ from robot_retarget.archive import Field, read_fields
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
-from robot_retarget.goals import FIELDS as GOAL_FIELDS
+from robot_retarget.goals import FILE_FIELDS as GOAL_FIELDS
 from robot_retarget.goals import Goals, read_goals, require_angles
 from robot_retarget.notebook import card, frame
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from robot_retarget.documents import parse_toml, read_text
 from robot_retarget.errors import ServoError, known
+from robot_retarget.feedback.tables import Balance, Imu
 from robot_retarget.servo.bounds import Bounds, MapError, require_bounds, within
 from robot_retarget.servo.tables import BAUDS, CENTRE, LAST_POSITION, TICKS_PER_TURN, Model, model_named
 from robot_retarget.shipped import MODELS as SHIPPED
@@ -144,6 +145,10 @@ class ServoMap:
     stop: Stop = field(default_factory=Stop)
     passive: tuple[str, ...] = ()
     """Joints of the robot that no servo turns: springs, rods, the far side of gears."""
+    imu: Imu | None = None
+    """The inertial sensor, where the robot has one."""
+    balance: Balance | None = None
+    """Gains that turn its readings into goals."""
 
     def __post_init__(self) -> None:
         if not self.servos:
@@ -166,6 +171,18 @@ class ServoMap:
                 )
             servo = self[joint]
             Bounds(servo.lower, servo.upper, "rad").require(f"[stop] pose of {joint}", angle, "stop", "pose", joint)
+        self._require_sensor()
+
+    def _require_sensor(self) -> None:
+        """The sensor and its gains are of this map."""
+        if self.balance is not None and self.imu is None:
+            raise MapError("[balance] needs an [imu]", "balance")
+        strange = [joint for joint in (self.balance.joints if self.balance else ()) if joint not in self.joints]
+        if strange:
+            message = f"[balance] names {strange[0]!r}, which has no servo; {known(self.joints)}"
+            raise MapError(message, "balance", "joints", strange[0])
+        if self.imu is not None and self.imu.kind == "opencr" and self.imu.id in self.ids:
+            raise MapError(f"[imu] has the id {self.imu.id} of a servo", "imu", "id")
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -225,6 +242,14 @@ def dump_map(servo_map: ServoMap) -> str:
         lines += [f"passive = [{', '.join(map(_toml, servo_map.passive))}]"]
     lines += ["", "[limits]"]
     lines += [f"{f.name} = {getattr(servo_map.limits, f.name)!r}" for f in fields(Limits)]
+    if servo_map.imu is not None:
+        lines += ["", "[imu]", *(f"{f.name} = {_toml(getattr(servo_map.imu, f.name))}" for f in fields(Imu))]
+    if servo_map.balance is not None:
+        lines += ["", "[balance]"]
+        lines += [f"{f.name} = {getattr(servo_map.balance, f.name)!r}" for f in fields(Balance) if f.name != "joints"]
+        gains = servo_map.balance.joints.items()
+        lines += ["", "[balance.joints]"]
+        lines += [f'"{joint}" = {{ rate = {gain.rate!r}, tilt = {gain.tilt!r} }}' for joint, gain in gains]
     if servo_map.stop.pose:
         lines += ["", "[stop.pose]", *(f'"{joint}" = {angle!r}' for joint, angle in servo_map.stop.pose.items())]
     for servo in servo_map.servos:
@@ -234,7 +259,7 @@ def dump_map(servo_map: ServoMap) -> str:
 
 
 def _from_table(table: dict[str, Any]) -> ServoMap:
-    _only(table, {"robot", "baud", "passive", "limits", "stop", "servo"}, "the map")
+    _only(table, {"robot", "baud", "passive", "limits", "stop", "servo", "imu", "balance"}, "the map")
     passive = table.get("passive", [])
     if not (isinstance(passive, list) and all(isinstance(joint, str) for joint in passive)):
         raise MapError(f"the map: passive cannot be {passive!r}, it is a list of joints", "passive")
@@ -247,7 +272,13 @@ def _from_table(table: dict[str, Any]) -> ServoMap:
     ]
     limits = _build(Limits, _dict(table.get("limits", {}), "limits"), "[limits]", "limits")
     stop = _build(Stop, _dict(table.get("stop", {}), "stop"), "[stop]", "stop")
-    return ServoMap(robot, tuple(servos), table.get("baud", 1_000_000), limits, stop, tuple(passive))
+    imu, balance = (_optional(kind, table, name) for kind, name in ((Imu, "imu"), (Balance, "balance")))
+    return ServoMap(robot, tuple(servos), table.get("baud", 1_000_000), limits, stop, tuple(passive), imu, balance)
+
+
+def _optional(kind: Any, table: dict[str, Any], name: str) -> Any:
+    """A dataclass from a table of the map, or None where the map has none of that name."""
+    return _build(kind, _dict(table[name], name), f"[{name}]", name) if name in table else None
 
 
 def _build(kind: Any, values: dict[str, Any], what: str, *key: str) -> Any:
@@ -255,7 +286,7 @@ def _build(kind: Any, values: dict[str, Any], what: str, *key: str) -> Any:
     types = {f.name: f.type for f in fields(kind)}
     _only(values, set(types), what, *key)
     for name, value in values.items():
-        wanted = {"int": (int,), "float": (int, float), "str": (str,)}.get(
+        wanted = {"int": (int,), "float": (int, float), "str": (str,), "tuple": (list,)}.get(
             getattr(types[name], "__name__", ""), (dict,)
         )
         if not isinstance(value, wanted) or isinstance(value, bool):
@@ -281,4 +312,6 @@ def _dict(value: Any, *key: str) -> dict[str, Any]:
 
 
 def _toml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
     return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -26,6 +26,8 @@ class Draw:
     roll: float = 0.0
     pitch: float = 0.0
     """The floor's tilt about x and y [rad]."""
+    seed: int = 0
+    """Of the inertial sensor's noise and bias."""
 
 
 class Spread(NamedTuple):
@@ -43,7 +45,8 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
     spread = spread or Spread()
     bounds = np.array([spread.mass, spread.friction, spread.stiffness, spread.delay, spread.tilt, spread.tilt])
     shares = np.random.default_rng(seed).random((count, len(bounds)))
-    return tuple(Draw(*row) for row in (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist())
+    rows = (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist()
+    return tuple(Draw(*row, seed=k) for k, row in enumerate(rows))
 
 
 def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback]:
@@ -58,7 +61,8 @@ def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback
     model.actuator_biasprm[:, :2] *= draw.stiffness
     model.opt.gravity[:] = _tilted(plant.model.opt.gravity, draw.roll, draw.pitch)
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    return replace(plant, model=model), playback if draw.delay is None else replace(playback, delay=draw.delay)
+    delay = playback.delay if draw.delay is None else draw.delay
+    return replace(plant, model=model), replace(playback, delay=delay, seed=draw.seed)
 
 
 def _tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:

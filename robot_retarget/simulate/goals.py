@@ -25,6 +25,8 @@ class Playback:
     """The first pose is held this long before the trajectory begins [s]."""
     settle_after: float = 1.0
     """The last pose is held this long after it ends [s]."""
+    seed: int = 0
+    """Of the inertial sensor's noise and bias."""
 
     def __post_init__(self) -> None:
         for name, low in (("rate", 1.0), ("delay", 0.0), ("settle_before", 0.0), ("settle_after", 0.0)):

@@ -16,6 +16,7 @@ from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
 from robot_retarget.report_file import FORMAT_VERSION, sealed
 from robot_retarget.simulate.contacts import Contacts
+from robot_retarget.simulate.feedback_figures import feedback_figures
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.figures import (
     Tracking,
@@ -179,6 +180,7 @@ def build_report(
         **goal_figures(trajectory, plant, rollout, until),
         **rollout_figures(rollout, robot, until),
         **fall,
+        **feedback_figures(rollout, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),
         **(played.likeness.figures() if played.likeness else {}),

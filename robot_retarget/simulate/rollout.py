@@ -18,6 +18,7 @@ from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.domain import draws as drawn_worlds
+from robot_retarget.simulate.feedback import has_feedback, with_feedback
 from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.judges import NOMINAL, harshest, judges, trial_figures, tried
@@ -47,6 +48,7 @@ def simulate(
     warnings: Warnings | None = None,
     likeness: Likeness | None = None,
     draws: int = 0,
+    feedback: bool | None = False,
     progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -71,10 +73,12 @@ def simulate(
 
         likeness: to the human's motion; the report then says in what it is unlike.
         draws: in mode `free`, so many drawn worlds are tried as well (`domain.draws`), if it stays up in this one.
+        feedback: judge goals together with the balance feedback of the robot's servo map (mode `free`); None for where the map
+            has a sensor.
         progress: told (steps done, steps in all), a step for each time that it is played.
 
     Raises:
-        UsageError: an unknown mode, or `free` for a robot without a free root.
+        UsageError: an unknown mode, `free` for a robot without a free root, or feedback without a sensor in the map.
         TrajectoryError: the file cannot be read, or is of another robot.
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
@@ -83,6 +87,8 @@ def simulate(
     plant, count = plant_of(robot, mode, drives), Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
     goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
+    if _closes(plant, mode, feedback):
+        goals = with_feedback(plant, played, goals)
     count.one(COMPENSATION)
     told = replace(played, goals=goals)
     trials = tried(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
@@ -98,6 +104,19 @@ def simulate(
 def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:
     """The trajectory itself as goals, in any mode."""
     return plain_goals(plant, trajectory, playback)
+
+
+def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
+    """Whether feedback acts.
+
+    Raises:
+        UsageError: it is asked for and cannot be had.
+    """
+    able = mode == "free" and has_feedback(plant)
+    if feedback and not able:
+        why = "only mode 'free' has balance" if mode != "free" else "the robot's servo map has no [imu] and [balance]"
+        raise UsageError(f"no feedback: {why}")
+    return able if feedback is None else feedback
 
 
 def _fallen(

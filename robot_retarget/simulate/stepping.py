@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.simulate.contacts import ContactLog, Contacts
+from robot_retarget.simulate.feedback import ClosedLoop
 from robot_retarget.simulate.goals import Playback, plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
 from robot_retarget.trajectory import Trajectory
@@ -49,6 +50,10 @@ class Rollout:
     """When the simulation broke down [s], or None."""
     steps_per_second: float
     """Of physics."""
+    added: Floats | None = None
+    """(N, n) what the feedback added to the goals [rad]; None without feedback."""
+    stopped: float | None = None
+    """When the feedback gave up on a lean and let the robot crouch [s], or None."""
 
 
 def roll_out(
@@ -62,7 +67,8 @@ def roll_out(
 
     Args:
         playback: its delay counts, and where no goals are given its rate and settling.
-        command: what the servos are told (`compensate.compensated`); by default the trajectory as it is.
+        command: what the servos are told (`compensate.compensated`); by default the trajectory as it is. Its feedback acts in
+            mode `free`.
     """
     playback = playback or Playback()
     model, robot = plant.model, plant.robot
@@ -77,14 +83,26 @@ def roll_out(
     if mode == "pinned":
         roots = root_coordinates(robot)
         carried = roots, root_dofs(robot), sample(trajectory, robot, times)[:, roots]
+    loop = _closed(plant, goals, playback) if mode == "free" else None
     log = _Log(model, robot, len(times))
     began = time.perf_counter()
     with _quiet():
         late = round(playback.delay / model.opt.timestep)
-        done = _steps(model, data, plant.controls(goals.angles), (late, nsub), carried, log)
+        done = _steps(model, data, plant.controls(goals.angles), (late, nsub), carried, log, loop)
     pace = nsub * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
-    return log.rollout(times[:done] + dt, unstable, pace)
+    rollout = log.rollout(times[:done] + dt, unstable, pace)
+    if loop is None:
+        return rollout
+    stopped = None if loop.stopped is None else float(times[loop.stopped])
+    return replace(rollout, added=loop.added[:done], stopped=stopped)
+
+
+def _closed(plant: Plant, goals: Goals, playback: Playback) -> ClosedLoop | None:
+    """The loop of goals that have feedback."""
+    if goals.feedback is None or plant.servo_map is None or plant.servo_map.imu is None:
+        return None
+    return ClosedLoop(plant, goals, plant.servo_map.imu, playback.seed)
 
 
 def _steps(
@@ -94,6 +112,7 @@ def _steps(
     steps: tuple[int, int],
     carried: tuple[Ints, Ints, Floats] | None,
     log: "_Log",
+    loop: ClosedLoop | None = None,
 ) -> int:
     """The plain loop; how many controls it came through before it broke down.
 
@@ -104,6 +123,8 @@ def _steps(
     for k in range(len(controls)):
         if carried is not None:
             data.qpos[carried[0]], data.qvel[carried[1]] = carried[2][k], 0.0
+        if loop is not None:
+            controls[k] = loop.controls(k, data)
         if rest:
             data.ctrl[:] = controls[max(k - whole - 1, 0)]
             mujoco.mj_step(model, data, rest)

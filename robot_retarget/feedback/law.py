@@ -1,0 +1,154 @@
+"""The feedback law: goals lean against what the trunk leans more, and turns faster, than the plan says.
+
+    e_θ = θ − θ*,   e_ω = ω − ω*                            roll and pitch of the root body, measured less planned
+    d   = clip(s (K_ω e_ω + K_θ e_θ), ±bound)               s fades in at the start and out on a sensor's fault
+    u   = q* + d                                            d no faster than `speed`, u inside range and top speed
+
+The reference θ*, ω* is that of the row the reading is from: `lag` rows ago.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.archive import Field
+from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.feedback.fusion import Fusion
+from robot_retarget.feedback.reading import Reading
+
+PREFIX = "feedback_"
+"""Of the keys in the trajectory file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """Everything the law needs besides readings; kept with the goals that were judged."""
+
+    rate: Floats
+    """(n, 2) added angle of each joint per excess speed in roll and pitch [s]."""
+    tilt: Floats
+    """(n, 2) added angle per excess tilt."""
+    lower: Floats
+    upper: Floats
+    """(n,) the range of goals [rad]."""
+    reference: Floats
+    """(N, 4) planned roll, pitch [rad] and their speeds [rad/s], a row for each goal."""
+    bound: float
+    """[rad]."""
+    speed: float
+    """Of what is added [rad/s]."""
+    top_speed: float
+    """Of a goal [rad/s]."""
+    lag: int
+    """Rows by which a reading comes late."""
+    fusion: float
+    """[s]; see `Fusion`."""
+    fade: float
+    """[s]."""
+    stop: Floats
+    """(2,) excess roll and pitch beyond which the robot is falling [rad]."""
+    crouch: Floats
+    """(n,) the goals in which a falling robot stops [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in SHAPES:
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        sizes = {"n": len(self.lower), "N": len(self.reference)}
+        for name, letters in SHAPES.items():
+            value, shape = getattr(self, name), tuple(sizes.get(str(size), size) for size in letters)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise TrajectoryError(f"{PREFIX}{name} must be finite numbers of shape {shape}, got {value.shape}")
+
+    def of(self, order: Ints | list[int]) -> "Feedback":
+        """The same for other joints, by their places."""
+        names = ("rate", "tilt", "lower", "upper", "crouch")
+        return replace(self, **{name: getattr(self, name)[order] for name in names})
+
+    def arrays(self) -> dict[str, Any]:
+        """The keys of the trajectory file."""
+        return {PREFIX + field.name: getattr(self, field.name) for field in fields(self)}
+
+
+SHAPES: dict[str, tuple[int | str, ...]] = {
+    "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",),
+    "reference": ("N", 4), "stop": (2,),
+}  # fmt: skip
+"""Of the arrays: N goals of n joints."""
+FIELDS = {
+    PREFIX + field.name: Field("number", SHAPES.get(field.name, ()), required=False) for field in fields(Feedback)
+}
+"""Of the trajectory file."""
+KEYS = tuple(FIELDS)
+
+
+def read_feedback(values: Mapping[str, Any]) -> Feedback | None:
+    """The feedback among the keys of a trajectory file, or None where it has none.
+
+    Raises:
+        TrajectoryError: a key is missing, or the numbers are not as they must be.
+    """
+    there = [key for key in KEYS if key in values]
+    if not there:
+        return None
+    if len(there) < len(KEYS):
+        raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
+    found = {key.removeprefix(PREFIX): np.asarray(values[key], dtype=float) for key in KEYS}
+    plain: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in found.items()}
+    return Feedback(**plain | {"lag": int(plain["lag"])})
+
+
+class Law:
+    """The state of one playback.
+
+    Args:
+        feedback: gains, bounds and the planned tilt.
+        dt: between two ticks [s].
+    """
+
+    def __init__(self, feedback: Feedback, dt: float) -> None:
+        self.feedback, self._dt = feedback, dt
+        self._fusion = Fusion(feedback.fusion)
+        self._share, self._goal = 0.0, np.zeros(0)
+        self.added = np.zeros(len(feedback.lower))
+        """(n,) what the law last wanted added [rad]."""
+        self.excess = np.zeros(4)
+        """Roll, pitch [rad] and their speeds [rad/s], measured less planned."""
+        self.trusted = True
+        """Whether readings may act; once they may not, additions fade out."""
+        self.stopped = False
+        """Whether the robot leaned beyond where feedback helps; from then on it goes to its crouch."""
+
+    def step(self, row: int, plan: Floats, reading: Reading | None) -> Floats:
+        """The goals (n,) [rad] to send for planned ones; without a reading what was added stays as it is."""
+        if reading is not None:
+            self._measure(row, reading)
+        if reading is not None or not self.trusted:
+            self._add()
+        if self.stopped:
+            return self._within(self.feedback.crouch, self.feedback.speed)
+        return self._within(plan + self.added, self.feedback.top_speed)
+
+    def _measure(self, row: int, reading: Reading) -> None:
+        tilt = self._fusion.step(reading, self._dt)
+        reference = self.feedback.reference
+        planned = reference[min(max(row - self.feedback.lag, 0), len(reference) - 1)]
+        self.excess = np.concatenate([tilt, reading.gyro[:2]]) - planned
+        self.stopped |= self.trusted and bool((np.abs(self.excess[:2]) > self.feedback.stop).any())
+
+    def _add(self) -> None:
+        f, step = self.feedback, self._dt / self.feedback.fade
+        self._share = min(1.0, self._share + step) if self.trusted else max(0.0, self._share - step)
+        wanted = self._share * np.clip(f.tilt @ self.excess[:2] + f.rate @ self.excess[2:], -f.bound, f.bound)
+        reach = f.speed * self._dt
+        self.added = self.added + np.clip(wanted - self.added, -reach, reach)
+
+    def _within(self, goal: Floats, speed: float) -> Floats:
+        f = self.feedback
+        if self._goal.size:
+            reach = speed * self._dt
+            goal = np.clip(goal, self._goal - reach, self._goal + reach)
+        self._goal = np.clip(goal, f.lower, f.upper)
+        return self._goal

@@ -1,0 +1,116 @@
+"""The tables `[imu]` and `[balance]` of a servo map: the inertial sensor, and the gains that turn its readings into goals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.servo.bounds import MapError, require_bounds, within
+
+STANDARD_GRAVITY = 9.80665
+"""[m/s²]."""
+KINDS = ("opencr", "lines")
+"""How a sensor is read: over the servos' bus as OpenCR answers it, or as lines of text on a port of its own."""
+
+
+@dataclass(frozen=True)
+class Imu:
+    """An inertial sensor that is fixed to the robot's root body.
+
+    Defaults are the data sheet of the MPU-9250 on ROBOTIS's OpenCR; the accelerometer's bias is what calibration leaves.
+    """
+
+    kind: str = "opencr"
+    id: int = field(default=200, metadata=within(0, 252))
+    """On the servos' bus."""
+    port: str = ""
+    """Of a sensor that is not on the servos' bus."""
+    baud: int = field(default=115200, metadata=within(1200, 4_000_000, "baud"))
+    """Of that port."""
+    axes: tuple[str, ...] = ("x", "y", "z")
+    """Mounting: the sensor's axes that point along the root body's x, y and z, such as `-x`."""
+    delay: float = field(default=0.008, metadata=within(0, 0.1, "s"))
+    """Between a motion and its reading [s]."""
+    gyro_noise: float = field(default=0.002, metadata=within(0, 1, "rad/s"))
+    """Standard deviation [rad/s]."""
+    gyro_bias: float = field(default=0.087, metadata=within(0, 1, "rad/s"))
+    """Largest reading at rest [rad/s]."""
+    gyro_range: float = field(default=34.9, metadata=within(0.1, 100, "rad/s"))
+    """Readings saturate here [rad/s]."""
+    accel_noise: float = field(default=0.08, metadata=within(0, 10, "m/s²"))
+    """Standard deviation [m/s²]."""
+    accel_bias: float = field(default=0.1, metadata=within(0, 10, "m/s²"))
+    """Largest error at rest [m/s²]."""
+    accel_range: float = field(default=2 * STANDARD_GRAVITY, metadata=within(5, 1000, "m/s²"))
+    """Readings saturate here [m/s²]."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self, "imu: ")
+        object.__setattr__(self, "axes", tuple(self.axes))
+        if self.kind not in KINDS:
+            raise MapError(f"imu: no kind {self.kind!r}; it has {', '.join(KINDS)}", "kind")
+        if self.kind == "lines" and not self.port:
+            raise MapError("imu: kind 'lines' needs a port", "kind")
+        letters = [axis.lstrip("-") if isinstance(axis, str) else "" for axis in self.axes]
+        if sorted(letters) != ["x", "y", "z"] or any(axis.count("-") > 1 for axis in self.axes):
+            raise MapError(f"imu: axes {list(self.axes)!r} are not x, y and z, each once and with or without -", "axes")
+        if np.linalg.det(self.mounting) < 0:
+            raise MapError(f"imu: axes {list(self.axes)!r} are a mirror image of the sensor: flip one sign", "axes")
+
+    @property
+    def mounting(self) -> Floats:
+        """(3, 3) that turns the sensor's readings into the root body's axes."""
+        rows = np.zeros((3, 3))
+        for row, axis in zip(rows, self.axes, strict=True):
+            row["xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+        return rows
+
+
+@dataclass(frozen=True)
+class JointGain:
+    """How one joint answers a lean; positive gains turn the trunk upright about a foot that stands."""
+
+    rate: float = field(default=0.0, metadata=within(-1, 1, "s"))
+    """Added angle per excess speed of the trunk [s]."""
+    tilt: float = field(default=0.0, metadata=within(-5, 5))
+    """Added angle per excess tilt of the trunk."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Gains and bounds of the feedback. A gain of 0 switches its part off."""
+
+    joints: Mapping[str, JointGain] = field(default_factory=dict)
+    """By joint."""
+    bound: float = field(default=0.2, metadata=within(0, 1, "rad"))
+    """The feedback adds at most so much to a goal [rad] ..."""
+    speed: float = field(default=3.0, metadata=within(0.05, 20, "rad/s"))
+    """... and changes what it adds no faster than this [rad/s]."""
+    fusion: float = field(default=1.0, metadata=within(0.05, 60, "s"))
+    """Time constant with which the accelerometer corrects the tilt that the gyroscope gives [s]."""
+    fade: float = field(default=0.3, metadata=within(0.01, 5, "s"))
+    """Additions fade in at the start, and out when the sensor is at fault, over so long [s]."""
+    stop_roll: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
+    stop_pitch: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
+    """Beyond so much excess tilt the robot is falling: it crouches and stops [rad]."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self, "balance: ")
+        joints = {joint: _gain(joint, entry) for joint, entry in dict(self.joints).items()}
+        object.__setattr__(self, "joints", joints)
+
+
+def _gain(joint: str, entry: Any) -> JointGain:
+    if isinstance(entry, JointGain):
+        return entry
+    if not isinstance(entry, dict) or set(entry) - {"rate", "tilt"}:
+        raise MapError(f"balance: {joint} cannot be {entry!r}; it is {{rate = …, tilt = …}}", "joints", joint)
+    try:
+        return JointGain(**entry)
+    except MapError as error:
+        raise MapError(f"balance: {joint}: {error}", "joints", joint) from None
