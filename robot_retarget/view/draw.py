@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 from robot_retarget.arrays import Floats
 from robot_retarget.view import human
 from robot_retarget.view.picture import Pixels
-from robot_retarget.view.staging import ELEVATION, FIELD_OF_VIEW, LINK, METAL, Colour, Staging, geom_corners, visible
+from robot_retarget.view.staging import FIELD_OF_VIEW, LINK, METAL, Colour, Staging, camera_axes, geom_corners, visible
 
 PAPER = (247, 249, 252)
 GROUND = (228, 232, 237)
@@ -54,12 +54,10 @@ class Sketch:
     def _project(self, points: Floats, k: int) -> tuple[Floats, Floats]:
         """Pixels (…, 2) and depths (…) [m] of world points (…, 3), as a camera at the staging's place sees them."""
         staging = self._staging
-        turn, tilt = np.radians(staging.azimuth), np.radians(ELEVATION)
-        ahead = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
-        up = np.cross(staging.right, ahead)
+        right, up, ahead = camera_axes(staging.azimuth)
         seen = points - (staging.targets[k] - staging.distance * ahead)
         depth = np.maximum(seen @ ahead, 0.05 * staging.distance)
-        flat = np.stack([seen @ staging.right, -(seen @ up)], -1) * (self._scale / depth)[..., None]
+        flat = np.stack([seen @ right, -(seen @ up)], -1) * (self._scale / depth)[..., None]
         return flat + np.array(self._size) / 2, depth
 
     def _ground(self, pen: ImageDraw.ImageDraw, k: int) -> None:

@@ -104,7 +104,8 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     tall = max(corners[..., 2].max() - floor, figure[..., 2].max(initial=0.0) + 2 * FLESH * height, height)
     way = _at(path, times, trajectory.duration) + np.array([0, 0, floor])
     aspect = float(np.clip(width / tall, *ROOMINESS))
-    size, deep = max(tall, width / aspect), max(np.abs(moved).max(), np.abs(figure).max(initial=0.0))
+    seen = np.concatenate([moved.reshape(-1, 3), (figure + human_at * right).reshape(-1, 3)])
+    middle = camera * right + [0, 0, tall / 2]
     return Staging(
         robot=robot,
         times=times,
@@ -112,9 +113,9 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
         human=_at(figure, times, trajectory.duration) + (way + human_at * right)[:, None],
         bones=pairs,
         aside=human_at,
-        targets=way + camera * right + [0, 0, tall / 2],
+        targets=way + middle,
         azimuth=azimuth,
-        distance=float(MARGIN * size / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2)) + deep / 2),
+        distance=_distance(seen - [0, 0, floor] - middle, azimuth, aspect),
         height=height,
         aspect=aspect,
         floor=floor,
@@ -142,6 +143,24 @@ def geom_corners(robot: Robot, qpos: Floats) -> Floats:
         turned = np.einsum("gij,gcj->gci", data.geom_xmat[geoms].reshape(-1, 3, 3), local)
         corners[frame] = data.geom_xpos[geoms, None] + turned
     return corners
+
+
+def camera_axes(azimuth: float) -> Floats:
+    """Return (3, 3) rows: rightward, upward and away from a camera that looks to an azimuth [degrees]."""
+    turn, tilt = np.radians(azimuth), np.radians(ELEVATION)
+    ahead = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+    right = _right(azimuth)
+    return np.stack([right, np.cross(right, ahead), ahead])
+
+
+def _distance(points: Floats, azimuth: float, aspect: float) -> float:
+    """How far the camera is from its target for points (P, 3) about it to be in the picture [m].
+
+    d = max(|u| / tan φ, |r| / (a tan φ)) − w for right r, up u, away w, half the field of view φ, aspect a.
+    """
+    right, up, away = (points @ camera_axes(azimuth).T).T
+    half = np.tan(np.radians(FIELD_OF_VIEW / 2))
+    return float(MARGIN * (np.maximum(np.abs(up), np.abs(right) / aspect) / half - away).max())
 
 
 def links_of(robot: Robot, qpos: Floats) -> Floats:
