@@ -6,9 +6,9 @@ from format_moves import THERE, motion_of, robot_called
 
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, Options, export, import_motion
+from robot_retarget.formats.io import recognised
 from robot_retarget.formats.sidecar import beside
 from robot_retarget.formats.source import Source
-from robot_retarget.formats.transfer import recognised
 
 ROUNDED = 2e-6
 """Of formats that store single precision, degrees with decimals or ticks of a file's own [m, rad]."""
