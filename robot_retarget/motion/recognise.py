@@ -13,7 +13,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, SIDES
-from robot_retarget.motion.humanity import refuse_other_than_human
+from robot_retarget.motion.human_check import refuse_other_than_human
 from robot_retarget.motion.limbs import LIMBS, Body, Limb, Pair, find_limbs
 from robot_retarget.motion.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.motion.skeleton import Skeleton
