@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.motion.lexicon import Sense, sense
+from robot_retarget.motion.joint_names import Sense, sense
 from robot_retarget.motion.skeleton import Skeleton
 
 FRAMES = 120

@@ -19,7 +19,7 @@ from robot_retarget.keypoints import KEYPOINTS, mirrored
 from robot_retarget.motion import Mark, Recognition, Skeleton, apply_override, recognise
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh import read_bvh
-from robot_retarget.motion.lexicon import sense
+from robot_retarget.motion.joint_names import sense
 
 ONE_OF_EACH = (
     "cmu_cgspeed_motionbuilder/02_01_walk",
