@@ -13,7 +13,7 @@ from robot_retarget.motion.recognise import Recognition, recognise
 from robot_retarget.motion.repair import FootingRule, RepairRule, footing, look_over
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
-from robot_retarget.motion.vertical import AXES, VerticalRule, find_vertical
+from robot_retarget.motion.up_axis import AXES, UpAxisRule, find_up_axis
 
 UNITS = {
     "metre": 1.0,
@@ -99,14 +99,14 @@ def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float)
     Raises:
         MotionError: it has none.
     """
-    rule = VerticalRule()
-    found = find_vertical(recognition, capture, metres, rule)
+    rule = UpAxisRule()
+    found = find_up_axis(recognition, capture, metres, rule)
     if found.margin < rule.tie:
         raise MotionError(
             f"cannot tell whether {found.axis} or {found.second} points up ({found.reasons}); say which (--up {found.axis})",
             capture.source,
         )
-    before = found if raw is capture else find_vertical(recognition, raw, metres, rule)
+    before = found if raw is capture else find_up_axis(recognition, raw, metres, rule)
     if before.axis != found.axis:
         sentence = f"It is not sure that {found.axis} points up: {before.axis} seemed to before the motion was mended"
         return found.axis, (f"{sentence}; if the body should stand otherwise, say --up {before.axis}.",)

@@ -27,7 +27,7 @@ SEGMENTS = {
 
 
 @dataclass(frozen=True)
-class VerticalRule:
+class UpAxisRule:
     """How much each kind of evidence counts, in natural units of a log-likelihood; lengths in leg lengths."""
 
     posture: float = 4.0
@@ -63,7 +63,7 @@ class VerticalRule:
 
 
 @dataclass(frozen=True)
-class Vertical:
+class UpAxis:
     """The axis that points up, and what speaks for it."""
 
     axis: str
@@ -89,14 +89,12 @@ class Vertical:
         return f"{told}; for {self.second}: {', '.join(against)}" if against else told
 
 
-def find_vertical(
-    recognition: Recognition, capture: Capture, metres: float, rule: VerticalRule | None = None
-) -> Vertical:
+def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule: UpAxisRule | None = None) -> UpAxis:
     """Weigh the six signed axes of a file whose unit is so many metres.
 
     The rest pose speaks where there are rotations: without, the skeleton's offsets are those of a pose of the motion.
     """
-    rule = rule or VerticalRule()
+    rule = rule or UpAxisRule()
     positions = capture.positions
     leg = leg_length(recognition, positions)
     keypoints = recognition.place(positions)
@@ -113,7 +111,7 @@ def find_vertical(
     total = sum(evidence.values(), np.zeros(len(AXES)))
     order = np.argsort(-total, kind="stable")
     margin = float(total[order[0]] - total[order[1]])
-    return Vertical(AXES[order[0]], AXES[order[1]], margin, evidence)
+    return UpAxis(AXES[order[0]], AXES[order[1]], margin, evidence)
 
 
 def _signed(along: Floats) -> Floats:
@@ -135,18 +133,18 @@ def _lowest(positions: Floats) -> Floats:
     return np.concatenate([positions.min(axis=1), -positions.max(axis=1)], axis=1)
 
 
-def _unsteady(positions: Floats, leg: float, rule: VerticalRule) -> Floats:
+def _unsteady(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
     return np.minimum(_lowest(positions).std(axis=0) / leg, rule.unsteady)
 
 
-def _floor_at_zero(positions: Floats, leg: float, rule: VerticalRule) -> Floats:
+def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
     """(6,) whether the clip begins at height 0; a thin body that stands astride 0 begins nowhere."""
     low = np.quantile(_lowest(positions), 0.05, axis=0) / leg
     near = np.exp(-((low / rule.near) ** 4))
     return np.maximum(near - np.roll(near, 3), 0.0)
 
 
-def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: VerticalRule) -> Floats:
+def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAxisRule) -> Floats:
     """(6,) the longest free fall along every signed axis over `airborne`, 1 at most."""
     window = 2 * round(rule.airborne * fps / 2) + 1
     if window < 5 or len(keypoints) < window:
@@ -182,7 +180,7 @@ def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
     return np.maximum(_signed(along * [0.0, 1.0, 1.0]), 0.0) if clear else np.zeros(len(AXES))
 
 
-def _climb(recognition: Recognition, keypoints: Floats, leg: float, rule: VerticalRule) -> Floats:
+def _climb(recognition: Recognition, keypoints: Floats, leg: float, rule: UpAxisRule) -> Floats:
     pelvis = keypoints[:, recognition.keypoints.index("pelvis")]
     low, high = rule.height
     span = np.clip((np.ptp(pelvis, axis=0) / leg - low) / (high - low), 0.0, 1.0)
