@@ -10,7 +10,7 @@ from robot_retarget.motion.calibration import calibration_frames, posed
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.performers import first_performer
 from robot_retarget.motion.recognise import Recognition, recognise
-from robot_retarget.motion.repair import FootingRule, RepairRule, footing, look_over
+from robot_retarget.motion.repair import FootingRule, RepairRule, footing, repaired
 from robot_retarget.motion.skeleton import Motion
 from robot_retarget.motion.stature import LEG, leg_length, stature
 from robot_retarget.motion.up_axis import AXES, UpAxisRule, find_up_axis
@@ -36,7 +36,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
 
     Args:
         up: the axis of the file that points up (`x`, `-y`, …), in place of what the format says or the poses tell.
-        repair: mend what is found broken (`repair.look_over`); without, it is only said.
+        repair: mend what is found broken (`repair.repaired`); without, it is only said.
 
     Raises:
         UsageError: `up` is no axis.
@@ -51,7 +51,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.part(proper)
     metres, unit_note = unit_of(recognition, capture.positions)
-    raw, (capture, broken) = capture, look_over(capture, recognition, metres, RepairRule(mend=repair))
+    raw, (capture, broken) = capture, repaired(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, raw, metres) if told is None else (told, ())
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())

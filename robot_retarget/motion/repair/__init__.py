@@ -1,6 +1,6 @@
 """What captures suffer from, found, said and mended where that is safe: jumps, gaps, noise, keyframes far apart."""
 
-from robot_retarget.motion.repair.door import RepairRule as RepairRule
-from robot_retarget.motion.repair.door import look_over as look_over
 from robot_retarget.motion.repair.footing import FootingRule as FootingRule
 from robot_retarget.motion.repair.footing import footing as footing
+from robot_retarget.motion.repair.repair import RepairRule as RepairRule
+from robot_retarget.motion.repair.repair import repaired as repaired

@@ -34,7 +34,7 @@ class RepairRule:
     noise: NoiseRule = field(default_factory=NoiseRule)
 
 
-def look_over(
+def repaired(
     capture: Capture, recognition: Recognition, metres: float, rule: RepairRule
 ) -> tuple[Capture, tuple[str, ...]]:
     """A capture mended as far as the rule says, and a sentence for every kind of thing found, worst first.
