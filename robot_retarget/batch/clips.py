@@ -9,7 +9,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from robot_retarget.errors import MotionError, UsageError
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.table import FORMATS, format_of
 from robot_retarget.trajectory import KEYS
 
@@ -97,7 +97,7 @@ def _is_motion(path: Path) -> bool:
         chosen = format_of(path)
     except (MotionError, OSError):
         return False
-    return chosen in FORMATS and not set(KEYS) <= Glimpse(path).arrays and not _describes(path)
+    return chosen in FORMATS and not set(KEYS) <= FileHeader(path).arrays and not _describes(path)
 
 
 def _describes(path: Path) -> bool:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.kinematics import forward
 from robot_retarget.motion.skeleton import Skeleton
@@ -49,9 +49,9 @@ _SHORTEST = 0.5
 """Least length of a quaternion: those of motions that were resampled are up to a fifth short of 1."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file begins as a DeepMimic motion or character does."""
-    text = glimpse.text.lstrip()
+    text = header.text.lstrip()
     return text.startswith("{") and ('"Frames"' in text or '"TorqueLim"' in text)
 
 

@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.array_file import arrays_of
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.joint_sets import HUMANML3D
 from robot_retarget.motion.formats.points import of_points
 from robot_retarget.motion.formats.positions import CONTACT
@@ -29,9 +29,9 @@ _UNIT = 0.2
 """How far from 1 the length of the axes in columns 67–192 may be, on the mean; normalised features are further."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether an array is as wide as the features."""
-    return len(glimpse.shape) == 2 and glimpse.shape[1] == WIDTH
+    return len(header.shape) == 2 and header.shape[1] == WIDTH
 
 
 def read(path: Path, request: Request) -> Capture:

@@ -12,7 +12,7 @@ from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.errors import MotionError, known
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
 from robot_retarget.motion.formats.request import USUAL_FPS, Request
 from robot_retarget.motion.kinematics import backward
@@ -28,10 +28,10 @@ CONTACT = 0.5
 """Where contacts are probabilities, from which on a part stands."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file holds an array of positions, in whatever shape."""
-    positions = glimpse.arrays & set(POSITION_KEYS)
-    return bool(positions or glimpse.shape or (glimpse.arrays and glimpse.path.suffix.lower() == ".npz"))
+    positions = header.arrays & set(POSITION_KEYS)
+    return bool(positions or header.shape or (header.arrays and header.path.suffix.lower() == ".npz"))
 
 
 def read(path: Path, request: Request) -> Capture:

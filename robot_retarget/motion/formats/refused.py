@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from robot_retarget.errors import MotionError
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 
 
@@ -16,7 +16,7 @@ class Refusal:
 
     name: str
     suffixes: tuple[str, ...]
-    told: Callable[[Glimpse], bool]
+    told: Callable[[FileHeader], bool]
     sentence: str
     """`{path}` is the file, `{stem}` its name without the ending."""
 
@@ -32,31 +32,31 @@ def _blender(step: str) -> str:
     return f"blender --background --python-expr \"import bpy; {empty}; {step}(filepath='{{path}}'); {save}\""
 
 
-def _starts(*beginnings: str) -> Callable[[Glimpse], bool]:
-    return lambda glimpse: glimpse.text.lstrip().lower().startswith(beginnings)
+def _starts(*beginnings: str) -> Callable[[FileHeader], bool]:
+    return lambda header: header.text.lstrip().lower().startswith(beginnings)
 
 
-def _is_mot(glimpse: Glimpse) -> bool:
+def _is_mot(header: FileHeader) -> bool:
     """Whether a text has the header of OpenSim's storage files."""
-    return "endheader" in glimpse.text.lower() and "indegrees" in glimpse.text.lower()
+    return "endheader" in header.text.lower() and "indegrees" in header.text.lower()
 
 
-def _is_usd(glimpse: Glimpse) -> bool:
-    in_zip = any(name.endswith((".usd", ".usda", ".usdc")) for name in glimpse.members)
-    return in_zip or glimpse.head.startswith((b"PXR-USDC", b"#usda"))
+def _is_usd(header: FileHeader) -> bool:
+    in_zip = any(name.endswith((".usd", ".usda", ".usdc")) for name in header.members)
+    return in_zip or header.head.startswith((b"PXR-USDC", b"#usda"))
 
 
 REFUSALS = (
     Refusal(
         "ASF skeleton",
         (".asf",),
-        lambda glimpse: ":bonedata" in glimpse.text.lower(),
+        lambda header: ":bonedata" in header.text.lower(),
         "is a skeleton without a motion: give the .amc, and leave this file beside it",
     ),
     Refusal(
         "FBX",
         (".fbx",),
-        lambda glimpse: glimpse.head.startswith(b"Kaydara FBX") or glimpse.text.lstrip().startswith("; FBX"),
+        lambda header: header.head.startswith(b"Kaydara FBX") or header.text.lstrip().startswith("; FBX"),
         f"FBX is not read. Convert it, and give {{stem}}.glb: {_blender('bpy.ops.import_scene.fbx')}",
     ),
     Refusal(
@@ -68,7 +68,7 @@ REFUSALS = (
     Refusal(
         "MVNX",
         (".mvnx",),
-        lambda glimpse: "<mvnx" in glimpse.text.lower(),
+        lambda header: "<mvnx" in header.text.lower(),
         "MVNX of Xsens is not read. Export the recording as BVH (MVN Analyze or Animate: File, Export, BVH), and give that",
     ),
     Refusal(

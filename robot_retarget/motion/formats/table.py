@@ -19,7 +19,7 @@ from robot_retarget.motion.formats import (
     smpl,
     zipped,
 )
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 
 
@@ -30,7 +30,7 @@ class Format:
     name: str
     suffixes: tuple[str, ...]
     """What files of no other kind are called; where the content says nothing, this decides."""
-    told: Callable[[Glimpse], bool]
+    told: Callable[[FileHeader], bool]
     """Whether a file is one of it, by its content."""
     read: Callable[[Path, Request], Capture]
     takes: frozenset[str] = frozenset()
@@ -67,10 +67,10 @@ def format_of(path: Path) -> Format:
     Raises:
         MotionError: no format is told by it; lists the known ones.
     """
-    glimpse = Glimpse(path)
+    header = FileHeader(path)
     suffix = path.suffix.lower()
     every = (*FORMATS, *REFUSED)
-    found = next((one for one in every if one.told(glimpse)), None)
+    found = next((one for one in every if one.told(header)), None)
     found = found or next((one for one in every if suffix in one.suffixes), None)
     if found is None:
         listed = (f"{one.name} ({', '.join(one.suffixes)})" if one.suffixes else one.name for one in FORMATS)

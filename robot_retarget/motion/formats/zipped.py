@@ -7,7 +7,7 @@ from zipfile import ZipFile
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh.parse import captured
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.unpack import BROKEN
 
@@ -15,9 +15,9 @@ LARGEST = 256 * 2**20
 """Of a member once it is unpacked; an hour of a body with fingers at 60 frames a second is 200 MB of BVH [bytes]."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file is a zip that holds BVH."""
-    return any(_is_bvh(name) for name in glimpse.members)
+    return any(_is_bvh(name) for name in header.members)
 
 
 def read(path: Path, request: Request) -> Capture:

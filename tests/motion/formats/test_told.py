@@ -75,13 +75,13 @@ def test_each_format_is_told_under_any_name(tmp_path):
 def test_files_of_the_wild_are_told_under_any_name(tmp_path, name):
     shutil.copy(OTHER / name, tmp_path / "renamed.dat")
     assert format_of(tmp_path / "renamed.dat").name == SHARED_FILES[name]
-    assert sum(one.told(glimpse_of(tmp_path / "renamed.dat")) for one in (*FORMATS, *REFUSED)) == 1
+    assert sum(one.told(header_of(tmp_path / "renamed.dat")) for one in (*FORMATS, *REFUSED)) == 1
 
 
-def glimpse_of(path: Path):
-    from robot_retarget.motion.formats.glimpse import Glimpse
+def header_of(path: Path):
+    from robot_retarget.motion.formats.file_header import FileHeader
 
-    return Glimpse(path)
+    return FileHeader(path)
 
 
 def test_a_bvh_in_a_zip_is_the_bvh(tmp_path):

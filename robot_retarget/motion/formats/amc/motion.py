@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.amc.skeleton import ANGLES, PLACES, Asf, Bone, parse_asf
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.kinematics import forward
 
@@ -17,9 +17,9 @@ FPS = 120.0
 """Of the CMU library; an AMC says no frame rate [1/s]."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file begins as AMC does."""
-    return any(line.strip().upper() == ":FULLY-SPECIFIED" for line in glimpse.text.splitlines())
+    return any(line.strip().upper() == ":FULLY-SPECIFIED" for line in header.text.splitlines())
 
 
 def read(path: Path, request: Request) -> Capture:

@@ -12,7 +12,7 @@ from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh.hierarchy import Hierarchy, parse_hierarchy
 from robot_retarget.motion.formats.bvh.rows import Rows, parse_rows
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.kinematics import forward
 
@@ -20,9 +20,9 @@ _HIERARCHY = re.compile(r"(?im)^[ \t]*HIERARCHY\b")
 _MOTION = re.compile(r"(?im)^[ \t]*MOTION\b")
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file begins as BVH does."""
-    return _HIERARCHY.search(glimpse.text) is not None
+    return _HIERARCHY.search(header.text) is not None
 
 
 def read(path: Path, request: Request) -> Capture:

@@ -14,7 +14,7 @@ from robot_retarget.errors import MotionError, install_line
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.c3d import child
 from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centres
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.unpack import load_npz
@@ -24,9 +24,9 @@ _BIG_ENDIAN = 86
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file begins as C3D does: the block of its parameters, then 0x50."""
-    return len(glimpse.head) >= 512 and glimpse.head[1] == 0x50 and b"\0" in glimpse.head[:512]
+    return len(header.head) >= 512 and header.head[1] == 0x50 and b"\0" in header.head[:512]
 
 
 def read(path: Path, request: Request) -> Capture:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.gltf.container import GltfFile
 from robot_retarget.motion.formats.gltf.nodes import Keys, Nodes
 from robot_retarget.motion.formats.request import Request
@@ -23,10 +23,10 @@ from robot_retarget.motion.tree import sorted_tree
 VRMA = "VRMC_vrm_animation"
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file is glTF, as text or binary."""
-    text = glimpse.text.lstrip()
-    return glimpse.head.startswith(b"glTF") or (text.startswith("{") and '"asset"' in text)
+    text = header.text.lstrip()
+    return header.head.startswith(b"glTF") or (text.startswith("{") and '"asset"' in text)
 
 
 def read(path: Path, request: Request) -> Capture:

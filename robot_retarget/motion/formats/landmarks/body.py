@@ -8,7 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.array_file import arrays_of
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.landmarks.tables import read_csv, read_json
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
@@ -49,12 +49,12 @@ _IMAGE = 1.5
 """Up to where landmarks without a negative number are told in sizes of an image; some lie a little outside it."""
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file is an array of that many points, or text that names landmarks."""
-    if len(glimpse.shape) == 3 and glimpse.shape[1] in COUNTS and glimpse.shape[2] in (3, 4):
+    if len(header.shape) == 3 and header.shape[1] in COUNTS and header.shape[2] in (3, 4):
         return True
-    head = glimpse.text.lower()
-    return glimpse.path.suffix.lower() in (".csv", ".json") and ("landmark" in head or "left_hip" in head)
+    head = header.text.lower()
+    return header.path.suffix.lower() in (".csv", ".json") and ("landmark" in head or "left_hip" in head)
 
 
 def read(path: Path, request: Request) -> Capture:

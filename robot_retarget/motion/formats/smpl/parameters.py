@@ -11,7 +11,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
 from robot_retarget.motion.kinematics import forward
@@ -26,9 +26,9 @@ MOST_TURNED = 1000.0
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether an `.npz` holds turns of a body by one of their names."""
-    return holds_turns(_bare(dict.fromkeys(glimpse.arrays)))
+    return holds_turns(_bare(dict.fromkeys(header.arrays)))
 
 
 def holds_turns(arrays: Mapping[str, Any]) -> bool:

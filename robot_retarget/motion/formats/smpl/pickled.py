@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.errors import MotionError, TrajectoryError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.glimpse import Glimpse
+from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
 from robot_retarget.motion.formats.smpl.strangers import sentence
@@ -19,10 +19,10 @@ from robot_retarget.unpickle import load_pickle
 _PICKLE, _ZLIB = b"\x80", (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda")
 
 
-def told(glimpse: Glimpse) -> bool:
+def told(header: FileHeader) -> bool:
     """Whether a file is a pickle, of PyTorch, of joblib or of Python."""
-    in_zip = any(name.endswith("data.pkl") for name in glimpse.members)
-    return in_zip or (glimpse.head.startswith((_PICKLE, *_ZLIB)) and not glimpse.head.isascii())
+    in_zip = any(name.endswith("data.pkl") for name in header.members)
+    return in_zip or (header.head.startswith((_PICKLE, *_ZLIB)) and not header.head.isascii())
 
 
 def read(path: Path, request: Request) -> Capture:

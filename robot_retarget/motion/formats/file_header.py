@@ -13,7 +13,7 @@ HEAD = 8192
 
 
 @dataclass(frozen=True)
-class Glimpse:
+class FileHeader:
     """What shows a file's format before it is read."""
 
     path: Path
