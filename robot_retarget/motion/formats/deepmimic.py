@@ -49,7 +49,7 @@ _SHORTEST = 0.5
 """Least length of a quaternion: those of motions that were resampled are up to a fifth short of 1."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file begins as a DeepMimic motion or character does."""
     text = header.text.lstrip()
     return text.startswith("{") and ('"Frames"' in text or '"TorqueLim"' in text)

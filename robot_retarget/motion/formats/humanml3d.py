@@ -29,7 +29,7 @@ _UNIT = 0.2
 """How far from 1 the length of the axes in columns 67–192 may be, on the mean; normalised features are further."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether an array is as wide as the features."""
     return len(header.shape) == 2 and header.shape[1] == WIDTH
 

@@ -28,7 +28,7 @@ CONTACT = 0.5
 """Where contacts are probabilities, from which on a part stands."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file holds an array of positions, in whatever shape."""
     positions = header.arrays & set(POSITION_KEYS)
     return bool(positions or header.shape or (header.arrays and header.path.suffix.lower() == ".npz"))

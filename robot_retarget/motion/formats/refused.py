@@ -16,7 +16,7 @@ class Refusal:
 
     name: str
     suffixes: tuple[str, ...]
-    told: Callable[[FileHeader], bool]
+    matches_format: Callable[[FileHeader], bool]
     sentence: str
     """`{path}` is the file, `{stem}` its name without the ending."""
 

@@ -30,7 +30,7 @@ class Format:
     name: str
     suffixes: tuple[str, ...]
     """What files of no other kind are called; where the content says nothing, this decides."""
-    told: Callable[[FileHeader], bool]
+    matches_format: Callable[[FileHeader], bool]
     """Whether a file is one of it, by its content."""
     read: Callable[[Path, Request], Capture]
     takes: frozenset[str] = frozenset()
@@ -38,26 +38,26 @@ class Format:
 
 
 FORMATS = (
-    Format("BVH", (".bvh",), bvh.told, bvh.read),
-    Format("ASF/AMC", (".amc",), amc.told, amc.read),
-    Format("C3D", (".c3d",), c3d.told, c3d.read, frozenset({"clip"})),
-    Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.told, gltf.read, frozenset({"clip"})),
-    Format("DeepMimic", (), deepmimic.told, deepmimic.read),
-    Format("HumanML3D features", (), humanml3d.told, humanml3d.read),
-    Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.told, landmarks.read),
-    Format("SMPL parameters", (), smpl.told, smpl.read, frozenset({"body_model"})),
+    Format("BVH", (".bvh",), bvh.matches_format, bvh.read),
+    Format("ASF/AMC", (".amc",), amc.matches_format, amc.read),
+    Format("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
+    Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),
+    Format("DeepMimic", (), deepmimic.matches_format, deepmimic.read),
+    Format("HumanML3D features", (), humanml3d.matches_format, humanml3d.read),
+    Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
+    Format("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
     Format(
         "SMPL parameters in a pickle",
         (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
-        smpl.pickled.told,
+        smpl.pickled.matches_format,
         smpl.pickled.read,
         frozenset({"body_model", "clip"}),
     ),
-    Format("joint positions", (".npy", ".npz"), positions.told, positions.read, frozenset({"names"})),
-    Format("zip of motions", (".zip",), zipped.told, zipped.read, frozenset({"clip"})),
+    Format("joint positions", (".npy", ".npz"), positions.matches_format, positions.read, frozenset({"names"})),
+    Format("zip of motions", (".zip",), zipped.matches_format, zipped.read, frozenset({"clip"})),
 )
 """In the order in which they are asked; a file is of the first that tells it."""
-REFUSED = tuple(Format(one.name, one.suffixes, one.told, one.read) for one in refused.REFUSALS)
+REFUSED = tuple(Format(one.name, one.suffixes, one.matches_format, one.read) for one in refused.REFUSALS)
 """Known, and refused with what to do instead."""
 
 
@@ -70,7 +70,7 @@ def format_of(path: Path) -> Format:
     header = FileHeader(path)
     suffix = path.suffix.lower()
     every = (*FORMATS, *REFUSED)
-    found = next((one for one in every if one.told(header)), None)
+    found = next((one for one in every if one.matches_format(header)), None)
     found = found or next((one for one in every if suffix in one.suffixes), None)
     if found is None:
         listed = (f"{one.name} ({', '.join(one.suffixes)})" if one.suffixes else one.name for one in FORMATS)

@@ -15,7 +15,7 @@ LARGEST = 256 * 2**20
 """Of a member once it is unpacked; an hour of a body with fingers at 60 frames a second is 200 MB of BVH [bytes]."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file is a zip that holds BVH."""
     return any(_is_bvh(name) for name in header.members)
 

@@ -1,4 +1,4 @@
 """ASF/AMC: a skeleton, and the angles of its bones."""
 
+from .motion import matches_format as matches_format
 from .motion import read as read
-from .motion import told as told

@@ -17,7 +17,7 @@ FPS = 120.0
 """Of the CMU library; an AMC says no frame rate [1/s]."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file begins as AMC does."""
     return any(line.strip().upper() == ":FULLY-SPECIFIED" for line in header.text.splitlines())
 

@@ -20,7 +20,7 @@ _HIERARCHY = re.compile(r"(?im)^[ \t]*HIERARCHY\b")
 _MOTION = re.compile(r"(?im)^[ \t]*MOTION\b")
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file begins as BVH does."""
     return _HIERARCHY.search(header.text) is not None
 

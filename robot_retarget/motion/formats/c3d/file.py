@@ -24,7 +24,7 @@ _BIG_ENDIAN = 86
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file begins as C3D does: the block of its parameters, then 0x50."""
     return len(header.head) >= 512 and header.head[1] == 0x50 and b"\0" in header.head[:512]
 

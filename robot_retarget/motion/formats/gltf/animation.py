@@ -23,7 +23,7 @@ from robot_retarget.motion.tree import sorted_tree
 VRMA = "VRMC_vrm_animation"
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file is glTF, as text or binary."""
     text = header.text.lstrip()
     return header.head.startswith(b"glTF") or (text.startswith("{") and '"asset"' in text)

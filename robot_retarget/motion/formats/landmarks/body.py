@@ -49,7 +49,7 @@ _IMAGE = 1.5
 """Up to where landmarks without a negative number are told in sizes of an image; some lie a little outside it."""
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file is an array of that many points, or text that names landmarks."""
     if len(header.shape) == 3 and header.shape[1] in COUNTS and header.shape[2] in (3, 4):
         return True

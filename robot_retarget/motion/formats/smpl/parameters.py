@@ -26,7 +26,7 @@ MOST_TURNED = 1000.0
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether an `.npz` holds turns of a body by one of their names."""
     return holds_turns(_bare(dict.fromkeys(header.arrays)))
 

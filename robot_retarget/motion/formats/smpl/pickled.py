@@ -19,7 +19,7 @@ from robot_retarget.unpickle import load_pickle
 _PICKLE, _ZLIB = b"\x80", (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda")
 
 
-def told(header: FileHeader) -> bool:
+def matches_format(header: FileHeader) -> bool:
     """Whether a file is a pickle, of PyTorch, of joblib or of Python."""
     in_zip = any(name.endswith("data.pkl") for name in header.members)
     return in_zip or (header.head.startswith((_PICKLE, *_ZLIB)) and not header.head.isascii())

@@ -1,4 +1,4 @@
-"""Which format a file is of: told by what is in it, whatever it is called."""
+"""The format of a file follows from its content, under any name."""
 
 import contextlib
 import pickle
@@ -75,7 +75,7 @@ def test_each_format_is_told_under_any_name(tmp_path):
 def test_files_of_the_wild_are_told_under_any_name(tmp_path, name):
     shutil.copy(OTHER / name, tmp_path / "renamed.dat")
     assert format_of(tmp_path / "renamed.dat").name == SHARED_FILES[name]
-    assert sum(one.told(header_of(tmp_path / "renamed.dat")) for one in (*FORMATS, *REFUSED)) == 1
+    assert sum(one.matches_format(header_of(tmp_path / "renamed.dat")) for one in (*FORMATS, *REFUSED)) == 1
 
 
 def header_of(path: Path):
