@@ -10,7 +10,7 @@ import numpy as np
 from moves import Floats, unit
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.dgp.body import table_one_body
+from robot_retarget.dgp.papers.body import table_one_body
 from robot_retarget.motion import Motion, Skeleton
 from robot_retarget.motion.kinematics import backward, forward
 

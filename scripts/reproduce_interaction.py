@@ -23,7 +23,7 @@ from robot_retarget.dgp import (
     solve_causally,
     stress,
 )
-from robot_retarget.dgp.scenes import meeting, reaching
+from robot_retarget.dgp.papers.scenes import meeting, reaching
 from robot_retarget.shipped import SAMPLES
 
 Row = tuple[str, str, str]

@@ -42,9 +42,9 @@ from robot_retarget.dgp import (
     table_one_body,
     transfer_directions,
 )
-from robot_retarget.dgp.formation import links
-from robot_retarget.dgp.instances import sensor_network, stiff_mesh
-from robot_retarget.dgp.scenes import (
+from robot_retarget.dgp.papers.formation import links
+from robot_retarget.dgp.papers.instances import sensor_network, stiff_mesh
+from robot_retarget.dgp.papers.scenes import (
     Scene,
     clock,
     crossing,

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
-from robot_retarget.dgp.body import table_one_body
+from robot_retarget.dgp.papers.body import table_one_body
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.motion import Motion, read_motion, recognise
 from robot_retarget.motion.kinematics import backward

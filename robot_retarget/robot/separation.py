@@ -161,12 +161,6 @@ class Separation:
         distance, geoms = np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
         return distance, geoms, np.concatenate([slope, self._slopes(boxes)])
 
-    def let_near(self, links: np.ndarray, distance: float) -> None:
-        """Let links of one set (B,) come as near to each other as links that rest at a distance [m]."""
-        own = links[self.model.geom_bodyid]
-        both = np.logical_and.outer(own, own)
-        self.rest[both] = np.minimum(self.rest[both], distance)
-
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""
         two_boxes = self.is_box[pairs].all(axis=1) & self.counts[pairs[:, 0], pairs[:, 1]]

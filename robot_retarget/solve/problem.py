@@ -220,13 +220,3 @@ class _Terms:
             cost += ca.dot(2 * give**2 * priority[soft], root - 1)
             weight[soft] /= root
         return cost, self.gather @ (weight * residual), self.gather @ weight
-
-
-def stresses(track_list: Sequence[Track], values: Floats) -> dict[str, Floats]:
-    """Per kind (T, E) π ϱ(e) at measured values (T, E in all), by the equation of `describe.track`."""
-    found, first = {}, 0
-    for track in frame_costs(track_list):
-        own = values[:, first : first + len(track)]
-        first += len(track)
-        found[track.name] = track.priority * track.loss((own - np.clip(own, track.lower, track.upper)) / track.scale)
-    return found

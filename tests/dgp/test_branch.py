@@ -28,8 +28,8 @@ from robot_retarget.dgp import (
     solve,
     table_one_body,
 )
-from robot_retarget.dgp.instances import sensor_network, stiff_mesh
-from robot_retarget.dgp.spheres import intersect
+from robot_retarget.dgp.papers.instances import sensor_network, stiff_mesh
+from robot_retarget.dgp.papers.spheres import intersect
 from robot_retarget.errors import GraphError
 
 RNG = np.random.default_rng(13)

@@ -24,7 +24,7 @@ from robot_retarget.dgp import (
     solve_with_thresholds,
     stress,
 )
-from robot_retarget.dgp.scenes import meeting, team
+from robot_retarget.dgp.papers.scenes import meeting, team
 from robot_retarget.errors import GraphError, UsageError
 
 
@@ -86,7 +86,7 @@ def formation() -> Team:
 
 
 def test_gradient_of_the_formation_meets_finite_differences() -> None:
-    from robot_retarget.dgp.formation import _rigidity
+    from robot_retarget.dgp.papers.formation import _rigidity
 
     x = team().animation[15:20] + 0.02 * np.random.default_rng(0).normal(size=(5, 7, 2))
     exact, step = _rigidity(formation(), x)[1], 1e-6

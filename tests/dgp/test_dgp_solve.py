@@ -25,7 +25,7 @@ from robot_retarget.dgp import (
     stress,
     trace_edges,
 )
-from robot_retarget.dgp.spectral import Single, minimise
+from robot_retarget.dgp.papers.spectral import Single, minimise
 from robot_retarget.errors import GraphError, UsageError
 
 RNG = np.random.default_rng(21)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from robot_retarget.dgp import Blend, Interaction, Kind, Newton, Spectral, adapt, solve, stress, table_one_body
-from robot_retarget.dgp.body import ARMS, resized
+from robot_retarget.dgp.papers.body import ARMS, resized
 from robot_retarget.errors import UsageError
 
 AHEAD = Interaction(6, dead_band=1e-4)

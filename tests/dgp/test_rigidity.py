@@ -21,7 +21,7 @@ from robot_retarget.dgp import (
     table_one_body,
 )
 from robot_retarget.dgp.adapt import paths
-from robot_retarget.dgp.rigidity import generic_rank, rank, stress_matrix_rank
+from robot_retarget.dgp.papers.rigidity import generic_rank, rank, stress_matrix_rank
 from robot_retarget.errors import GraphError
 
 RNG = np.random.default_rng(5)

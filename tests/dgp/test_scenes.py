@@ -18,7 +18,7 @@ from robot_retarget.dgp import (
     solve,
     solve_with_thresholds,
 )
-from robot_retarget.dgp.scenes import (
+from robot_retarget.dgp.papers.scenes import (
     Scene,
     clock,
     crossing,

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.dgp.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.incidence import Incidence, incidence
-from robot_retarget.dgp.ipopt import Ipopt, constrain
-from robot_retarget.dgp.newton import Newton, descend
+from robot_retarget.dgp.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
+from robot_retarget.dgp.papers.ipopt import Ipopt, constrain
+from robot_retarget.dgp.papers.newton import Newton, descend
+from robot_retarget.dgp.papers.spectral import Minimum, Spectral, minimise
 from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.spectral import Minimum, Spectral, minimise
 from robot_retarget.dgp.stress import Bounds, Objective, bounds_of, lengths
 from robot_retarget.errors import GraphError, UsageError
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.columns import box_of
 from robot_retarget.dgp.graph import Graph, Kind
 from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.papers.columns import box_of
+from robot_retarget.dgp.papers.spectral import Minimum
 from robot_retarget.dgp.solution import Status
-from robot_retarget.dgp.spectral import Minimum
 from robot_retarget.dgp.stress import FLOOR, Objective, rows
 from robot_retarget.errors import GraphError
 

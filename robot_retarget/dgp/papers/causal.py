@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import frozen
 from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.newton import Newton
+from robot_retarget.dgp.papers.newton import Newton
+from robot_retarget.dgp.papers.solve import solve
+from robot_retarget.dgp.papers.spectral import Spectral
 from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.solve import solve
-from robot_retarget.dgp.spectral import Spectral
 from robot_retarget.dgp.stress import Objective
 from robot_retarget.errors import UsageError
 

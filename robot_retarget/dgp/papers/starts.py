@@ -3,10 +3,10 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.columns import Lifted, Reduced
 from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.incidence import incidence
-from robot_retarget.dgp.spectral import Spectral, minimise
+from robot_retarget.dgp.papers.columns import Lifted, Reduced
+from robot_retarget.dgp.papers.spectral import Spectral, minimise
 from robot_retarget.dgp.stress import Objective, bounds_of
 from robot_retarget.errors import GraphError
 

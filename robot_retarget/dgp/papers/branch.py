@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.spheres import intersect
+from robot_retarget.dgp.papers.spheres import intersect
 from robot_retarget.errors import GraphError
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats
 from robot_retarget.dgp.interaction import Interaction, pair_interaction
-from robot_retarget.dgp.spheres import intersect
+from robot_retarget.dgp.papers.spheres import intersect
 from robot_retarget.errors import GraphError
 
 

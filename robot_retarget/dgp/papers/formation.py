@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.dgp.columns import Reduced, box_of
 from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.incidence import incidence
-from robot_retarget.dgp.rigidity import rigidity_matrix
+from robot_retarget.dgp.papers.columns import Reduced, box_of
+from robot_retarget.dgp.papers.rigidity import rigidity_matrix
+from robot_retarget.dgp.papers.spectral import Single, Spectral, minimise
 from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.spectral import Single, Spectral, minimise
 from robot_retarget.dgp.stress import Objective, bounds_of
 
 

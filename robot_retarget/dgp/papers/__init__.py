@@ -1,0 +1,1 @@
+"""The papers' problem on free points: instances, solvers, rigidity and discretization."""
