@@ -27,9 +27,11 @@ class Motor:
     voltage: float = 12.0
     """At which the three above hold [V]."""
     p_gain: int = 800
-    """Register `position_p_gain`: duty = P / 128 / 885 for a tick of error."""
+    """Register `position_p_gain`: duty = P / p_divisor / 885 for a tick of error."""
     d_gain: int = 0
     """Register `position_d_gain`: duty = D / 16 / 885 for a tick a millisecond."""
+    p_divisor: int = 128
+    """Of the register `position_p_gain`, as in the manual; 256 where a measurement contradicts it (XL330: Rhoban BAM)."""
 
     @property
     def back_emf(self) -> float:
@@ -62,8 +64,8 @@ MOTORS = {
         Motor("XC430-W240", 1.9, 1.4, 7.33),
         Motor("2XL430-W250", 1.4, 1.3, 5.97, voltage=11.1),
         Motor("2XC430-W250", 1.8, 1.4, 6.7, p_gain=700),
-        Motor("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0),
-        Motor("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0),
+        Motor("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0, p_divisor=256),
+        Motor("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0, p_divisor=256),
         Motor("XC330-T288", 0.92, 0.8, 6.8, voltage=11.1, p_gain=900),
         Motor("XC330-M288", 0.93, 1.8, 8.5, voltage=5.0),
     )

@@ -1,5 +1,6 @@
-"""The group `servos`: emulate, scan, check, calibrate, import."""
+"""The group `servos`: emulate, scan, check, calibrate, identify, import."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -135,6 +136,39 @@ def calibrate(
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
     lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
     console.tell({"output": str(output), "zeros": moved}, "\n".join([*lines, f"wrote {output}"]), json)
+
+
+@servos.command(
+    epilog="Example: robot-retarget servos identify --map bench.toml --joint j1 --mass 0.3 --length 0.1 --port /dev/ttyUSB0 -o new.toml"
+)
+def identify(
+    map_name: MapName,
+    port: Port,
+    joint: Annotated[str, typer.Option(help="The joint whose servo turns the pendulum; 0 rad where it hangs.")],
+    mass: Annotated[float, typer.Option(help="Of the pendulum [kg].")],
+    length: Annotated[float, typer.Option(help="From the axis to its centre of mass [m].")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    inertia: Annotated[float, typer.Option(help="About the axis [kg m²]; by default that of a point mass.")] = 0.0,
+    log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("identify.npz"),
+    baud: Baud = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
+    from robot_retarget.files import require_writable
+    from robot_retarget.servo.identify import Pendulum, with_identified
+    from robot_retarget.servo.identify import identify as find
+    from robot_retarget.servo.map import dump_map, load_map
+
+    servo_map, pendulum = load_map(map_name), Pendulum(mass, length, inertia)
+    servo_map = replace(servo_map, baud=baud) if baud else servo_map
+    for path in (output, log):
+        require_writable(path)
+    found = find(servo_map, joint, pendulum, port, log)
+    _write(output, dump_map(with_identified(servo_map, joint, found.servo)))
+    facts = {**vars(found.servo), "delay_s": round(found.delay, 5), "error_rad": round(found.error, 5)}
+    lines = [f"{name} {value:g}" for name, value in facts.items()]
+    console.tell({"output": str(output), **facts}, "\n".join([*lines, f"wrote {output}"]), json)
 
 
 @servos.command("import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")

@@ -127,6 +127,23 @@ class Limits:
 
 
 @dataclass(frozen=True)
+class Identified:
+    """Mechanics of one servo model as `servos identify` found them, at the servo's shaft; simulations take them."""
+
+    damping: float = field(metadata=within(0, 100, "N m s/rad"))
+    """Besides the back-EMF [N m s/rad]."""
+    friction: float = field(metadata=within(0, 100, "N m"))
+    """Dry [N m]."""
+    armature: float = field(metadata=within(0, 100, "kg m²"))
+    """[kg m²]."""
+    gain: float = field(default=1.0, metadata=within(0.05, 20))
+    """Position gain over that of the datasheet [-]."""
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+
+
+@dataclass(frozen=True)
 class Stop:
     """How a motion ends."""
 
@@ -149,6 +166,8 @@ class ServoMap:
     """The inertial sensor, where the robot has one."""
     balance: Balance | None = None
     """Gains that turn its readings into goals."""
+    identified: Mapping[str, Identified] = field(default_factory=dict)
+    """By servo model."""
 
     def __post_init__(self) -> None:
         if not self.servos:
@@ -199,7 +218,8 @@ class ServoMap:
         What differs between two robots of one kind is left out: ids, signs, zeros, the bus.
         """
         servos = sorted((s.joint, s.type.name, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos)
-        rest = [self.robot, servos, float(self.limits.speed), float(self.limits.jump)]
+        identified = sorted((model, *map(float, vars(found).values())) for model, found in self.identified.items())
+        rest = [self.robot, servos, float(self.limits.speed), float(self.limits.jump), identified]
         return hashlib.sha256(json.dumps(rest).encode()).hexdigest()
 
     def __getitem__(self, joint: str) -> Servo:
@@ -252,6 +272,8 @@ def dump_map(servo_map: ServoMap) -> str:
         lines += [f'"{joint}" = {{ rate = {gain.rate!r}, tilt = {gain.tilt!r} }}' for joint, gain in gains]
     if servo_map.stop.pose:
         lines += ["", "[stop.pose]", *(f'"{joint}" = {angle!r}' for joint, angle in servo_map.stop.pose.items())]
+    for model, found in servo_map.identified.items():
+        lines += ["", f'[identified."{model}"]', *(f"{name} = {value!r}" for name, value in vars(found).items())]
     for servo in servo_map.servos:
         lines += ["", f'[servo."{servo.joint}"]']
         lines += [f"{f.name} = {_toml(getattr(servo, f.name))}" for f in fields(Servo) if f.name != "joint"]
@@ -259,7 +281,7 @@ def dump_map(servo_map: ServoMap) -> str:
 
 
 def _from_table(table: dict[str, Any]) -> ServoMap:
-    _only(table, {"robot", "baud", "passive", "limits", "stop", "servo", "imu", "balance"}, "the map")
+    _only(table, {"robot", "baud", "passive", "limits", "stop", "servo", "imu", "balance", "identified"}, "the map")
     passive = table.get("passive", [])
     if not (isinstance(passive, list) and all(isinstance(joint, str) for joint in passive)):
         raise MapError(f"the map: passive cannot be {passive!r}, it is a list of joints", "passive")
@@ -273,7 +295,12 @@ def _from_table(table: dict[str, Any]) -> ServoMap:
     limits = _build(Limits, _dict(table.get("limits", {}), "limits"), "[limits]", "limits")
     stop = _build(Stop, _dict(table.get("stop", {}), "stop"), "[stop]", "stop")
     imu, balance = (_optional(kind, table, name) for kind, name in ((Imu, "imu"), (Balance, "balance")))
-    return ServoMap(robot, tuple(servos), table.get("baud", 1_000_000), limits, stop, tuple(passive), imu, balance)
+    identified = {
+        model: _build(Identified, _dict(entry, "identified", model), f"[identified] {model}", "identified", model)
+        for model, entry in _dict(table.get("identified", {}), "identified").items()
+    }
+    baud = table.get("baud", 1_000_000)
+    return ServoMap(robot, tuple(servos), baud, limits, stop, tuple(passive), imu, balance, identified)
 
 
 def _optional(kind: Any, table: dict[str, Any], name: str) -> Any:

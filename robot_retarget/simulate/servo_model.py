@@ -169,7 +169,15 @@ def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = N
         raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}")
     servos = [servo_map[joint] for joint in robot.joint_names]
     gears = np.array([servo.gear for servo in servos])
-    return drives([motor_named(servo.model) for servo in servos], gears, voltage, p_gain)
+    found = drives([motor_named(servo.model) for servo in servos], gears, voltage, p_gain)
+    own = [servo_map.identified.get(model) for model in found.models]
+    if not any(own):
+        return found
+    mechanics = [one and Mechanics(one.damping, one.friction, one.armature) for one in own]
+    gain = np.array([one.gain if one else 1.0 for one in own])
+    known = [mine or mechanics_of(motor_named(model)) for mine, model in zip(mechanics, found.models, strict=True)]
+    scaled = replace(found, stiffness=gain * found.stiffness, derivative=gain * found.derivative)
+    return scaled.with_mechanics(known)
 
 
 def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:
@@ -183,7 +191,7 @@ def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_g
     ticks = TICKS_PER_TURN / tau / FULL_PWM
     unknown = sorted({motor.name for motor in motors} - IDENTIFIED.keys())
     return Drives(
-        stiffness=gears**2 * stall * p / 128 * ticks,
+        stiffness=gears**2 * stall * p / np.array([motor.p_divisor for motor in motors]) * ticks,
         derivative=gears**2 * stall * d / 16 / 1000 * ticks,
         stall_torque=gears * stall,
         back_emf=gears**2 * np.array([motor.back_emf for motor in motors]),

@@ -43,6 +43,13 @@ def test_a_free_wheel_runs_at_the_datasheets_speed_without_load(tmp_path, name):
     assert servo.current(data.actuator_force, data.qvel) == pytest.approx(0, abs=2e-3)
 
 
+@pytest.mark.parametrize(("name", "error"), [("XM430-W350", 0.217), ("XL330-M288", 0.434)])
+def test_full_duty_is_reached_at_the_error_that_gain_and_divisor_say(tmp_path, name, error):
+    """duty 1 = P / divisor · error · 651.9 / 885: 885 · 128 / 800 / 651.9 for the XM430, twice that for the XL330."""
+    _, servo = wheel(tmp_path, name)
+    assert servo.stall_torque / servo.stiffness == pytest.approx(error, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", LISTED)
 def test_a_blocked_servo_gives_stall_torque_and_draws_stall_current(tmp_path, name):
     _, servo = wheel(tmp_path, name)

@@ -87,7 +87,9 @@ class Motor:
         p, i, d = gains
         error = target - self.position
         self.integral = max(-limit, min(limit, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM)) if i else 0.0
-        raw = (p / 128 * error + d / 16 * (speed - self.velocity) / 1000) / FULL_PWM + self.integral
+        raw = (
+            p / self.model.motor.p_divisor * error + d / 16 * (speed - self.velocity) / 1000
+        ) / FULL_PWM + self.integral
         self.duty = max(-limit, min(limit, raw))
 
     def run(self, speed: float, gains: tuple[int, int], limit: float, dt: float) -> None:

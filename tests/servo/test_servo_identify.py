@@ -1,0 +1,76 @@
+"""A servo on a pendulum is identified from a playback: hidden parameters of the emulated one come back within 5 %."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from emulated import QUICK, emulated
+
+from robot_retarget.errors import ServoError
+from robot_retarget.motors import MOTORS
+from robot_retarget.robot import load_robot
+from robot_retarget.robot.servos import with_servos
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.identify import SWING, Pendulum, excitation, identify
+from robot_retarget.servo.map import Identified, Servo, ServoMap, dump_map, load_map
+from robot_retarget.servo.outcome import Options
+from robot_retarget.simulate.servo_model import drives_of
+
+HIDDEN = {
+    "as on the OP3": (1.084, 0.045, 0.03, 800),
+    "more friction, softer": (0.931, 0.012, 0.134, 720),
+}
+"""Joint damping with the back-EMF [N m s/rad], armature [kg m²], dry friction [N m], and the register of the P gain."""
+BENCH = ServoMap("bench", (Servo("j1", 1, "XM430-W350", lower=-1.5, upper=1.5),), 1_000_000, replace(QUICK, speed=8.0))
+PENDULUM = Pendulum(0.3, 0.1)
+MODEL = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="j1" axis="0 1 0" damping="{}" armature="{}"
+frictionloss="{}" solreffriction="0.004 1" solimpfriction="0.999 0.9999 0.001"/>
+<geom type="sphere" size=".001" mass=".3" pos="0 0 -.1" contype="0"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_hidden_parameters_of_an_emulated_servo_are_found_within_5_percent(tmp_path: Path, hidden: str) -> None:
+    *mechanics, gain = HIDDEN[hidden]
+    (tmp_path / "pendulum.xml").write_text(MODEL.format(*mechanics))
+    words = ("--physics", "--model", str(tmp_path / "pendulum.xml"), "--lockstep", "125")
+    with emulated(tmp_path, BENCH, *words) as emulator:
+        with Bus(emulator.port, BENCH.baud) as bus:
+            bus.write(1, BENCH["j1"].type.registers["position_p_gain"], gain)
+        found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", Options(lockstep=True))
+    servo = found.servo
+    drag = servo.damping + MOTORS["XM430-W350"].back_emf
+    assert [drag, servo.armature, servo.friction] == [pytest.approx(value, rel=0.05) for value in mechanics]
+    assert servo.gain == pytest.approx(gain / 800, rel=0.05)
+    assert abs(found.delay) <= 1 / 125 and found.error < 1e-3
+
+
+def test_what_was_identified_stands_in_the_map_and_is_simulated(tmp_path: Path) -> None:
+    own = replace(BENCH, identified={"XM430-W350": Identified(0.3, 0.1, 0.01, 0.9)})
+    (tmp_path / "own.toml").write_text(dump_map(own), encoding="utf-8")
+    assert load_map(tmp_path / "own.toml") == own and own.fingerprint != BENCH.fingerprint
+    op3 = load_robot("op3")
+    assert op3.servo_map is not None
+    usual, drives = drives_of(op3), drives_of(with_servos(op3, replace(op3.servo_map, identified=own.identified)))
+    assert usual is not None and drives is not None
+    np.testing.assert_allclose(
+        [drives.damping, drives.friction, drives.armature], np.outer([0.3, 0.1, 0.01], np.ones(20))
+    )
+    np.testing.assert_allclose(drives.stiffness, 0.9 * usual.stiffness)
+
+
+@pytest.mark.parametrize("wrong", [{"mass": 0}, {"length": -1}, {"inertia": float("nan")}])
+def test_a_pendulum_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ServoError, match=f"pendulum's {next(iter(wrong))}"):
+        Pendulum(**({"mass": 0.5, "length": 0.1} | wrong))
+
+
+def test_a_range_that_does_not_hold_the_excitation_is_refused(tmp_path: Path) -> None:
+    narrow = replace(BENCH, servos=(replace(BENCH["j1"], upper=0.5),))
+    with pytest.raises(ServoError, match=r"needs the range −0\.8…0\.8 rad"):
+        identify(narrow, "j1", PENDULUM, "/dev/null", tmp_path / "play.npz")
+
+
+def test_the_excitation_begins_and_ends_where_the_pendulum_hangs() -> None:
+    path = excitation().angles
+    assert path[0] == path[-1] == 0 and np.abs(path).max() == pytest.approx(SWING)
