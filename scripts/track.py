@@ -10,10 +10,11 @@ correlation of every physical figure of the references with the joint error of t
 """
 
 import argparse
+import json
 import sys
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -72,13 +73,18 @@ def main() -> int:
     parser.add_argument("--windows", type=Path, help="folder of motions to cut into windows")
     parser.add_argument("--seconds", type=float, default=5.0, help="of a window")
     parser.add_argument("--most", type=int, default=40, help="windows")
+    parser.add_argument(
+        "--results", type=Path, help="JSON lines to append results to; references that are there are not run again"
+    )
     parser.add_argument("--correlate", action="store_true")
     given = parser.parse_args()
-    tracker = Tracker(given.policy, given.model)
-    results = []
-    for name, trajectory, motion in pieces(given):
+    tracker, results = Tracker(given.policy, given.model), known(given.results)
+    for name, trajectory, motion in pieces(given, {one.name for one in results}):
         results.append(tracker.run(name, trajectory, motion))
         print(line(results[-1]), flush=True)
+        if given.results:
+            with given.results.open("a") as file:
+                file.write(json.dumps(asdict(results[-1])) + "\n")
     if results:
         print(summary(results))
     if given.correlate:
@@ -86,13 +92,22 @@ def main() -> int:
     return 0
 
 
-def pieces(given: Any) -> Iterator[tuple[str, rr.Trajectory, rr.Motion | None]]:
+def known(path: Path | None) -> list[Executed]:
+    """The results of earlier runs."""
+    if path is None or not path.is_file():
+        return []
+    return [Executed(**json.loads(line)) for line in path.read_text().splitlines()]
+
+
+def pieces(given: Any, done: set[str]) -> Iterator[tuple[str, rr.Trajectory, rr.Motion | None]]:
     """The references, with the human motion they come from."""
     robot = rr.load_robot(given.robot or str(given.model))
     motion = rr.read_motion(given.motion) if given.motion else None
     for path in given.references:
         yield path.name, rr.load_trajectory(path, robot, given.format), motion
     for name, window in windows(given.windows, given.seconds, given.most) if given.windows else ():
+        if name in done:
+            continue
         try:
             yield name, rr.retarget(window, robot).trajectory, window
         except rr.RobotRetargetError as error:
