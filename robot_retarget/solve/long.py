@@ -18,7 +18,7 @@ from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.solve.look import mismatch
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solve.solve import solve_graph, trajectory_of
 from robot_retarget.solve.windows import Part, Window
 from robot_retarget.trajectory import Trajectory
 
@@ -58,7 +58,7 @@ def solve_long(
         done = own[-1].final
     if overrides is None and (doubt := mismatch(motion, robot, matched, qpos)):
         raise MatchError(doubt)
-    return Trajectory(qpos, motion.fps, robot.joint_names, robot.name, Path(motion.source).name)
+    return trajectory_of(motion, robot, qpos)
 
 
 def _pieces(windows: tuple[Window, ...]) -> Iterator[tuple[Window, ...]]:

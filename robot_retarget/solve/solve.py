@@ -10,7 +10,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.describe.role import SECOND_DIFFERENCE, Role
+from robot_retarget.motion import Motion
 from robot_retarget.progress import Count, Progress
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, measured_by
@@ -58,6 +60,19 @@ def solve_graph(
     return solution_of(solver, graph, poses, timings)
 
 
+def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
+    """Return configurations (T, nq) of the first T frames of a motion as a trajectory that names its source and times."""
+    return Trajectory(
+        qpos,
+        motion.fps,
+        robot.joint_names,
+        robot.name,
+        Path(motion.source).name,
+        source_time=motion.source_time[: len(qpos)],
+        source_sha256=motion.source_sha256,
+    )
+
+
 def problem_of(graph: Graph) -> Problem:
     """The graph's edges as compiled functions."""
     return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
@@ -66,7 +81,7 @@ def problem_of(graph: Graph) -> Problem:
 def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: dict[str, float]) -> Solution:
     """Evaluate the cost of every frame and the stress of every kind at solved poses."""
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
-    trajectory = Trajectory(qpos, graph.fps, graph.robot.joint_names, graph.robot.name, Path(graph.motion.source).name)
+    trajectory = trajectory_of(graph.motion, graph.robot, qpos)
     measured, stress = measured_by(problem, graph, qpos), {}
     for track in graph.costs:
         errors = (measured[track.name] - np.clip(measured[track.name], track.lower, track.upper)) / track.scale

@@ -23,7 +23,10 @@ def walk() -> rr.Motion:
 def test_a_clip_of_one_piece_is_solved_as_a_whole(walk: rr.Motion) -> None:
     robot, clip = rr.load_robot("op3"), walk.frames(0, 40)
     whole = rr.retarget(clip, robot, smoothing=SHORT).trajectory
-    np.testing.assert_array_equal(long.solve_long(clip, robot, smoothing=SHORT).qpos, whole.qpos)
+    piece = long.solve_long(clip, robot, smoothing=SHORT)
+    np.testing.assert_array_equal(piece.qpos, whole.qpos)
+    np.testing.assert_array_equal(piece.source_time, whole.source_time)
+    assert piece.source_sha256 == whole.source_sha256 == walk.source_sha256 != ""
 
 
 def test_pieces_join_without_a_seam_and_stay_near_the_whole(walk: rr.Motion, monkeypatch: pytest.MonkeyPatch) -> None:
