@@ -16,9 +16,9 @@ from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.collision.warn import Surfaces, surfaces, warnings_of
+from robot_retarget.collision.warn import warnings_of
 from robot_retarget.describe.weights import Weights
-from robot_retarget.robot.clearance import Clearance
+from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.shipped import SAMPLES
 
 APART = 0.003
@@ -43,14 +43,14 @@ class Run:
     """What was minimised, summed over the frames."""
 
 
-def solved(motion: rr.Motion, robot: rr.Robot, known: Surfaces, fps: float, weight: float | None) -> Run:
+def solved(motion: rr.Motion, robot: rr.Robot, links: LinkDistances, fps: float, weight: float | None) -> Run:
     """Retarget a clip with interaction edges of a weight, or without separation, and measure the result."""
     graph = rr.describe(motion, robot, fps=fps, weights=Weights(interaction=weight or 0.0))
     result = rr.solve(graph.without("separation") if weight is None else graph)
     qpos = result.trajectory.qpos
     human = result.match.human_positions(result.motion)
-    distance = Clearance(robot, known.pairs).all(qpos, FAR)
-    alarms, stress = len(warnings_of(result.trajectory, robot, known=known).events), float(result.solution.cost.sum())
+    distance = links.along(qpos)
+    alarms, stress = len(warnings_of(result.trajectory, robot).events), float(result.solution.cost.sum())
     return Run(figures(robot, result.match, human, qpos, fps), distance, fps, alarms, stress)
 
 
@@ -112,10 +112,10 @@ def main() -> None:
     print("|---" * 10 + "|", flush=True)
     for name in given.robot:
         robot = rr.load_robot(name)
-        known = surfaces(robot)
+        links = LinkDistances(robot, FAR)
         motions = [rr.read_motion(path) for path in given.clips]
-        free = [solved(motion, robot, known, given.fps, None) for motion in motions]
-        runs = {way: [solved(m, robot, known, given.fps, weight) for m in motions] for way, weight in ways.items()}
+        free = [solved(motion, robot, links, given.fps, None) for motion in motions]
+        runs = {way: [solved(m, robot, links, given.fps, weight) for m in motions] for way, weight in ways.items()}
         for way, found in runs.items():
             times = [t for one, run in zip(free, found, strict=True) for t in starts(one, run)]
             f = mean([run.figures for run in found])
@@ -128,7 +128,7 @@ def main() -> None:
             )
         hit = [k for k, one in enumerate(free) if collisions(one)]
         if given.plot and hit:
-            plot(free[hit[-1]], {way: found[hit[-1]] for way, found in runs.items()}, known.names, given.plot)
+            plot(free[hit[-1]], {way: found[hit[-1]] for way, found in runs.items()}, links.names, given.plot)
 
 
 if __name__ == "__main__":

@@ -17,10 +17,8 @@ from scipy.ndimage import maximum_filter1d
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.collision.foresight import Joints, strides
-from robot_retarget.collision.warn import Surfaces, Warner, Warnings, WarnOptions, surfaces, warnings_of
-from robot_retarget.dgp.interaction import Interaction
-from robot_retarget.robot.clearance import Clearance, Marks
+from robot_retarget.collision.warn import Warner, WarnOptions, warnings_of
+from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.trajectory import Trajectory
 
@@ -35,7 +33,10 @@ THRESHOLDS = np.arange(0.002, 0.04, 0.001)
 REPEATS = 7
 """Runs that are timed."""
 PARTS = ("accuracy", "horizons", "speed")
-HORIZONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
+HORIZONS = (1 / 30, 2 / 30, 0.1, 0.2, 0.3)
+"""[s]."""
+AFTER = 0.5
+"""An alarm is right when a contact comes within this time of its end [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,52 +139,38 @@ def by_distance(cases: Sequence[Case], horizon: float) -> list[Score]:
     return scores
 
 
-def measured(robot: rr.Robot, known: Surfaces, kind: str, trajectories: Sequence[Trajectory]) -> list[Case]:
+def measured(robot: rr.Robot, kind: str, trajectories: Sequence[Trajectory]) -> list[Case]:
     """Trajectories with what MuJoCo says of them."""
-    clearance = Clearance(robot, known.pairs)
-    return [Case(kind, one, clearance.all(one.qpos, FAR)) for one in trajectories]
-
-
-def timing_errors(cases: Sequence[Case], found: Sequence[Warnings]) -> list[float]:
-    """By how many frames the time to contact is off, three frames before each contact; infinite where none is given."""
-    errors = []
-    for case, warnings in zip(cases, found, strict=True):
-        fps, touch = case.trajectory.fps, case.distance <= 0
-        for pair in np.flatnonzero(touch.any(axis=0)):
-            for start, _ in stretches(touch[:, pair], round(GAP * fps)):
-                if start >= 6:
-                    errors.append(abs(float(warnings.time_to_contact[start - 3, pair]) * fps - 3))
-    return errors
+    links = LinkDistances(robot, FAR)
+    return [Case(kind, one, links.along(one.qpos)) for one in trajectories]
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What came of some trajectories: the warnings, the alarms by distance, and errors of the time to contact."""
+    """Scores of the warnings of some trajectories, and of alarms by distance at every threshold."""
 
     warned: Score
     plain: list[Score]
-    errors: list[float]
 
     def line(self, *names: str) -> str:
         """Beside the alarm by distance with the largest threshold that is as precise."""
         score = self.warned
         fits = [k for k, plain in enumerate(self.plain) if plain.precision >= score.precision]
         threshold, plain = (THRESHOLDS[fits[-1]], self.plain[fits[-1]]) if fits else (0.0, Score())
-        off = np.median(self.errors)
         cells = (
             *names, score.contacts, f"{score.recall:.3f}", f"{score.precision:.3f}", f"{score.lead:.3f}",
-            f"{threshold * 100:.1f}", f"{plain.recall:.3f}", f"{plain.lead:.3f}", f"{off:.2f}" if off < np.inf else "–",
+            f"{threshold * 100:.1f}", f"{plain.recall:.3f}", f"{plain.lead:.3f}",
         )  # fmt: skip
         return f"| {' | '.join(map(str, cells))} |"
 
 
-def accuracy(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> list[Accuracy]:
+def accuracy(robot: rr.Robot, links: LinkDistances, groups: dict[str, list[Case]]) -> list[Accuracy]:
     """A line per kind of trajectory and one for all of them."""
     options, results = WarnOptions(), []
     for kind, cases in groups.items():
-        found = [warnings_of(case.trajectory, robot, options, known) for case in cases]
-        warned = judge(cases, [one.flagged for one in found], options.horizon)
-        results.append(Accuracy(warned, by_distance(cases, options.horizon), timing_errors(cases, found)))
+        found = [warnings_of(case.trajectory, robot, options, links) for case in cases]
+        warned = judge(cases, [one.flagged for one in found], AFTER)
+        results.append(Accuracy(warned, by_distance(cases, AFTER)))
         print(results[-1].line(robot.name, kind), flush=True)
     print(together(results).line(robot.name, "all"), flush=True)
     return results
@@ -193,7 +180,7 @@ def together(results: Sequence[Accuracy]) -> Accuracy:
     """All of them as one."""
     ladders = zip(*(one.plain for one in results), strict=True)
     warned, plain = pooled([one.warned for one in results]), [pooled(scores) for scores in ladders]
-    return Accuracy(warned, plain, [error for one in results for error in one.errors])
+    return Accuracy(warned, plain)
 
 
 def pooled(scores: Sequence[Score]) -> Score:
@@ -202,33 +189,25 @@ def pooled(scores: Sequence[Score]) -> Score:
     return Score(*counts, leads=[lead for one in scores for lead in one.leads])
 
 
-def over_horizons(robot: rr.Robot, known: Surfaces, groups: dict[str, list[Case]]) -> None:
+def over_horizons(robot: rr.Robot, links: LinkDistances, groups: dict[str, list[Case]]) -> None:
     """A line per kind: recall, precision and lead at every horizon."""
     for kind, cases in groups.items():
         cells = []
         for horizon in HORIZONS:
             options = WarnOptions(horizon=horizon)
-            alarms = [warnings_of(case.trajectory, robot, options, known).flagged for case in cases]
-            score = judge(cases, alarms, horizon)
+            alarms = [warnings_of(case.trajectory, robot, options, links).flagged for case in cases]
+            score = judge(cases, alarms, AFTER)
             cells.append(f"{score.recall:.2f} / {score.precision:.2f} / {score.lead:.2f}")
         print(f"| {robot.name} | {kind} | {' | '.join(cells)} |", flush=True)
 
 
-def speed(robot: rr.Robot, known: Surfaces, trajectory: Trajectory) -> None:
-    """Frames per second of the capsules alone and of whole warnings; one update of a stream; the fastest runs of several."""
-    qpos = np.concatenate([trajectory.qpos] * 4)
-    interaction = Interaction(15, WarnOptions().dead_band)
-    still, marks = Joints(robot).pinned(qpos), Marks(robot, known.capsules.points)
-
-    def capsules() -> None:
-        ends = marks.along(still)
-        known.capsule_pairs.approach(ends, strides(ends, 1), interaction)
-
-    bare = best_time(capsules) / len(qpos)
-    whole = best_time(lambda: warnings_of(trajectory, robot, known=known)) / len(trajectory)
-    spent = min((update_times(Warner(robot, trajectory.fps, known=known), trajectory) for _ in range(REPEATS)), key=sum)
+def speed(robot: rr.Robot, links: LinkDistances, trajectory: Trajectory) -> None:
+    """Print distances per second, whole warnings per second, and the time of one update of a stream."""
+    bare = best_time(lambda: links.along(trajectory.qpos)) / len(trajectory)
+    whole = best_time(lambda: warnings_of(trajectory, robot, links=links)) / len(trajectory)
+    spent = min((update_times(Warner(robot, trajectory.fps, links=links), trajectory) for _ in range(REPEATS)), key=sum)
     print(
-        f"| {robot.name} | {len(known.pairs)} | {1 / bare:,.0f} | {1 / whole:,.0f} | {np.median(spent) * 1e3:.2f} "
+        f"| {robot.name} | {len(links)} | {1 / bare:,.0f} | {1 / whole:,.0f} | {np.median(spent) * 1e3:.2f} "
         f"| {np.percentile(spent, 95) * 1e3:.2f} |",
         flush=True,
     )
@@ -267,11 +246,11 @@ def main() -> None:
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="tables to print")
     chosen = parser.parse_args()
     robots = [rr.load_robot(name) for name in chosen.robot]
-    watched = [surfaces(robot) for robot in robots]
+    watched = [LinkDistances(robot) for robot in robots]
     sets = []
-    for robot, known in zip(robots, watched, strict=True):
-        clips = measured(robot, known, "clips", list(clips_of(robot, chosen.clips)))
-        motions = measured(robot, known, "random", [random_motion(robot, seed) for seed in range(chosen.random)])
+    for robot in robots:
+        clips = measured(robot, "clips", list(clips_of(robot, chosen.clips)))
+        motions = measured(robot, "random", [random_motion(robot, seed) for seed in range(chosen.random)])
         sets.append({"clips": clips, "random": motions})
     both = list(zip(robots, watched, sets, strict=True))
     few = [(r, k, {"clips": g["clips"], "random": g["random"][: chosen.some]}) for r, k, g in both]
@@ -279,18 +258,18 @@ def main() -> None:
     if "accuracy" in chosen.parts:
         columns = ("robot", "trajectories", "contacts", "recall", "precision", "lead [s]")
         plain = ("distance as precise [cm]", "its recall", "its lead [s]")
-        heading("Warnings", *columns, *plain, "time to contact off [frames]")
+        heading("Warnings", *columns, *plain)
         results = [result for one in both for result in accuracy(*one)]
         print(together(results).line("all", "all"), flush=True)
     if "horizons" in chosen.parts:
-        heading("Recall / precision / lead [s]", "robot", "trajectories", *(f"{horizon} s" for horizon in HORIZONS))
+        heading("Recall / precision / lead [s]", "robot", "trajectories", *(f"{horizon:.2f} s" for horizon in HORIZONS))
         for one in few:
             over_horizons(*one)
     if "speed" in chosen.parts:
-        closed = "closed form [frames/s]", "whole warnings [frames/s]"
+        closed = "distances [frames/s]", "whole warnings [frames/s]"
         heading("Speed", "robot", "pairs", *closed, "update [ms]", "95 % [ms]")
-        for robot, known, groups in both:
-            speed(robot, known, max((case.trajectory for case in groups["clips"]), key=len))
+        for robot, links, groups in both:
+            speed(robot, links, max((case.trajectory for case in groups["clips"]), key=len))
 
 
 if __name__ == "__main__":

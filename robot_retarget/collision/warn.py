@@ -1,68 +1,59 @@
-"""Self-collisions flagged before they happen, by the interaction distance of the links' surfaces.
+"""Self-collision warnings by the interaction distance [Mucherino2019] of the surfaces of links.
 
-Every frame, every pair of links that may touch: capsules and the closed form of `approach` give D and α. The few pairs
-that could touch within the horizon are looked at again by `foresight`: MuJoCo's distance of their geoms along the path
-of the joints. A pair is then in one of four states,
+All joints continue with their last step v, of 1/30 s, within their ranges. With d(q) the signed distance of two links
+at a configuration q, the interaction distance over a horizon of H steps is
 
-    contact      the geoms touch now,
-    imminent     for `confirm` seconds running, an instant t ahead showed an overlap deeper than ½ doubt t² − margin
-                 (or the very next step did); one look is enough where the stream has kept its pace (`pace`),
-    approaching  an overlap, or surfaces nearer than `margin`, are foreseen within the horizon,
-    clear        none of these,
+    D = min_{0 ≤ k ≤ H} d(q + k v),    α = 1 + the k of the minimum.
 
-and keeps the highest that any of the last `release` seconds called for, so that a warning does not flicker. A stretch
-of imminent or contact is an event. States are looked at every 1/30 s, whatever the frame rate, and stand in between.
-Everything at a frame depends on that frame and earlier ones only.
+A pair is flagged while D is at most the margin and the links approach, or while they overlap. A flag is held for the
+release time, so that it does not flicker. A stretch of flagged frames is an event. Everything at a frame depends on this
+frame and earlier ones only. Pairs are evaluated once in every step, so that the frame rate does not matter.
 """
 
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.collision.approach import Approach, CapsulePairs
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.collision.events import Event, events_of
-from robot_retarget.collision.foresight import Foresight, Joints, changes, span_of, strides
-from robot_retarget.collision.pace import TRUSTED, Pace
-from robot_retarget.collision.states import State, Windows
-from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot
-from robot_retarget.robot.capsules import Capsules, fit_capsules
-from robot_retarget.robot.clearance import Clearance, Marks, Pairs
-from robot_retarget.robot.collidable import collidable
+from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
 
-APPROACHING, IMMINENT, CONTACT = (np.int8(state) for state in (State.APPROACHING, State.IMMINENT, State.CONTACT))
-Judge = Callable[[np.ndarray, np.ndarray], np.ndarray]
+STEP = 1 / 30
+"""Duration of a step [s]: whole frames, at least one."""
+
+
+class State(IntEnum):
+    """State of a pair of links."""
+
+    CLEAR = 0
+    APPROACHING = 1
+    IMMINENT = 2
+    CONTACT = 3
 
 
 @dataclass(frozen=True)
 class WarnOptions:
-    """When a warning is raised, and how long it holds.
+    """When a warning is raised, and how long it is held.
 
     Raises:
         UsageError: a negative or NaN option, or no horizon.
     """
 
-    horizon: float = 0.5
-    """How far ahead is looked [s]."""
-    dead_band: float = 2e-4
-    """Relative steps of 1/30 s up to this length are rest [m]: 6 mm/s, which covers 3 mm in the default horizon."""
-    slack: float = 0.01
-    """Pairs whose capsules come this near within the horizon are looked at by MuJoCo [m]."""
+    horizon: float = STEP
+    """How far ahead joints continue [s]. One step serves captured motion; 0.2 s warns of smooth machine motion earlier."""
     margin: float = 0.008
-    """Surfaces foreseen this near count as touching, when they are nearest [m]."""
-    doubt: float = 0.45
-    """Unforeseen acceleration allowed for [m/s²]: an overlap t ahead counts once it is deeper than ½ doubt t² − margin."""
-    confirm: float = 2 / 30
-    """Time for which a contact must be foreseen before it is called imminent [s]."""
+    """Interaction distance at which a pair is flagged [m]."""
+    dead_band: float = 5e-4
+    """Links that come nearer by less do not approach [m]: jitter of captured joints."""
     release: float = 0.25
-    """Time for which a state is kept after the last frame that called for it [s]."""
+    """Time for which a flag is held after the last frame that raised it [s]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -73,35 +64,6 @@ class WarnOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Surfaces:
-    """What of a robot may touch what: fitted once, used for any number of trajectories."""
-
-    robot: Robot
-    capsules: Capsules
-    pairs: Pairs
-
-    @cached_property
-    def capsule_pairs(self) -> CapsulePairs:
-        """The capsules of every pair."""
-        return CapsulePairs(self.capsules, self.pairs)
-
-    @cached_property
-    def names(self) -> list[tuple[str, str]]:
-        """The links of every pair."""
-        return self.pairs.names(self.robot)
-
-    @property
-    def fit_error(self) -> dict[str, float]:
-        """By link name, how far its capsules reach beyond its geoms, in the worst direction [m]."""
-        return {self.robot.model.body(link).name: round(x, 4) for link, x in self.capsules.excess.items()}
-
-
-def surfaces(robot: Robot) -> Surfaces:
-    """Fit capsules to a robot and list the pairs of links that may touch."""
-    return Surfaces(robot, fit_capsules(robot), collidable(robot))
-
-
-@dataclass(frozen=True, eq=False)
 class Warnings:
     """T frames (one, when streaming) of P pairs of links."""
 
@@ -109,41 +71,48 @@ class Warnings:
     """P pairs of links by name."""
     fps: float
     distance: Floats
-    """(T, P) between the links' capsules now [m]."""
+    """(T, P) now [m], negative where links overlap; at most the reach of `LinkDistances`."""
     ahead: Floats
-    """(T, P) the interaction distance D of their capsules [m]."""
+    """(T, P) interaction distance D [m]."""
     alpha: Ints
     """(T, P) α: D is reached α − 1 steps of 1/30 s from now."""
-    state: np.ndarray
-    """(T, P) `State`."""
+    flagged: Bools
+    """(T, P) whether a warning is raised or held."""
+    closing: Bools
+    """(T, P) whether the links approach."""
     time_to_contact: Floats
-    """(T, P) [s]; 0 in contact, infinite where none is foreseen."""
-    depth: Floats
-    """(T, P) overlap foreseen within the horizon [m]."""
-    touching: np.ndarray
-    """(T, P) whether the geoms touch now."""
+    """(T, P) [s]; 0 in contact, infinite where no contact is predicted."""
+    reach: float
+    """Largest distance that is measured [m]."""
 
     def __len__(self) -> int:
-        return len(self.state)
+        return len(self.flagged)
 
     @property
-    def flagged(self) -> np.ndarray:
-        """(T, P) whether a contact is imminent or there."""
-        return self.state >= State.IMMINENT
+    def touching(self) -> Bools:
+        """(T, P) whether the links overlap now."""
+        return self.distance <= 0
+
+    @property
+    def state(self) -> np.ndarray:
+        """(T, P) `State`."""
+        state = np.where(self.flagged, State.IMMINENT, np.where(self.closing, State.APPROACHING, State.CLEAR))
+        return np.where(self.touching, State.CONTACT, state).astype(np.int8)
 
     @cached_property
     def events(self) -> list[Event]:
-        """Every warning with what came of it, in order of time."""
-        return events_of(self.pairs, self.flagged, self.touching, self.time_to_contact, self.depth, self.fps)
+        """All warnings with their outcome, in order of time."""
+        depth = np.maximum(-self.ahead, 0.0)
+        return events_of(self.pairs, self.flagged, self.touching, self.time_to_contact, depth, self.fps)
 
 
 def warnings_of(
-    trajectory: Trajectory, robot: Robot, options: WarnOptions | None = None, known: Surfaces | None = None
+    trajectory: Trajectory, robot: Robot, options: WarnOptions | None = None, links: LinkDistances | None = None
 ) -> Warnings:
-    """Flag the self-collisions of a whole trajectory ahead of time, as if it came frame by frame.
+    """Return the warnings of a whole trajectory, as a stream of its frames gives them.
 
     Args:
-        known: the robot's surfaces, where they are at hand (`surfaces`).
+        links: distances of the robot, if they are compiled already.
 
     Raises:
         TrajectoryError: it belongs to another robot, or has a single frame.
@@ -151,36 +120,40 @@ def warnings_of(
     require_same_robot(trajectory, robot)
     if len(trajectory) < 2:
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
-    eye = Eye(known or surfaces(robot), trajectory.fps, options or WarnOptions())
-    qpos = eye.joints.pinned(trajectory.qpos)
-    ends, steps = eye.ends.along(qpos), strides(qpos, eye.span)
-    near = eye.known.capsule_pairs.approach(ends, strides(ends, eye.span), eye.interaction)
-    looks = np.arange(0, len(qpos), eye.span)
-    seen = eye.look(near.at(looks), qpos[looks], steps[looks], changes(steps, eye.span)[looks], eye.windows.all)
-    return eye.warnings(near, seen, np.arange(len(qpos)))
+    warner = Warner(robot, trajectory.fps, options, links)
+    frames = [warner.update(qpos) for qpos in trajectory.qpos]
+    columns = ("distance", "ahead", "alpha", "flagged", "closing", "time_to_contact")
+    joined = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in columns}
+    return replace(frames[0], **joined)
 
 
 class Warner:
-    """Warnings of a stream: give every configuration as it comes."""
+    """Warnings of a stream: takes every configuration as it comes."""
 
-    def __init__(self, robot: Robot, fps: float, options: WarnOptions | None = None, known: Surfaces | None = None):
-        """Fit the robot's surfaces, unless they are `known`.
+    def __init__(
+        self, robot: Robot, fps: float, options: WarnOptions | None = None, links: LinkDistances | None = None
+    ):
+        """Compile the distances of the robot, unless `links` are given.
 
         Raises:
             UsageError: fps is not positive.
         """
         if not (np.isfinite(fps) and fps > 0):
             raise UsageError(f"frames per second must be positive, got {fps}")
-        self.robot = robot
-        self.eye = Eye(known or surfaces(robot), float(fps), options or WarnOptions())
-        self._past: deque[Floats] = deque(maxlen=self.eye.span + 1)
-        self._ends: deque[Floats] = deque(maxlen=self.eye.span + 1)
-        self._step: Floats | None = None
+        self.robot, self.fps, self.options = robot, float(fps), options or WarnOptions()
+        self.links = links or LinkDistances(robot)
+        self.span = max(1, round(STEP * fps))
+        self.step = self.span / fps
+        """Duration of a step [s]."""
+        self.steps = max(1, round(self.options.horizon / self.step))
+        self._past: deque[Floats] = deque(maxlen=self.span + 1)
+        self._held = np.zeros(len(self.links), dtype=int)
+        """Number of steps for which each flag is still held."""
         self._count = 0
-        self._seen: Seen | None = None
+        self._last: Warnings | None = None
 
     def update(self, qpos: Floats) -> Warnings:
-        """What is to be said of this configuration (nq,), knowing those before.
+        """Return the warnings at the next configuration (nq,).
 
         Raises:
             TrajectoryError: it has another length, or a value that is not finite.
@@ -188,88 +161,42 @@ class Warner:
         nq = self.robot.model.nq
         if np.shape(qpos) != (nq,) or not np.isfinite(qpos).all():
             raise TrajectoryError(f"a configuration of {self.robot.name!r} is {nq} finite numbers")
-        eye, still = self.eye, self.eye.joints.pinned(np.asarray(qpos, dtype=float)[None])
-        ends = eye.ends.along(still)
-        self._past.append(still)
-        self._ends.append(ends)
-        share = eye.span / max(len(self._ends) - 1, 1)
-        near = eye.known.capsule_pairs.approach(ends, (ends - self._ends[0]) * share, eye.interaction)
-        since = self._count % eye.span
-        if self._seen is None or since == 0:
-            step = (still - self._past[0]) * share
-            changed = step - self._step if self._step is not None and self._count > eye.span else np.zeros_like(step)
-            self._seen, self._step = eye.look(near, still, step, changed, eye.windows.next), step
-        self._count += 1
-        return eye.warnings(near, self._seen, np.array([since]))
+        self._past.append(np.array(qpos, dtype=float))
+        since, self._count = self._count % self.span, self._count + 1
+        if since == 0 or self._last is None:
+            self._last = self._evaluated()
+        contact = np.maximum(self._last.time_to_contact - since / self.fps, 0.0)
+        return replace(self._last, time_to_contact=contact)
 
+    def _evaluated(self) -> Warnings:
+        """Return the warnings of the present frame; other frame rates evaluate the same frames."""
+        along = self.links.along(self._continued())
+        now, ahead, alpha = along[0], along.min(axis=0), 1 + along.argmin(axis=0)
+        closing = ahead < now - self.options.dead_band
+        near = closing & (ahead <= self.options.margin)
+        release = round(self.options.release / self.step) + 1
+        self._held = np.where(near | (now <= 0), release, np.maximum(self._held - 1, 0))
+        contact = self._time_to_zero(along, np.where(near, (alpha - 1) * self.step, np.inf))
+        fields = {"distance": now, "ahead": ahead, "alpha": alpha, "closing": closing, "time_to_contact": contact}
+        rows = {name: values[None] for name, values in fields.items()}
+        return Warnings(self.links.names, self.fps, flagged=self._held[None] > 0, reach=self.links.reach, **rows)
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What L looks made of P pairs, (L, P) each; the fields are those of `Warnings`."""
+    def _continued(self) -> Floats:
+        """Return the configurations (1 + H, nq) now and after every step of the horizon."""
+        now, before = self._past[-1], self._past[0]
+        share = self.span / max(len(self._past) - 1, 1)
+        path = now + np.arange(self.steps + 1)[:, None] * share * (now - before)
+        columns, robot = self.robot.qpos_index, self.robot
+        low, high = np.minimum(robot.lower, now[columns]), np.maximum(robot.upper, now[columns])
+        path[:, columns] = np.clip(path[:, columns], low, high)
+        return path
 
-    state: np.ndarray
-    time_to_contact: Floats
-    depth: Floats
-    touching: np.ndarray
-
-
-class Eye:
-    """What both ways of watching share: one robot, one frame rate, one set of options.
-
-    It looks once in every step, so that other frame rates see the same.
-    """
-
-    def __init__(self, known: Surfaces, fps: float, options: WarnOptions):
-        self.known, self.fps, self.options = known, fps, options
-        self.span = span_of(fps)
-        step = self.span / fps
-        self.interaction = Interaction(options.horizon / step, options.dead_band)
-        self.joints = Joints(known.robot)
-        self.ends = Marks(known.robot, known.capsules.points)
-        self.clearance = Clearance(known.robot, known.pairs)
-        self.foresight = Foresight(self.joints, self.clearance, options.horizon, step, options.margin, options.doubt)
-        self.pace = Pace(self.foresight.k, step)
-        self.windows = Windows(round(options.confirm / step) + 1, round(options.release / step) + 1)
-
-    def look(self, near: Approach, qpos: Floats, steps: Floats, changed: Floats, judge: Judge) -> Seen:
-        """States at L looks, from configurations (L, nq), their steps and changes of step."""
-        looks, pairs = np.nonzero(near.ahead <= self.options.slack)
-        gains, trusted = self._gains(qpos, steps, changed)
-        paths, bounds = self.joints.paths(qpos, steps, changed, gains), np.searchsorted(looks, np.arange(len(qpos) + 1))
-        distances, rough = [np.zeros((paths.shape[1], 0))], near.distance[looks, pairs]
-        drop = rough - near.ahead[looks, pairs]
-        for path, first, last in zip(paths, bounds.tolist(), bounds[1:].tolist(), strict=False):
-            if first < last:
-                distances.append(self.foresight.look(path, pairs[first:last], rough[first:last], drop[first:last]))
-        seen = self.foresight.outlook(np.concatenate(distances, axis=1))
-
-        def spread(values: np.ndarray) -> np.ndarray:
-            full = np.zeros(near.ahead.shape, dtype=values.dtype)
-            full[looks, pairs] = values
-            return full
-
-        foreseen, touching = seen.sure > 0, seen.distance <= 0
-        called = np.isfinite(seen.contact) * APPROACHING
-        called[(seen.next <= self.options.margin / 2) | (foreseen & trusted[looks])] = IMMINENT
-        called[touching] = CONTACT
-        state, contact = judge(spread(foreseen), spread(called)), np.full(near.ahead.shape, np.inf)
-        contact[looks, pairs] = seen.contact
-        return Seen(state, contact, spread(seen.depth), spread(touching))
-
-    def _gains(self, qpos: Floats, steps: Floats, changed: Floats) -> tuple[Floats, np.ndarray]:
-        """(L, 2, 1 + K) gains now and at every instant, and (L,) whether the stream keeps its pace."""
-        gains = np.zeros((len(qpos), 2, 1 + len(self.foresight.k)))
-        trusted = np.zeros(len(qpos), dtype=bool)
-        for t, (joints, step, change) in enumerate(zip(qpos, steps, changed, strict=True)):
-            gains[t, :, 1:] = self.pace.next(joints, step, change)  # a free root, pinned, adds no error
-            trusted[t] = self.pace.trust >= TRUSTED
-        return gains, trusted
-
-    def warnings(self, near: Approach, seen: Seen, frames: Ints) -> Warnings:
-        """What was seen, said at frames counted from the first look; the time to contact runs on between looks."""
-        names, fields = self.known.names, (near.distance, near.ahead, near.alpha)
-        if self.span == 1:
-            return Warnings(names, self.fps, *fields, seen.state, seen.time_to_contact, seen.depth, seen.touching)
-        look, since = frames // self.span, (frames % self.span) / self.fps
-        contact = np.maximum(seen.time_to_contact[look] - since[:, None], 0.0)
-        return Warnings(names, self.fps, *fields, seen.state[look], contact, seen.depth[look], seen.touching[look])
+    def _time_to_zero(self, along: Floats, otherwise: Floats) -> Floats:
+        """Return when distances (1 + H, P) first reach zero, linear between steps [s]; `otherwise` where they do not."""
+        after = (along <= 0).argmax(axis=0)
+        pairs = np.flatnonzero((along <= 0).any(axis=0))
+        time = otherwise.copy()
+        k = after[pairs]
+        outer, inner = along[np.maximum(k - 1, 0), pairs], along[k, pairs]
+        time[pairs] = np.where(k > 0, (k - 1 + outer / np.maximum(outer - inner, 1e-12)) * self.step, 0.0)
+        return time

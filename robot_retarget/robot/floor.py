@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Near
-from robot_retarget.robot.capsules import solid_geoms
+from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
 

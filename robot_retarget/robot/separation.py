@@ -12,9 +12,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.boxes import Boxes, Near
-from robot_retarget.robot.capsules import touchable
-from robot_retarget.robot.collidable import allowed
 from robot_retarget.robot.floor import Floor
+from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 
@@ -142,24 +141,42 @@ class Separation:
         return self.floor.depth()
 
     def found(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
-        """All places that count where links are near each other, at a configuration (nq,): their distances (C,) [m], geoms
-        (C, 2), and slopes by v (C, nv).
+        """Return all places where links are near each other.
+
+        Args:
+            qpos: (nq,).
+
+        Returns:
+            Distances (C,) [m], geoms (C, 2), and slopes of the distances by v (C, nv).
         """
+        seen, boxes = self._collide(qpos)
+        data = self.data
+        mujoco.mj_makeConstraint(self.model, data)
+        slope = data.efc_J.reshape(-1, self.model.nv).take(data.contact.efc_address.take(seen), axis=0)
+        distance, geoms = data.contact.dist.take(seen), data.contact.geom.take(seen, axis=0)
+        if boxes is None:
+            return distance, geoms, slope
+        distance, geoms = np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
+        return distance, geoms, np.concatenate([slope, self._slopes(boxes)])
+
+    def distances(self, qpos: Floats) -> tuple[Floats, Ints]:
+        """Return distances (C,) [m] and geoms (C, 2) of all places where links are near each other at qpos (nq,)."""
+        seen, boxes = self._collide(qpos)
+        distance, geoms = self.data.contact.dist.take(seen), self.data.contact.geom.take(seen, axis=0)
+        if boxes is None:
+            return distance, geoms
+        return np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
+
+    def _collide(self, qpos: Floats) -> tuple[Ints, Near | None]:
+        """Return MuJoCo's contacts (S,) that count, and the places of boxes, None where there are no boxes."""
         data = self.data
         data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         mujoco.mj_collision(self.model, data)
-        mujoco.mj_makeConstraint(self.model, data)
-        contact, pairs = data.contact, data.contact.geom
+        pairs = data.contact.geom
         seen = np.flatnonzero(self.seen[pairs[:, 0], pairs[:, 1]])
-        slope = data.efc_J.reshape(-1, self.model.nv).take(contact.efc_address.take(seen), axis=0)
-        distance, geoms = contact.dist.take(seen), pairs.take(seen, axis=0)
-        if not len(self.boxes.pairs):
-            return distance, geoms, slope
-        boxes = self.boxes.near(data)
-        distance, geoms = np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
-        return distance, geoms, np.concatenate([slope, self._slopes(boxes)])
+        return seen, self.boxes.near(data) if len(self.boxes.pairs) else None
 
     def _watch(self, pairs: Ints) -> None:
         """Leave to `Boxes` those of some pairs of geoms (N, 2) that count and are two boxes."""

@@ -66,7 +66,7 @@ def _curves(axes: Any, warnings: Warnings, pair: int) -> None:
         edges = np.diff(what[:, pair].astype(int), prepend=0, append=0)
         for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
             axes.axvspan(start * frame, stop * frame, color=colour, alpha=0.5, linewidth=0, label=label)
-    axes.plot(times, warnings.distance[:, pair], color="#2c3e50", label="distance of the capsules now")
+    axes.plot(times, warnings.distance[:, pair], color="#2c3e50", label="distance now")
     axes.plot(times, warnings.ahead[:, pair], color="#2980b9", label="D")
     axes.axhline(0, color="black", linewidth=0.5)
     axes.set_ylabel("[m]")

@@ -5,14 +5,14 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
-from robot_retarget.collision.warn import surfaces, warnings_of
+from robot_retarget.collision.warn import warnings_of
 from robot_retarget.describe.graph import describe
 from robot_retarget.describe.kinds.interaction import Interaction
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.describe.weights import Weights
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.clearance import Clearance
+from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Options
@@ -73,14 +73,13 @@ def test_warnings_are_fewer_for_a_twentieth_of_the_stress_at_most_and_legs_pass_
     """Nothing touches either way, so that every warning is a false alarm."""
     robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
     motion = read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/02_01_walk.bvh").frames(0, 240)
-    known = surfaces(robot)
-    clearance, near, alarms, stress = Clearance(robot, known.pairs), [], [], []
+    links, near, alarms, stress = LinkDistances(robot, 0.05), [], [], []
     for weight in (0.0, 1.0):
         solution = solve_graph(describe(motion, robot, fps=30, weights=Weights(interaction=weight)))
-        distance = clearance.all(solution.trajectory.qpos, 0.05)
+        distance = links.along(solution.trajectory.qpos)
         assert distance.min() > -1e-3
         near.append(np.sort(distance.min(axis=1))[: len(distance) // 4].mean())
-        alarms.append(int(warnings_of(solution.trajectory, robot, known=known).flagged.sum()))
+        alarms.append(int(warnings_of(solution.trajectory, robot).flagged.sum()))
         stress.append(float(solution.cost.sum()))
         assert (solution.stress.get("interaction", np.zeros(1)).max() > 0) == (weight > 0)
     assert near[1] > near[0] and alarms[1] < 0.9 * alarms[0]

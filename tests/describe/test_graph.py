@@ -14,7 +14,7 @@ from robot_retarget.describe.track import HARD
 from robot_retarget.errors import GraphError
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.geoms import allowed
 from robot_retarget.shipped import SAMPLES
 
 FRAMES = 60

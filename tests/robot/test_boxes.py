@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.boxes import TOUCHING, Boxes, Near
-from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.geoms import allowed
 from robot_retarget.robot.separation import Separation
 
 REACH = 0.05

@@ -8,7 +8,7 @@ from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
 from robot_retarget.describe.track import Track, limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.robot.collidable import allowed
+from robot_retarget.robot.geoms import allowed
 from robot_retarget.robot.separation import Separation as Surfaces
 
 WATCHED = 1.6

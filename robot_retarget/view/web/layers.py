@@ -8,11 +8,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.collision.states import State
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import parents_within
-from robot_retarget.robot.capsules import collision_geoms
+from robot_retarget.robot.geoms import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
@@ -114,8 +113,8 @@ def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) ->
     Args:
         height: of the robot [m].
     """
-    near = warnings.ahead < NEAR * height
-    shown = (near & (near.mean(axis=0) < 0.5)) | (warnings.state > State.APPROACHING)
+    near = warnings.ahead < min(NEAR * height, warnings.reach)
+    shown = (near & (near.mean(axis=0) < 0.5)) | warnings.flagged
     columns = np.flatnonzero(shown.any(axis=0))
     columns = columns[np.argsort(warnings.ahead[:, columns].min(axis=0), kind="stable")][:PAIRS]
     model, data, geoms = robot.model, mujoco.MjData(robot.model), collision_geoms(robot)

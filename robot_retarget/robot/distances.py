@@ -1,0 +1,51 @@
+"""Signed distances between the links of a robot, by the distance engine of the solver."""
+
+from functools import cached_property
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.geoms import allowed
+from robot_retarget.robot.model import FREE, Robot
+from robot_retarget.robot.separation import Separation
+
+
+class LinkDistances:
+    """Distances of the P pairs of links that may touch, of one robot; the root does not matter."""
+
+    def __init__(self, robot: Robot, reach: float = 0.02):
+        """Measure distances up to `reach` [m]; farther links are reported at `reach`."""
+        self.robot, self.reach, self._separation = robot, reach, Separation(robot, reach)
+        model = robot.model
+        self._link = np.asarray(model.body_weldid)[model.geom_bodyid]
+        counts = self._separation.counts
+        watched = [pair for pair, geoms in sorted(allowed(robot).items()) if any(counts[both] for both in geoms)]
+        self.links: Ints = np.array(watched, dtype=np.int64).reshape(-1, 2)
+        """(P, 2) body ids, the lower first."""
+        self._column = np.full((model.nbody, model.nbody), -1)
+        self._column[tuple(self.links.T)] = self._column[tuple(self.links[:, ::-1].T)] = np.arange(len(self.links))
+        columns = [model.jnt_qposadr[j] for j in np.flatnonzero(model.jnt_type != FREE)]
+        self._fixed = np.setdiff1d(np.arange(model.nq), columns)
+
+    def __len__(self) -> int:
+        return len(self.links)
+
+    @cached_property
+    def names(self) -> list[tuple[str, str]]:
+        """Names of both links of every pair."""
+        model = self.robot.model
+        return [(model.body(a).name, model.body(b).name) for a, b in self.links.tolist()]
+
+    def at(self, qpos: Floats) -> Floats:
+        """Return the distances (P,) at a configuration (nq,) [m], negative where links overlap."""
+        pose = np.array(qpos, dtype=float)
+        pose[self._fixed] = self.robot.model.qpos0[self._fixed]
+        near, geoms = self._separation.distances(pose)
+        found = np.full(len(self.links), self.reach)
+        columns = self._column[self._link[geoms[:, 0]], self._link[geoms[:, 1]]]
+        np.minimum.at(found, columns[columns >= 0], near[columns >= 0])
+        return found
+
+    def along(self, path: Floats) -> Floats:
+        """Return the distances (T, P) at configurations (T, nq) [m]."""
+        return np.array([self.at(qpos) for qpos in path]).reshape(-1, len(self.links))
