@@ -19,7 +19,7 @@ LAYERS = {
     "human": {"motion", "dgp", "robot", "human"},
     "describe": {"motion", "dgp", "robot", "human", "describe"},
     "solve": {"motion", "dgp", "robot", "human", "describe", "solve"},
-    "collision": {"dgp", "robot", "solve", "collision"},
+    "collision": {"robot", "collision"},
     "balance": {"motion", "robot", "human", "describe", "solve", "balance"},
     "simulate": {
         "motion",
@@ -45,7 +45,7 @@ LAYERS = {
 DATASHEETS = {"robot_retarget.servo.map", "robot_retarget.servo.bounds"}
 """What servos turn a robot's joints, and what they may: read by those who plan and judge."""
 LIBRARIES = {
-    "casadi": ("robot/kinematics.py", "describe/", "solve/", "collision/", "balance/", "dgp/"),
+    "casadi": ("robot/kinematics.py", "describe/", "solve/", "balance/", "dgp/"),
     "mujoco": (
         "robot/",
         "simulate/",
