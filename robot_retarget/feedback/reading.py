@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.feedback.tables import STANDARD_GRAVITY
 
 
 class Reading(NamedTuple):
@@ -14,6 +15,10 @@ class Reading(NamedTuple):
     """(3,) angular velocity [rad/s]."""
     accel: Floats
     """(3,) acceleration less gravity [m/s²]: +g along the vertical at rest."""
+
+
+LEVEL = Reading(np.zeros(3), np.array([0.0, 0.0, STANDARD_GRAVITY]))
+"""Of a level body at rest."""
 
 
 def tilt_of(up: Floats) -> Floats:

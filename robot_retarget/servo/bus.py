@@ -136,6 +136,11 @@ class Bus:
         request = protocol.read(identity, address, length)
         return self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
 
+    def glance(self, request: bytes, identity: int, length: int, patience: float) -> bytes | None:
+        """Bytes of one device, asked for once, or None if they do not come within `patience` [s]."""
+        reply = self._ask(request, identity, length, patience)
+        return reply.data if reply is not None and not reply.error else None
+
     def value(self, identity: int, register: Register) -> int:
         """The value of one register."""
         return register.decode(self.read(identity, register.address, register.size).data)
@@ -230,9 +235,9 @@ class Bus:
             raise StatusError(f"servo {identity}: {what}: {name} error")
         return reply
 
-    def _ask(self, request: bytes, identity: int, length: int) -> Reply | None:
+    def _ask(self, request: bytes, identity: int, length: int, patience: float = PATIENCE) -> Reply | None:
         self.send(request)
-        for frame in self._frames(self._deadline(len(request) + 11 + length, 1, PATIENCE)):
+        for frame in self._frames(self._deadline(len(request) + 11 + length, 1, patience)):
             # Another length is an answer to something else that came late.
             if frame.id == identity and (len(frame.params) == 1 + length or frame.error & ~ALERT):
                 return _reply(frame)

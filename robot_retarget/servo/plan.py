@@ -6,6 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.law import Feedback
 from robot_retarget.goals import RATE
 from robot_retarget.servo.map import Limits, ServoMap
 from robot_retarget.trajectory import Trajectory
@@ -24,6 +25,8 @@ class Plan:
     """(N, n) [rad], in the order of the map."""
     rate: float
     """Ticks a second [1/s]."""
+    feedback: Feedback | None = None
+    """How an inertial sensor's readings alter the rows, which are judged with it; or None."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", frozen(self.angles))
@@ -53,7 +56,8 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
     """
     if trajectory.goals is None:
         raise ServoError("the trajectory has no goals: simulate makes them")
-    return Plan(trajectory.goals.angles[:, _order(trajectory, servo_map)], trajectory.goals.rate)
+    goals, order = trajectory.goals, _order(trajectory, servo_map)
+    return Plan(goals.angles[:, order], goals.rate, None if goals.feedback is None else goals.feedback.of(order))
 
 
 def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> Plan:

@@ -15,6 +15,7 @@ from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusEr
 from robot_retarget.servo.check import Condition, Finding, check
 from robot_retarget.servo.clock import on_time, wait_until, wide_awake
 from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.feedback import Balancer, require_sound
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
@@ -25,6 +26,7 @@ from robot_retarget.servo.outcome import Ended, FaultError, Options, Outcome
 from robot_retarget.servo.plan import Plan, glide
 from robot_retarget.servo.record import Record
 from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.sensor import open_sensor
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """What ends a motion with everybody holding."""
@@ -73,7 +75,24 @@ class Player:
         Raises:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
-        return self.perform(plan.rate, lambda cycle: self._perform(cycle, plan))
+        balancer = self._balancer(plan)
+        return self.perform(plan.rate, lambda cycle: self._perform(cycle, plan, balancer))
+
+    def _balancer(self, plan: Plan) -> Balancer | None:
+        """The feedback of a plan that has one, its sensor checked."""
+        if plan.feedback is None:
+            return None
+        imu = self.map.imu
+        if imu is None:
+            raise ServoError("the goals were judged with feedback, and the servo map has no [imu]; see --no-feedback")
+        sensor = open_sensor(self.bus, imu)
+        require_sound(sensor, imu, self.options.lockstep)
+        return Balancer(plan.feedback, sensor, imu, plan.rate, self._note_fault)
+
+    def _note_fault(self, text: str) -> None:
+        self.warnings.append(text)
+        self.record.note(time.monotonic() - self._began, text)
+        self.say(text)
 
     def perform(self, rate: float, act: Callable[[Cycle], str]) -> Outcome:
         """Check, engage, act at so many ticks a second, and end as is right, whatever happens; `act` says why it was over.
@@ -115,12 +134,14 @@ class Player:
         self.guard = take_hold(self.link, judge)
         return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
-    def _perform(self, cycle: Cycle, plan: Plan) -> str:
+    def _perform(self, cycle: Cycle, plan: Plan, balancer: Balancer | None) -> str:
         way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
         self.say(f"approaching the first frame in {way.duration:.1f} s")
-        self._follow(cycle, way, "approach")
+        self._follow(cycle, way, "approach", balancer)
+        if balancer is not None:
+            balancer.ready()
         self.say(f"playing {plan.duration:.1f} s")
-        self._follow(cycle, plan, "play")
+        self._follow(cycle, plan, "play", balancer)
         self.end_softly(cycle)
         return Ended.FINISHED.value
 
@@ -132,10 +153,19 @@ class Player:
             self.say("going to the stop pose")
             self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end")
 
-    def _follow(self, cycle: Cycle, plan: Plan, phase: str) -> None:
+    def _follow(self, cycle: Cycle, plan: Plan, phase: str, balancer: Balancer | None = None) -> None:
         """Ticks on an even clock until the plan is over."""
         wishes, last = list(plan.angles), len(plan.angles) - 1
-        self.tick_on(cycle, lambda k: Step(wishes[k], phase, wishes[min(k + 1, last)]), last)
+
+        def step(k: int) -> Step:
+            wish = wishes[k]
+            if balancer is not None and phase == "play":
+                wish = balancer.goal(k, wish)
+            elif balancer is not None:
+                balancer.listen()
+            return Step(wish, phase, wishes[min(k + 1, last)])
+
+        self.tick_on(cycle, step, last)
 
     def tick_on(self, cycle: Cycle, step: Callable[[int], Step | None], final: float = math.inf) -> None:
         """Ticks on an even clock until there is no step any more, or the final one is made.

@@ -8,6 +8,10 @@ import mujoco
 import numpy as np
 
 from robot_retarget.errors import ServoError, known
+from robot_retarget.feedback.reading import LEVEL
+from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
+from robot_retarget.feedback.tables import Imu
+from robot_retarget.goals import RATE
 from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.window import Window
 
@@ -49,6 +53,15 @@ class Twin:
         self._rest = self.data.qpos.copy()
         self._place = self.data.qpos[self._qpos].copy()
         self._window: Window | None = None
+        self._imu: VirtualImu | None = None
+        self._motion = BodyMotion(self.model.opt.gravity)
+        self._until_sensed = 0
+        self.reading = LEVEL
+        """Of the inertial sensor that it carries."""
+
+    def carry(self, imu: Imu) -> None:
+        """Fix an inertial sensor to the trunk."""
+        self._imu = VirtualImu(imu, self._sensing * self.step)
 
     def watch(self) -> None:
         """Show it in a window from now on.
@@ -75,8 +88,23 @@ class Twin:
             self._wait(all(holding))
             self._set_down()
         mujoco.mj_step(self.model, self.data)
+        if self._imu is not None and self._root is not None:
+            self._sense(self._imu, self._root)
         if self._window is not None:
             self._window.show()
+
+    @property
+    def _sensing(self) -> int:
+        """Steps between two readings: a sensor's own filter averages over about a tick."""
+        return max(1, round(1 / (RATE * self.step)))
+
+    def _sense(self, imu: VirtualImu, root: int) -> None:
+        self._until_sensed -= 1
+        if self._until_sensed > 0:
+            return
+        self._until_sensed = self._sensing
+        turn, velocity, spin = self.data.qpos[root + 3 : root + 7], self.data.qvel[:3], self.data.qvel[3:6]
+        self.reading = imu.read(self._motion.reading(turn, velocity, spin, self._sensing * self.step))
 
     def _wait(self, holding: bool) -> None:
         """Count for how long the joints have been still under torque."""

@@ -132,7 +132,9 @@ class Faults:
         self.world.supply = self._supply
 
     def _ids(self, who: str) -> set[int]:
-        return {device.id for device in self._devices(who)}
+        """Of servos, and of the sensor board."""
+        boards = {board.id for board in self.network.boards if who in ("all", str(board.id))}
+        return boards | {device.id for device in self._devices(who)} if who == "all" or not boards else boards
 
     def _devices(self, who: str) -> list[Device]:
         found = [d for d in self.network.devices if who == "all" or d.id == int(who)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device
+from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, Error, Frame, Instruction
 from robot_retarget.servo.tables import EEPROM_END, RETURN_DELAY_UNIT
 
@@ -26,8 +27,8 @@ class Answer:
 class Network:
     """Devices that share a bus. `answer` is all a host ever sees of them."""
 
-    def __init__(self, devices: Sequence[Device]) -> None:
-        self.devices = list(devices)
+    def __init__(self, devices: Sequence[Device], boards: Sequence[Board] = ()) -> None:
+        self.devices, self.boards = list(devices), list(boards)
         self.silent: set[int] = set()
         """Ids whose servos have lost their cable."""
 
@@ -47,6 +48,10 @@ class Network:
             return []
         for device in self.listening():
             device.feed()
+        board = next((board for board in self.boards if board.id == frame.id), None)
+        if board is not None:
+            data = None if board.id in self.silent else board.answer(frame)
+            return [] if data is None else [Answer(data, 0.0)]
         group = _GROUPS.get(frame.instruction)
         if group is not None:
             return group(self, frame.params) if frame.id == BROADCAST else []

@@ -2,16 +2,23 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.reading import LEVEL
+from robot_retarget.feedback.sensor import VirtualImu
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Network
+from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.server import Server
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.tables import BAUDS, CENTRE
 from robot_retarget.shipped import MODELS
+
+if TYPE_CHECKING:
+    from robot_retarget.servo.twin import Twin
 
 
 def emulator(
@@ -55,10 +62,29 @@ def emulator(
     world = World(devices, plant)
     for device in devices:
         device.boot()
-    server = Server(Network(devices), world, pace or Pace(), link, strict, 1 / lockstep if lockstep else None)
+    server = Server(
+        Network(devices, _boards(servo_map, plant)),
+        world,
+        pace or Pace(),
+        link,
+        strict,
+        1 / lockstep if lockstep else None,
+    )
     for sentence in faults:
         server.faults.add(sentence)
     return server
+
+
+def _boards(servo_map: ServoMap, plant: "Twin | None") -> list[Board]:
+    """The map's sensor, on the robot's trunk or, without physics, on a level table."""
+    imu = servo_map.imu
+    if imu is None or imu.kind != "opencr":
+        return []
+    if plant is not None:
+        plant.carry(imu)
+        return [Board(imu, lambda: plant.reading)]
+    still = VirtualImu(imu, imu.delay or 1.0)
+    return [Board(imu, lambda: still.read(LEVEL))]
 
 
 def scene_of(robot: str) -> Path:

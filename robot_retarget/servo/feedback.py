@@ -1,0 +1,99 @@
+"""The feedback law on servos: the sensor is checked at rest, read at every tick, and no longer trusted once it is at fault."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import ServoError
+from robot_retarget.feedback.law import Feedback, Law
+from robot_retarget.feedback.monitor import Monitor, rest_faults
+from robot_retarget.feedback.reading import Reading
+from robot_retarget.feedback.tables import Imu
+from robot_retarget.servo.outcome import FaultError
+from robot_retarget.servo.sensor import Sensor
+
+SAMPLES = 50
+"""Readings of the check at rest ..."""
+SPACING = 0.004
+"""... and the time between two of them [s]."""
+CROUCHED = 2.0
+"""A robot that leaned too far has come to rest in its crouch after so long [s]."""
+
+
+def require_sound(sensor: Sensor, imu: Imu, lockstep: bool = False) -> None:
+    """Check a sensor before anything moves. In lockstep time stands still until then: one reading says all.
+
+    Raises:
+        ServoError: the sensor does not answer, or its readings cannot be; all of it is said.
+    """
+    readings: list[Reading] = []
+    for _ in range(SAMPLES):
+        reading = sensor.read()
+        if reading is not None:
+            readings.append(reading)
+        if lockstep and readings:
+            break
+        time.sleep(SPACING)
+    faults = rest_faults(readings, imu)
+    if faults:
+        raise ServoError(
+            f"{'; '.join(faults)} (--no-feedback plays without it, once simulate --no-feedback has passed)"
+        )
+
+
+class Balancer:
+    """The law during one playback.
+
+    Args:
+        feedback: of the plan, in the order of its joints.
+        sensor: checked.
+        imu: its data sheet.
+        rate: ticks a second [1/s].
+        note: is told when the sensor is at fault.
+    """
+
+    def __init__(self, feedback: Feedback, sensor: Sensor, imu: Imu, rate: float, note: Callable[[str], None]) -> None:
+        self.law = Law(feedback, 1 / rate)
+        self._sensor, self._imu, self._monitor = sensor, imu, Monitor(imu, 1 / rate)
+        self._rate, self._note = rate, note
+        self._before: list[Reading] = []
+        self._bias = np.zeros(3)
+        self._stopped = 0
+
+    def listen(self) -> None:
+        """Take a reading on the way to the first pose, on which the trunk hardly moves."""
+        reading = self._sensor.read()
+        if reading is not None:
+            self._before.append(reading)
+
+    def ready(self) -> None:
+        """Compare what was heard with the first pose, and take the gyroscope's bias off from now on.
+
+        Raises:
+            FaultError: the sensor is at fault, or mounted otherwise than the map says.
+        """
+        faults = rest_faults(self._before, self._imu, self.law.feedback.reference[0, :2], still=False)
+        if faults:
+            raise FaultError("; ".join(faults))
+        self._bias = np.mean([reading.gyro for reading in self._before], axis=0)
+
+    def goal(self, row: int, plan: Floats) -> Floats:
+        """The goals (n,) of a tick.
+
+        Raises:
+            FaultError: the robot leaned too far; by now it crouches.
+        """
+        reading = self._sensor.read()
+        fault = self._monitor.fault(reading)
+        if fault is not None and self.law.trusted:
+            self.law.trusted = False
+            self._note(f"{fault}: feedback fades out")
+        if reading is not None:
+            reading = Reading(reading.gyro - self._bias, reading.accel)
+        goal = self.law.step(row, plan, reading if self.law.trusted else None)
+        self._stopped += self.law.stopped
+        if self._stopped > CROUCHED * self._rate:
+            raise FaultError("the robot leaned too far from the plan; it stopped in a crouch")
+        return goal

@@ -1,0 +1,147 @@
+"""Feedback on the emulated bus: OpenCR's registers, the player's loop, and what becomes of a sensor at fault."""
+
+import os
+import pty
+import re
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from emulated import emulated
+from made_trajectories import hold
+
+import robot_retarget as rr
+from robot_retarget.errors import ServoError
+from robot_retarget.feedback.monitor import Monitor, rest_faults
+from robot_retarget.feedback.reading import LEVEL, Reading
+from robot_retarget.feedback.sensor import VirtualImu
+from robot_retarget.feedback.tables import STANDARD_GRAVITY, Imu
+from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.map import load_map
+from robot_retarget.servo.opencr import OpenCr, decoded, encoded
+from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.plan import goal_plan
+from robot_retarget.servo.play import play
+from robot_retarget.servo.sensor import LineSensor
+
+OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
+IMU = OP3_MAP.imu or Imu()
+DT = 0.008
+
+
+def rested(imu: Imu = IMU, count: int = 50, seed: int = 1) -> list[Reading]:
+    sensor = VirtualImu(imu, DT, seed)
+    return [sensor.read(LEVEL) for _ in range(count)]
+
+
+def test_a_reading_survives_the_registers_in_every_mounting() -> None:
+    reading = Reading(np.array([0.5, -1.0, 2.0]), np.array([1.0, -2.0, 9.0]))
+    for axes in (("x", "y", "z"), ("-x", "-y", "z"), ("y", "-x", "z"), ("z", "x", "y")):
+        mounting = Imu(axes=axes).mounting
+        found = decoded(encoded(reading, mounting), mounting)
+        assert np.allclose(found.gyro, reading.gyro, atol=1e-3) and np.allclose(found.accel, reading.accel, atol=1e-3)
+
+
+def test_registers_have_the_makers_units_and_signs() -> None:
+    """ROBOTIS's open_cr_module: 16.4 units for a degree a second, 16384 for g, and x and y reversed on the OP3."""
+    words = np.frombuffer(encoded(Reading(np.radians([10, 20, 30]), LEVEL.accel), IMU.mounting), dtype="<i2")
+    assert words.tolist() == [-164, -328, 492, 0, 0, 16384]
+
+
+def test_the_emulated_board_answers_a_level_robot(tmp_path: Path) -> None:
+    with emulated(tmp_path, "op3") as robot, Bus(robot.port, OP3_MAP.baud) as bus:
+        assert bus.ping(IMU.id) is not None
+        readings = [reading for _ in range(20) if (reading := OpenCr(bus, IMU).read()) is not None]
+    assert len(readings) == 20 and rest_faults(readings, IMU, np.zeros(2)) == []
+
+
+def test_the_player_does_what_the_simulation_judged_with_feedback(tmp_path: Path) -> None:
+    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", feedback=True)
+    assert report.trajectory is not None
+    plan = goal_plan(report.trajectory, OP3_MAP)
+    assert plan.feedback is not None
+    with emulated(tmp_path, "op3", "--physics", "--lockstep", str(plan.rate)) as robot:
+        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True), tmp_path / "play.npz")
+        body = robot.do("state")["body"]
+    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert body["upright"] > 0.99 and outcome.warnings == ()
+    with np.load(tmp_path / "play.npz") as log:
+        playing = log["phase"] == list(log["phases"]).index("play")
+        added = log["goal"][playing] - plan.angles
+    assert 1e-4 < np.abs(added).max() < 0.1
+
+
+def test_a_board_that_does_not_answer_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", feedback=True)
+    assert report.trajectory is not None
+    plan = goal_plan(report.trajectory, OP3_MAP)
+    with emulated(tmp_path, "op3", "--fault", f"after 0 silent {IMU.id}") as robot:
+        with pytest.raises(ServoError, match=r"does not answer .*--no-feedback"):
+            play(plan, OP3_MAP, robot.port)
+        servos = robot.do("state")["servos"]
+    assert not any(servo["torque_enable"] for servo in servos.values())
+
+
+def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) -> None:
+    report = rr.simulate(hold(OP3, 1.0), OP3, mode="free", feedback=True)
+    assert report.trajectory is not None
+    plan = goal_plan(report.trajectory, OP3_MAP)
+    with emulated(tmp_path, "op3", "--fault", f"after 4 silent {IMU.id}") as robot:
+        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False))
+    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert any("does not answer: feedback fades out" in text for text in outcome.warnings)
+
+
+FAULTS = {
+    "dead": ([], "does not answer"),
+    "frozen": ([LEVEL] * 50, "frozen"),
+    "gyroscope bias": (rested(replace(IMU, gyro_bias=0.9), seed=2), "gyroscope turns"),
+    "units": ([Reading(r.gyro, r.accel / STANDARD_GRAVITY) for r in rested()], "wrong units"),
+    "ten times the noise": (rested(replace(IMU, gyro_noise=0.02, accel_noise=0.8)), "noise"),
+    "upside down": ([Reading(r.gyro, -r.accel) for r in rested()], "axes"),
+    "swapped axes": ([Reading(r.gyro[[0, 2, 1]], r.accel[[0, 2, 1]]) for r in rested()], "axes"),
+}
+
+
+@pytest.mark.parametrize(("readings", "message"), FAULTS.values(), ids=FAULTS)
+def test_faults_are_found_at_rest(readings: list[Reading], message: str) -> None:
+    assert any(message in fault for fault in rest_faults(readings, IMU, np.zeros(2)))
+
+
+def test_sound_sensors_have_no_faults() -> None:
+    for seed in range(20):
+        assert rest_faults(rested(seed=seed), IMU, np.zeros(2)) == []
+
+
+@pytest.mark.parametrize(
+    ("later", "message"),
+    [(None, "does not answer"), (LEVEL, "same reading"), (Reading(np.full(3, 40.0), LEVEL.accel), "same|saturated")],
+)
+def test_a_fault_on_the_way_is_found_within_56_ms(later: Reading | None, message: str) -> None:
+    monitor = Monitor(IMU, DT)
+    assert not any(monitor.fault(reading) for reading in rested())
+    found = [monitor.fault(later) for _ in range(8)]
+    assert found[0] is None and found[7] is not None
+    assert re.search(message, found[7])
+
+
+def test_a_sensor_that_prints_lines_is_read_to_the_newest_whole_one() -> None:
+    board, port = pty.openpty()
+    sensor = LineSensor(Imu(kind="lines", port=os.ttyname(port), axes=("y", "-x", "z")))
+    assert sensor.read() is None
+    os.write(board, b"noise\n0 0 0 0 0 9.8\n1, 2, 3, 4, 5, 6\n7 8")
+    time.sleep(0.05)
+    reading = sensor.read()
+    assert reading is not None
+    assert reading.gyro.tolist() == [2, -1, 3] and reading.accel.tolist() == [5, -4, 6]
+    os.write(board, b" 9 1 1 1\n")
+    time.sleep(0.05)
+    newer = sensor.read()
+    assert newer is not None and newer.gyro.tolist() == [8, -7, 9]
+
+
+def test_a_port_that_is_not_there_is_named() -> None:
+    with pytest.raises(ServoError, match="no_such_port"):
+        LineSensor(Imu(kind="lines", port="/dev/no_such_port"))
