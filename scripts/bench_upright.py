@@ -1,7 +1,7 @@
 """Which clips stay upright: `python scripts/bench_upright.py --robots op3 … --clips FILE … --legs auto stand`.
 
-Every clip is brought into balance, played standing free on the robot's own actuators with three seconds of settling
-before and after, and judged by the simulation. `--draws 20` plays what stays upright in as many drawn worlds too (`simulate/domain.py`).
+Every clip is brought into balance, simulated free with three seconds of settling before and after, and judged like `run` judges it, against
+the human too. `--draws 20` adds as many drawn simulations of what stays upright (`simulate/domain.py`).
 Clips are classified by the human's feet. Set OMP_NUM_THREADS=1 to keep to one core.
 """
 
@@ -10,17 +10,11 @@ import json
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
-import numpy as np
-
 import robot_retarget as rr
 from robot_retarget.describe.graph import MOST_FPS
-from robot_retarget.errors import BalanceError
+from robot_retarget.errors import BalanceError, MatchError
 from robot_retarget.human.activity import activity_of
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.domain import draws
-from robot_retarget.simulate.figures import fall_figures
-from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.simulate.stepping import Playback
 
 SETTLE = Playback(settle_before=3.0, settle_after=3.0)
@@ -34,55 +28,40 @@ class Row:
     clip: str
     kind: str
     legs: str
-    upright: bool
+    verdict: str
     slowdown: float | None = None
     stride: float | None = None
     slip_cm: float | None = None
     hits_mm: float | None = None
     """Deepest overlap of the robot with itself on its servos."""
-    drawn: float | None = None
-    """Share of the drawn worlds in which it stays upright."""
-    off_deg: str = ""
-    """How much further arms, trunk and legs are off the human's than without balance, on the mean."""
-    reason: str = ""
+    upright: float | None = None
+    """Share of the drawn simulations in which it stays upright."""
+    reasons: str = ""
+    """Reasons against it, differences from the human, and why both feet stay in place."""
 
 
 def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
-    """Balance, play, judge; in `count` drawn worlds too."""
+    """Balance, play and judge a clip, in `count` drawn simulations too."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))
     head = robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs
     try:
-        graph = rr.describe(motion, robot)
-        result, plain = rr.solve(graph, legs=legs, balance="static"), rr.solve(graph)
-    except BalanceError as error:
-        return Row(*head, False, reason=str(error).split(":")[0])
-    report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE)
-    plant = plant_of(robot, "free")
-    command = compensated(plant, result.trajectory, "free", SETTLE)
-    upright = [
-        world.unstable is None and fall_figures(world, robot, result.trajectory)["fall_s"] is None
-        for world in rollouts(plant, result.trajectory, draws(count), playback=SETTLE, command=command)
-    ]
-    fell = report.figures["fall_s"] is not None or report.figures["unstable_s"] is not None
+        result = rr.solve(rr.describe(motion, robot), legs=legs, balance="static")
+    except (BalanceError, MatchError) as error:
+        return Row(*head, "refused", reasons=str(error).split(":")[0])
     assert result.balance is not None
+    report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE, likeness=result.likeness, draws=count)
+    figures, why = report.figures, (result.balance.instead,) if result.balance.instead else ()
     return Row(
         *head,
-        not fell,
+        report.badge.text,
         round(result.balance.slowdown, 2),
         round(result.balance.stride, 2),
-        round(100 * report.figures["foot_slip_m"], 1),
-        round(1000 * report.figures["tracked_self_contact_depth_m"], 1),
-        float(np.mean(upright)) if upright and not fell else None,
-        _further(result, plain),
-        result.balance.instead or "; ".join(report.reasons[:2]),
+        round(100 * (figures["foot_slip_m"] or 0.0), 1),
+        round(1000 * figures["tracked_self_contact_depth_m"], 1),
+        1 - figures["fallen_share"] if "fallen_share" in figures else None,
+        "; ".join((*report.reasons, *report.unlike, *why)),
     )
-
-
-def _further(result: rr.Result, plain: rr.Result) -> str:
-    """Arms, trunk and legs, [deg] over those of the solution without balance."""
-    parts = ((result.likeness.part(name), plain.likeness.part(name)) for name in ("arms", "trunk", "legs"))
-    return " ".join("–" if one is None or other is None else f"{np.degrees(one - other):+.1f}" for one, other in parts)
 
 
 def table(rows: list[Row]) -> str:

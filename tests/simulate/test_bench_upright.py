@@ -18,9 +18,9 @@ judged, table = bench.judged, bench.table
 
 def test_a_squat_over_standing_feet_is_upright_in_its_row_and_in_drawn_worlds() -> None:
     row = judged(SAMPLES / "squat.bvh", rr.load_robot("op3"), "stand", 2)
-    assert row.upright and row.drawn == 1.0 and row.reason == ""
+    assert row.verdict == "pass (free)" and row.upright == 1.0 and row.reasons == ""
     assert row.slowdown is not None and row.slowdown <= 2 and row.slip_cm is not None and row.slip_cm < 1
-    assert "| op3 | squat | in place | stand | yes |" in table([row])
+    assert "| op3 | squat | in place | stand | pass (free) |" in table([row])
 
 
 def test_a_jump_has_a_row_that_says_why_not(tmp_path: Path) -> None:
@@ -31,4 +31,4 @@ def test_a_jump_has_a_row_that_says_why_not(tmp_path: Path) -> None:
     skeleton = motion.skeleton
     np.savez(path, positions=lifted, fps=motion.fps, names=np.array(skeleton.names), parents=skeleton.parents)
     row = judged(path, rr.load_robot("op3"), "follow", 0)
-    assert not row.upright and "no foot is on the floor from" in row.reason
+    assert row.verdict == "refused" and "no foot is on the floor from" in row.reasons
