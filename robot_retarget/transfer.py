@@ -63,6 +63,7 @@ class Result:
             *self.motion.notes,
             *self.match.notes,
             *(self.balance.notes if self.balance else ()),
+            *self.likeness.notes,
         )
 
     @property

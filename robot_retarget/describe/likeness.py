@@ -8,20 +8,25 @@
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, unit
+from robot_retarget.arrays import Bools, Floats, Ints, unit
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.travel import Frames, Travel, human_travel, robot_travel
+from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import world_points
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
 """The keypoints at the ends of the bones of each part."""
 KEPT = 0.04
 """A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
+FAR = np.radians(25.0)
+"""A frame is far from the human's pose if its bones are off by more on average [rad]."""
+AT_LIMIT = 0.99
+"""A joint is at its speed limit from this share of it on [-]."""
 LASTING = 0.9
 """Quantile of the heading error that is judged: a turn counts if it lasts for a tenth of the time."""
 
@@ -48,6 +53,42 @@ class Likeness:
     """`follow` the human's, `stand` (both feet in place, chosen by the user) or `instead` (in place because following failed)."""
     unfinished: float = 0.0
     """Share of the frames that the solver did not finish."""
+    rushed: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    """(T,) whether a joint is at its speed limit."""
+    fps: float = 30.0
+    """Frames per second."""
+
+    @property
+    def far(self) -> Bools:
+        """(T,) whether a frame is far from the human's pose, by the mean angle of its bones."""
+        return np.mean(list(self.angles.values()), axis=0) > FAR if self.angles else np.zeros(len(self.rushed), bool)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Frames that are far from the human's pose, and frames with a joint at its speed limit, a sentence each."""
+        notes = []
+        if self.far.any():
+            bone, angle, frame = self.peak()
+            notes.append(
+                f"{self._counted(self.far)} the limbs are over {np.degrees(FAR):.0f}° from the human's on average; "
+                f"most {bone}, {np.degrees(angle):.0f}° at {frame / self.fps:.1f} s"
+            )
+        if self.rushed.any():
+            notes.append(
+                f"{self._counted(self.rushed)} a joint is at its speed limit: the human is faster than the robot there"
+            )
+        return tuple(notes)
+
+    def _counted(self, frames: Bools) -> str:
+        """How many frames, and the longest stretch of them."""
+        start, stop = max(intervals(frames), key=lambda run: run[1] - run[0])
+        when = f"{start / self.fps:.1f} to {stop / self.fps:.1f} s"
+        return f"In {int(frames.sum())} of {len(frames)} frames, longest from {when},"
+
+    def peak(self) -> tuple[str, float, int]:
+        """The bone with the largest angle of all frames, that angle [rad], and its frame."""
+        bone, angle = max(self.angles.items(), key=lambda item: item[1].max())
+        return bone, float(angle.max()), int(angle.argmax())
 
     @property
     def heading_off(self) -> float:
@@ -86,6 +127,9 @@ class Likeness:
             "limb_rad": _rounded(mean),
             "limb_rad_worst": _rounded(off),
             "limb_worst": bone,
+            "limbs_far_share": round(float(self.far.mean()), 4) if self.angles else None,
+            "limb_peak_rad": _rounded(self.peak()[1]) if self.angles else None,
+            "at_speed_limit_share": round(float(self.rushed.mean()), 4) if len(self.rushed) else None,
             "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
             "stride": round(self.stride, 3),
@@ -135,7 +179,15 @@ def likeness_of(
     angles = bone_angles(graph.human.positions, robot, match.keypoints, match.parents, compared)
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
     contacts = _contacts_kept(graph, robot)
-    return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished)
+    rushed = _rushed(graph, qpos)
+    return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps)
+
+
+def _rushed(graph: Graph, qpos: Floats) -> Bools:
+    """(T,) whether a joint is at its speed limit on the way to the next frame; the last frame has none."""
+    robot = graph.robot
+    speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * graph.fps
+    return np.append((speed >= AT_LIMIT * robot.max_speed).any(axis=1), False)
 
 
 def bone_angles(

@@ -39,6 +39,8 @@ class Thresholds:
     """... the same of the trunk ..."""
     unlike_legs: float = 0.4
     """... and of thighs and shins."""
+    limbs_far: float = 0.05
+    """Share of the frames in which the limbs are over 25° from the human's on average: a fall, a roll, a leap."""
     unlike_slowdown: float = 2.5
     """Times as long as the human."""
     contacts_lost: float = 0.3
@@ -94,6 +96,7 @@ UNLIKE = (
     Check("unlike_arms", "limb_rad_arms", "arms off the human's, on the mean", "rad"),
     Check("unlike_trunk", "limb_rad_trunk", "trunk off the human's, on the mean", "rad"),
     Check("unlike_legs", "limb_rad_legs", "legs off the human's, on the mean", "rad"),
+    Check("limbs_far", "limbs_far_share", "frames with limbs over 25° from the human's", "of all"),
     Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
     Check("contacts_lost", "contacts_lost", "contacts of hands that are lost", "of all"),
     Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),

@@ -72,6 +72,28 @@ def test_a_robot_that_stands_in_place_while_the_human_walks_and_turns_is_unlike(
     assert "stands in place: the human moves 0.9 m and turns 184° in 2 steps" in sentences
 
 
+def test_frames_far_from_the_human_are_counted_and_noted_with_their_time(walk: rr.Graph) -> None:
+    followed = np.array(rr.solve(walk).trajectory.qpos)
+    near = likeness_of(walk, followed)
+    assert near.figures()["limbs_far_share"] == 0.0 and not any("limbs" in note for note in near.notes)
+    followed[20:29, walk.robot.qpos_index] = walk.robot.upper  # nine frames of another pose
+    far = likeness_of(walk, followed)
+    assert far.figures()["limbs_far_share"] == pytest.approx(9 / len(walk), abs=1e-4)
+    start, stop = 20 / walk.fps, 29 / walk.fps
+    assert f"In 9 of {len(walk)} frames, longest from {start:.1f} to {stop:.1f} s, the limbs" in far.notes[0]
+    assert any("over 25°" in sentence for sentence in unlikeness(far.figures(), Thresholds(limbs_far=0.01)))
+
+
+@pytest.mark.parametrize(("share", "limited"), [(0.9, False), (1.0, True)])
+def test_joints_at_their_speed_limit_are_noted(walk: rr.Graph, share: float, limited: bool) -> None:
+    qpos, robot = placed(walk, 1.0), walk.robot
+    knee, turn = robot.joint_names.index("l_knee"), share * robot.max_speed / walk.fps
+    qpos[10:, robot.qpos_index[knee]] += turn[knee]
+    found = likeness_of(walk, qpos)
+    assert found.figures()["at_speed_limit_share"] == pytest.approx(limited / len(walk), abs=1e-4)
+    assert any("a joint is at its speed limit" in note for note in found.notes) == limited
+
+
 def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.Graph) -> None:
     figures = likeness_of(walk, placed(walk, 0.0), legs="stand").figures()
     judged = ("path_off", "heading_off_rad", "steps_lost", "steps_shortened", "limb_rad_legs")
