@@ -1,4 +1,4 @@
-"""What a performer is like, kept in a file: the frames that a stream was calibrated by."""
+"""Save and load the calibration frames of a performer."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is wrong with what comes in: counted by kind, and said without flooding the terminal."""
+"""Faults of a source: counted by kind, and reported at a limited rate."""
 
 import time
 from collections import Counter
@@ -6,11 +6,11 @@ from collections.abc import Callable
 from enum import StrEnum
 
 AGAIN = 2.0
-"""The same kind is not said again sooner than this [s]."""
+"""Shortest time between two reports of one kind [s]."""
 
 
 class Fault(StrEnum):
-    """A kind of fault; the value is what it is called."""
+    """A kind of fault; the value is its name for users."""
 
     MALFORMED = "malformed packet"
     NOT_FINITE = "not finite"
@@ -22,12 +22,12 @@ class Fault(StrEnum):
     FLOOD = "packet thrown away unread"
     INCOMPLETE = "frame without all its bones"
     NOT_TRACKED = "frame that the performer does not trust"
-    NO_HUMAN = "no human in what was watched"
+    NO_HUMAN = "no human recognised"
     SILENCE = "silence"
 
 
 class RefusedError(Exception):
-    """Something that came in is not taken."""
+    """A packet, message or frame is refused."""
 
     def __init__(self, kind: Fault, detail: str = "") -> None:
         super().__init__(f"{kind}: {detail}" if detail else str(kind))
@@ -35,7 +35,7 @@ class RefusedError(Exception):
 
 
 class Faults:
-    """How often each kind came; the first of a kind is said at once, more of it every two seconds with their number."""
+    """Count faults by kind; report the first of a kind at once, later ones every two seconds with their number."""
 
     def __init__(self, say: Callable[[str], None] = lambda text: None) -> None:
         self.counts: Counter[str] = Counter()
@@ -43,7 +43,7 @@ class Faults:
         self._said: dict[str, tuple[float, int]] = {}
 
     def note(self, kind: Fault, detail: str = "", count: int = 1) -> None:
-        """Count a fault, and say it if it is time."""
+        """Count a fault and report it, at most every `AGAIN` seconds."""
         self.counts[str(kind)] += count
         now, total = time.monotonic(), self.counts[str(kind)]
         before, told = self._said.get(kind, (-AGAIN, 0))
@@ -53,5 +53,5 @@ class Faults:
             self._say(f"{kind}{times}" + (f": {detail}" if detail else ""))
 
     def refused(self, error: RefusedError) -> None:
-        """Count what was refused."""
+        """Count a refusal."""
         self.note(error.kind, error.detail)

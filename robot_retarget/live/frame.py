@@ -1,4 +1,4 @@
-"""One pose of a performer, checked as it comes in."""
+"""One pose of a performer, checked on arrival."""
 
 from copy import copy
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from robot_retarget.live.faults import Fault, RefusedError
 from robot_retarget.motion import Skeleton
 
 FARTHEST = 1000.0
-"""No joint is farther from the origin than this [m]: what says so is no place in a room."""
+"""Largest distance of a joint from the origin [m]: a room is smaller."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where the joints of a skeleton are at one time, z up.
+    """Joint positions and rotations of a skeleton at one time, z up.
 
     Raises:
         RefusedError: shapes do not fit the skeleton, or a number is not finite or no place or turn.
@@ -44,7 +44,7 @@ class Frame:
         object.__setattr__(self, "rotations", frozen(turns / lengths[:, None]))
 
     def at(self, time: float) -> "Frame":
-        """The same, checked as it is, at another time [s]."""
+        """Return the frame at another time [s], without a second check."""
         moved = copy(self)
         object.__setattr__(moved, "time", time)
         return moved

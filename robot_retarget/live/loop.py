@@ -1,4 +1,4 @@
-"""The live stream from end to end: the newest frame in, solved, its pose out; and rest where no frame comes."""
+"""The loop of a live stream: take the newest frame, solve it, pass its pose on; ease to rest while no frame arrives."""
 
 import time
 from collections import deque
@@ -18,7 +18,7 @@ from robot_retarget.motion import Skeleton
 
 
 class Pose(Protocol):
-    """What a stream answers with."""
+    """A solved configuration."""
 
     @property
     def qpos(self) -> Floats:
@@ -32,67 +32,67 @@ class Pose(Protocol):
 
     @property
     def status(self) -> Any:
-        """How its solution ended."""
+        """Status of the solver."""
         ...
 
     @property
     def age(self) -> float:
-        """How much earlier the frame was that it answers to [s]."""
+        """Time from its frame to the newest frame [s]."""
         ...
 
 
 def said_of(status: Any) -> str:
-    """A status as a word."""
+    """Return the name of a status in lower case."""
     return str(getattr(status, "name", status)).lower()
 
 
 class Stream(Protocol):
-    """What makes poses of frames (`rr.Stream`)."""
+    """Maps frames to poses (`rr.Stream`)."""
 
     def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> Pose:
-        """The pose that answers to a frame."""
+        """Return the pose of a frame."""
         ...
 
     def hold(self, time: float) -> Pose:
-        """The pose where no frame came: it eases to a stop."""
+        """Return the pose while no frame arrives: the motion eases to a stop."""
         ...
 
 
 class Sink(Protocol):
-    """What poses are for."""
+    """Consumes poses."""
 
     def show(self, pose: Pose) -> None:
-        """Take a pose; it does not wait."""
+        """Take a pose without blocking."""
         ...
 
 
 @dataclass(frozen=True)
 class Patience:
-    """When a stream is taken to be silent."""
+    """When a source counts as silent."""
 
     intervals: float = 2.5
-    """Of the source, between frames; then the robot is eased to a stop: one frame that is lost is no silence."""
+    """Frame intervals without a frame before the robot eases to a stop; one lost frame is fewer."""
     least: float = 0.03
     most: float = 0.2
-    """It is never less, never more [s]."""
+    """Bounds of that time [s]."""
     said: float = 0.1
-    """A pause of this length is counted and said [s]."""
+    """Shortest pause that is counted and reported [s]."""
     rate: float = 60.0
-    """While it lasts poses are asked for so often [1/s]."""
+    """Rate of poses during a silence [1/s]."""
 
 
 LAST = 36_000
-"""Latencies that are kept for the summary: ten minutes at 60 frames a second."""
+"""Number of latencies kept for the summary: ten minutes at 60 frames a second."""
 LATE = 0.05
-"""A frame that arrives so long after it was made, the quickest of late taken as no delay at all, is late [s]."""
+"""Delay above that of the quickest recent frame beyond which a frame counts as late [s]."""
 
 
 @dataclass
 class Tally:
-    """What went through a stream."""
+    """Figures of a stream."""
 
     frames: int = 0
-    """That were solved."""
+    """Solved frames."""
     late: int = 0
     held: int = 0
     """Poses without a frame."""
@@ -103,7 +103,7 @@ class Tally:
     """From the arrival of a frame to its pose [s]."""
 
     def note(self, frame: Frame, pose: Pose) -> None:
-        """A frame was answered."""
+        """Count a solved frame."""
         self.frames += 1
         self.late += frame.arrived - frame.time > LATE
         self.latencies.append(time.monotonic() - frame.arrived)
@@ -111,7 +111,7 @@ class Tally:
         self.statuses[status] = self.statuses.get(status, 0) + 1
 
     def figures(self, source: Source) -> dict[str, Any]:
-        """For the summary."""
+        """Return the figures of the summary."""
         p50, p99, most = (1000 * np.quantile(self.latencies or [np.nan], (0.5, 0.99, 1.0))).round(2).tolist()
         return {
             "frames": self.frames, "dropped": source.dropped, "late": self.late, "held": self.held,
@@ -121,7 +121,7 @@ class Tally:
 
 
 class Loop:
-    """Frames of a source through a stream into a sink, until the source ends, time is over or somebody asks to stop."""
+    """Pass frames of a source through a stream into a sink until the source ends, time is over or `stop` is set."""
 
     def __init__(
         self,
@@ -138,13 +138,13 @@ class Loop:
         self._skeleton: Skeleton | None = None
         self._interval = 1 / self._patience.rate
         self.last: Frame | None = None
-        """That was answered."""
+        """The latest solved frame."""
         self.resting = False
-        """The latest pose answers to no frame."""
+        """Whether the latest pose belongs to no frame."""
         self._silent = False
 
     def run(self, seconds: float = float("inf")) -> Tally:
-        """Go on for so long after the first frame [s]."""
+        """Run for a time after the first frame [s]."""
         if self.source.skeleton is not None and self.stream is None:
             self._begin(self.source.skeleton)
         began = None if self.last is None else time.monotonic()
@@ -162,7 +162,7 @@ class Loop:
         return self.tally
 
     def _wait(self) -> float:
-        """How long the next frame is waited for [s]."""
+        """Return the timeout for the next frame [s]."""
         patience = self._patience
         if self.last is None:
             return patience.said
@@ -174,13 +174,13 @@ class Loop:
         stream = self.stream
         if stream is None or frame.skeleton is not self._skeleton:
             stream = self._begin(frame.skeleton)
-            frame = self.source.newest(0.0) or frame  # it took its time
+            frame = self.source.newest(0.0) or frame  # building the stream takes time
         self._gap(frame)
         try:
             pose = stream.push(frame.positions, frame.rotations, time=frame.time)
         except MatchError as error:
             self.source.faults.note(Fault.NO_HUMAN, str(error))
-            self._skeleton = None  # it is watched anew
+            self._skeleton = None  # calibrate again
             return
         self.sink.show(pose)
         self.tally.note(frame, pose)
@@ -191,17 +191,17 @@ class Loop:
         return self.stream
 
     def _gap(self, frame: Frame) -> None:
-        """Learn the interval of the source; say where a silence ends."""
+        """Update the frame interval of the source; report the end of a silence."""
         if self.last is not None:
             gap = frame.arrived - self.last.arrived
             if self._silent:
-                self._say(f"frames come again after {gap:.2f} s")
+                self._say(f"frames again after {gap:.2f} s")
             else:
                 self._interval += 0.1 * (gap - self._interval)
         self.last, self._silent, self.resting = frame, False, False
 
     def _rest(self, last: Frame) -> None:
-        """No frame came: ease to a stop, on the clock of the frames."""
+        """Ease to a stop on the clock of the frames."""
         now = time.monotonic()
         if not self._silent and now - last.arrived >= self._patience.said:
             self._silent = True

@@ -1,4 +1,4 @@
-"""A source by its name."""
+"""Open a source by its name."""
 
 import importlib.util
 import ipaddress
@@ -30,20 +30,20 @@ def opened(
     speed: float = 1.0,
     say: Callable[[str], None] = lambda text: None,
 ) -> Source:
-    """A source that listens, or plays a motion file.
+    """Open a source that listens, or one that plays a motion file.
 
     Args:
         source: `vmc`, `json`, `floats` or the path of a motion file.
-        port: where to listen; VMC's own, or standard input for the others, by default.
+        port: port to listen at; by default that of VMC, or standard input for the other protocols.
         host: address to listen at; `0.0.0.0` lets other machines send.
-        tcp: a connection in place of datagrams.
+        tcp: accept connections instead of datagrams.
         sender: name or address of the only machine that may send; empty for any.
-        skeleton: a motion file whose joints those of `floats` are, and those of `json` until it tells others.
-        speed: of a motion file.
-        say: is told of faults.
+        skeleton: motion file with the skeleton of `floats`, and of `json` until a line defines one.
+        speed: factor on the speed of a motion file.
+        say: receives reports of faults.
 
     Raises:
-        UsageError: what was asked for does not go together, or the port cannot be used.
+        UsageError: options contradict each other, or the port cannot be used.
         MotionError: a motion file cannot be read.
     """
     faults = Faults(say)
@@ -55,7 +55,7 @@ def opened(
         from robot_retarget.live.protocols.vmc import PORT, VmcDecoder
 
         if tcp or known:
-            raise UsageError("vmc is UDP and tells its bones itself: leave --tcp and --skeleton")
+            raise UsageError("vmc is UDP and names its bones: leave out --tcp and --skeleton")
         opening = _port(PORT if port is None else port, host, tcp, faults, sender, say)
         return Receiver(opening, VmcDecoder(faults), faults)
     whole = port is not None and not tcp
@@ -117,4 +117,4 @@ def _refuse_idle(source: str, port: int | None, tcp: bool, skeleton: Path | None
     received = {"--port": port is not None, "--tcp": tcp, "--skeleton": skeleton is not None, "--sender": bool(sender)}
     for option, given in received.items():
         if given:
-            raise UsageError(f"{option} is for what is received; {source} is a file")
+            raise UsageError(f"{option} applies to received frames; {source} is a file")

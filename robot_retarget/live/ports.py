@@ -1,4 +1,4 @@
-"""Where bytes come in: datagrams, a connection, standard input. Nothing is kept but what waits in the system's buffers."""
+"""Ports for bytes: datagrams, a connection, standard input. Only the system buffers them."""
 
 import os
 import select
@@ -12,18 +12,17 @@ from robot_retarget.errors import UsageError
 from robot_retarget.live.faults import Fault, Faults
 
 NEWEST = 16_384
-"""Of the datagrams that wait, the latest are looked at that hold so many bytes: two frames with every bone and a face, in
-one datagram or in a hundred."""
+"""Bytes of the latest datagrams that are read when more wait [B]: two frames with all bones and a face."""
 AT_ONCE = 4096
-"""So many are fetched at once; a flood of more does not keep the robot waiting."""
+"""Largest number of datagrams read at once; a flood does not delay the robot."""
 CHUNK = 65536
-"""Bytes read at once; no datagram is longer."""
+"""Bytes of one read; no datagram is longer."""
 BUFFER = 1 << 18
-"""Bytes that the system keeps of datagrams that were not fetched yet."""
+"""Size of the system's receive buffer [B]."""
 
 
 class Packet(NamedTuple):
-    """Bytes that came in at once; none of them: the sender is gone."""
+    """Bytes of one read; no bytes mean that the connection ended."""
 
     data: bytes
     sender: str
@@ -32,22 +31,22 @@ class Packet(NamedTuple):
 
 
 class Port(Protocol):
-    """A place where bytes come in."""
+    """Receives bytes."""
 
     ended: bool
-    """Nothing will come any more."""
+    """Whether the port is exhausted."""
 
     def receive(self, timeout: float) -> list[Packet]:
-        """What has come, waiting for something so long [s]."""
+        """Return the waiting packets; block up to `timeout` [s] for the first."""
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Release the port."""
         ...
 
 
 class UdpPort:
-    """Datagrams, those that came last if there are many.
+    """Datagrams; in a flood the latest ones.
 
     Args:
         host: address to listen at.
@@ -77,12 +76,12 @@ class UdpPort:
                 data, (host, port) = self._socket.recvfrom(CHUNK)
             except BlockingIOError:
                 break
-            except OSError:  # an answer of the system to something that was never sent
+            except OSError:  # a stray ICMP answer
                 continue
             if host != (self._sender or host):
                 self._faults.note(Fault.OTHER_SENDER, f"{host}:{port}; only {self._sender} may send")
                 continue
-            if not data:  # in a packet, no bytes mean that a connection ended
+            if not data:  # an empty packet would mean that a connection ended
                 self._faults.note(Fault.MALFORMED, f"an empty datagram of {host}:{port}")
                 continue
             waiting.append(Packet(data, f"{host}:{port}", time.monotonic()))
@@ -99,7 +98,7 @@ class UdpPort:
 
 
 class TcpPort:
-    """One connection after the other; who comes while one is open is turned away.
+    """One connection at a time; others are refused while it is open.
 
     Args:
         host: address to listen at.
@@ -144,7 +143,7 @@ class TcpPort:
         elif self._peer is None:
             self._peer = peer, f"{host}:{port}"
         else:
-            self._faults.note(Fault.OTHER_SENDER, f"{host}:{port} was turned away, {self._peer[1]} is connected")
+            self._faults.note(Fault.OTHER_SENDER, f"{host}:{port} was refused, {self._peer[1]} is connected")
             peer.close()
 
     def _hang_up(self) -> None:
@@ -158,7 +157,7 @@ class TcpPort:
 
 
 class StdinPort:
-    """Standard input, to its end."""
+    """Standard input until its end."""
 
     ended = False
 
@@ -173,7 +172,7 @@ class StdinPort:
         return [Packet(data, "stdin", time.monotonic())] if data else []
 
     def close(self) -> None:
-        """It is not ours."""
+        """Leave standard input open."""
 
 
 def _bound(bare: socket.socket, host: str, port: int) -> tuple[str, int]:

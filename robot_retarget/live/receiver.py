@@ -1,4 +1,4 @@
-"""The newest frame of what comes in at a port."""
+"""Receive the newest frame at a port."""
 
 import time
 from typing import Protocol
@@ -9,63 +9,63 @@ from robot_retarget.live.ports import Packet, Port
 from robot_retarget.motion import Skeleton
 
 TAKEOVER = 1.0
-"""Another sender is followed once the one before was silent for so long [s]."""
+"""Silence of a sender after which another one may take over [s]."""
 
 
 class Source(Protocol):
-    """Where frames come from. Frames that nobody asked for in time are dropped, never queued."""
+    """Source of frames. Frames that are not fetched in time are dropped, not queued."""
 
     faults: Faults
     dropped: int
-    """Whole frames that gave way to newer ones."""
+    """Complete frames replaced by newer ones."""
 
     @property
     def skeleton(self) -> Skeleton | None:
-        """Of the frames to come, where it is known before."""
+        """Skeleton of the next frames, if known in advance."""
         ...
 
     @property
     def ended(self) -> bool:
-        """No frame will come any more."""
+        """Whether the source is exhausted."""
         ...
 
     def newest(self, timeout: float) -> Frame | None:
-        """The newest frame that nobody has had yet, waiting for one so long [s]."""
+        """Return the newest unseen frame; block up to `timeout` [s]."""
         ...
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Release the port."""
         ...
 
 
 class Decoder(Protocol):
-    """What makes frames of bytes."""
+    """Decodes bytes to frames."""
 
     skeleton: Skeleton | None
 
     def feed(self, data: bytes, arrived: float) -> int:
-        """How many whole frames some bytes complete; what is wrong with them is noted.
+        """Return the number of frames that some bytes complete; count their faults.
 
         Raises:
-            RefusedError: nothing of them can be used.
+            RefusedError: the bytes are not of this protocol.
         """
         ...
 
     def newest(self) -> Frame:
-        """The last whole one: frames that gave way to it cost no more than their bytes.
+        """Return the latest complete frame; only this one is converted.
 
         Raises:
-            RefusedError: it is none.
+            RefusedError: its values are invalid.
         """
         ...
 
     def restart(self) -> None:
-        """Forget what was begun: another sender follows."""
+        """Drop the incomplete frame: another sender takes over."""
         ...
 
 
 class Receiver:
-    """A port and what makes frames of its bytes: one sender is followed, others are not mixed in."""
+    """A port with its decoder; follows one sender and refuses others."""
 
     def __init__(self, port: Port, decoder: Decoder, faults: Faults) -> None:
         self.port, self.decoder, self.faults = port, decoder, faults

@@ -1,4 +1,4 @@
-"""A motion file in real time, as a source that is always on time."""
+"""A motion file as a real-time source."""
 
 import time
 from math import floor
@@ -10,7 +10,7 @@ from robot_retarget.motion import Motion, Skeleton
 
 
 class Replay:
-    """The frames of a motion when they are due, from the first time that one is asked for; those overdue are dropped.
+    """Return the frames of a motion when they are due, starting with the first call; drop overdue ones.
 
     Raises:
         UsageError: the speed is not positive.
@@ -22,7 +22,7 @@ class Replay:
         self.motion, self.faults, self.dropped = motion, faults, 0
         self._rate, self._next = motion.fps * speed, 0
         self.began: float | None = None
-        """When the first frame was due [s]."""
+        """Due time of the first frame [s]."""
 
     @property
     def skeleton(self) -> Skeleton:
@@ -51,4 +51,4 @@ class Replay:
         return Frame(motion.skeleton, made, max(time.monotonic(), made), motion.positions[t], turns)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no port is held."""

@@ -21,18 +21,18 @@ from robot_retarget.live.protocols.vmc import BONE, OK, PORT, ROOT, TIME
 from robot_retarget.motion import Motion
 
 Packets = Callable[[int, float], list[bytes]]
-"""The packets of a frame (its number) that is stamped with a time [s]."""
+"""Returns the packets of a frame, given its number and time stamp [s]."""
 AGAIN = 1.0
-"""A skeleton is told again after so long: who listens may have come later [s]."""
+"""Interval at which the skeleton is sent again for receivers that start later [s]."""
 BONES_AT_ONCE = 12
-"""Of a packet, so that it is not longer than an Ethernet frame."""
+"""Bones of one packet; it fits an Ethernet frame."""
 
 
 def sending(motion: Motion, target: str) -> tuple[Packets, tuple[str, int]]:
-    """How a motion is put into packets, and where they go: `vmc://HOST:PORT`, `json://HOST:PORT` or `floats://HOST:PORT`.
+    """Return the encoder and the address of a target: `vmc://HOST:PORT`, `json://HOST:PORT` or `floats://HOST:PORT`.
 
     Raises:
-        UsageError: the target is none, or the motion has no rotations and the protocol asks for them.
+        UsageError: the target is invalid, or the motion lacks the rotations that the protocol needs.
         MatchError: VMC is for humans, and the motion is not human.
     """
     try:
@@ -55,15 +55,15 @@ def send(
     stop: Event | None = None,
     began: float | None = None,
 ) -> dict[str, float]:
-    """Send a motion over UDP in real time, once, or forth and back for so long [s].
+    """Send a motion over UDP in real time: once, or forth and back for `seconds`.
 
-    Stamps count from now, or from a time of the monotonic clock that is given [s].
+    Time stamps count from now, or from `began` on the monotonic clock [s].
 
     Returns:
-        how many frames were sent, in how many seconds.
+        the number of frames sent, and the duration [s].
 
     Raises:
-        UsageError: as `sending`; the speed is not positive; or nothing can be sent there.
+        UsageError: as `sending`; the speed is not positive; or sending fails.
     """
     if not 0 < speed < float("inf"):
         raise UsageError(f"--speed must be positive, got {speed:g}")
@@ -80,7 +80,7 @@ def send(
                 for packet in packets(t, time.monotonic() - began):
                     out.sendto(packet, address)
             except ConnectionRefusedError:
-                pass  # nobody listens yet
+                pass  # no receiver yet
             except OSError as error:
                 raise UsageError(f"cannot send to {target}: {error}") from error
         else:
@@ -89,7 +89,7 @@ def send(
 
 
 def _order(frames: int, once: bool) -> Iterator[int]:
-    """0 … T − 1, or forth and back without end."""
+    """Yield 0 … T − 1 once, or forth and back forever."""
     if once or frames == 1:
         yield from range(frames) if once else (0 for _ in count())
         return

@@ -29,7 +29,7 @@ _MIDDLE = {
     "Neck": ("UpperChest", "neck"),
     "Head": ("Neck", "head"),
 }
-"""The bone that carries each, and the joint of the mean body that stands for it."""
+"""Parent of each bone, and its joint in the mean body."""
 _TREE = dict(_MIDDLE)
 for _side in ("Left", "Right"):
     _TREE |= {
@@ -37,7 +37,7 @@ for _side in ("Left", "Right"):
         for bone, (carrier, joint) in _SIDED.items()
     }
 BONES = tuple(_TREE)
-"""Those that say how a body stands, each after what carries it."""
+"""Bones that define a pose, parents first."""
 OPTIONAL = {"Chest", "UpperChest", "Neck"} | {
     side + bone for side in ("Left", "Right") for bone in ("Shoulder", "Toes", "MiddleProximal")
 }
@@ -49,11 +49,11 @@ PASSED_OVER = {"LeftEye", "RightEye", "Jaw", "LastBone"} | {
     for finger in _FINGERS
     for part in ("Proximal", "Intermediate", "Distal", "Metacarpal")
 } - set(BONES)
-"""Bones that are known, and say nothing of how a body stands."""
+"""Known bones that are ignored."""
 
 
 def carriers(present: Collection[str]) -> dict[str, str]:
-    """The nearest bone above each of those present that is there as well; none for the hips."""
+    """Return the nearest present ancestor of each present bone; empty for the hips."""
     found = {}
     for bone in BONES:
         if bone in present:

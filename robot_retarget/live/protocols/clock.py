@@ -3,16 +3,16 @@
 from robot_retarget.live.faults import Fault, Faults, RefusedError
 
 JUMP = 1.0
-"""Stamps that are further from where they were expected are of a clock that was set, or of another sender [s]."""
+"""A larger step of the offset means that the sender's clock was set [s]."""
 LEAK = 1e-3
-"""By so much a second the offset follows a growing delay: quartz drifts by a tenth of it."""
+"""Rate at which the offset follows a growing delay [s/s]; quartz clocks drift ten times slower."""
 
 LEAST = 1e-3
-"""Between two frames, where several come at once, or the one before took longer on its way than anything since [s]."""
+"""Shortest time between two frames, for frames that arrive together [s]."""
 
 
 class SenderClock:
-    """t = stamp + offset, with the smallest arrival − stamp of late as offset: what the network adds in jitter is off."""
+    """t = stamp + offset; the offset is the smallest recent arrival − stamp, which removes network jitter."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
@@ -20,13 +20,13 @@ class SenderClock:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the offset: another clock follows."""
+        """Drop the offset: the next stamp is of another clock."""
         self.offset: float | None = None
-        """Of this computer's clock from the sender's, with the delay of the quickest frame in it [s]."""
+        """This computer's clock minus the sender's, plus the delay of the quickest frame [s]."""
         self._stamp = self._arrived = float("-inf")
 
     def time(self, stamp: float | None, arrived: float) -> float:
-        """When a frame was made; without a stamp, when it arrived.
+        """Return the time of a frame; without a stamp its arrival.
 
         Raises:
             RefusedError: its stamp is not after the one before.
@@ -36,7 +36,7 @@ class SenderClock:
         return self._last
 
     def _follow(self, stamp: float, arrived: float) -> float:
-        """The offset of now.
+        """Return the updated offset.
 
         Raises:
             RefusedError: the stamp is not after the one before.

@@ -1,9 +1,9 @@
-"""Frames as packed numbers, for those who count microseconds: little-endian, with a head that says what follows.
+"""Frames as packed little-endian numbers: a header with the layout, then the numbers.
 
     "pose"  J (uint16)  width (uint16)  time [s] (float64)  J × width (float32)
 
-Width 3: positions x y z [m], z up. Width 7: and rotations w x y z in the world frame. Names and parents of the joints
-are not in it: they come from a file.
+Width 3: positions x y z [m], z up. Width 7: and rotations w x y z in the world frame. A file gives the names and parents
+of the joints.
 """
 
 import struct
@@ -22,7 +22,7 @@ WIDTHS = (3, 7)
 
 
 def packed(time: float, rows: Floats) -> bytes:
-    """A frame as bytes; rows (J, 3) of positions [m], or (J, 7) with rotations."""
+    """Return a frame as bytes; rows (J, 3) of positions [m], or (J, 7) with rotations."""
     return HEAD.pack(MAGIC, *rows.shape, time) + rows.astype("<f4").tobytes()
 
 

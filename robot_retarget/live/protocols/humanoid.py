@@ -1,4 +1,4 @@
-"""A motion's joints as the bones of a VRM: for those who send."""
+"""Joints of a motion as bones of a VRM, for senders."""
 
 from dataclasses import dataclass
 
@@ -49,7 +49,7 @@ def humanoid(motion: Motion) -> HumanoidMotion:
 
 
 def _joints(recognition: Recognition, motion: Motion) -> dict[str, int]:
-    """The joint that stands for each bone there is; none stands for two."""
+    """Return the joint of each bone; each joint serves one bone at most."""
     marks, above = recognition.marks, motion.skeleton.above
     legs = [marks[f"{side}_hip"].joints[0] for side in "lr"]
     head = marks["head" if "head" in marks else "neck"].joints[0]

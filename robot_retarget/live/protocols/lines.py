@@ -21,11 +21,11 @@ from robot_retarget.motion import Skeleton
 from robot_retarget.motion.kinematics import backward
 
 LONGEST_LINE = 1 << 20
-"""Of what is no line after so many bytes nothing is kept."""
+"""Longest line; longer input is dropped [B]."""
 
 
 def told(skeleton: Skeleton) -> bytes:
-    """The line that tells a skeleton."""
+    """Return the line that defines a skeleton."""
     names, parents, offsets = skeleton.names, skeleton.parents.tolist(), skeleton.offsets.round(5).tolist()
     return _line({"skeleton": {"names": names, "parents": parents, "offsets": offsets}})
 
@@ -72,7 +72,7 @@ class LineDecoder:
         return count
 
     def _read(self, line: bytes, arrived: float) -> int:
-        """Take a line in; whether it is a frame."""
+        """Read a line. Returns 1 for a frame."""
         said = _object(line)
         told = said.get("skeleton")
         if told is not None and told != self._told:
@@ -101,17 +101,17 @@ def _object(line: bytes) -> dict[str, Any]:
     try:
         said = json.loads(line)
     except (ValueError, RecursionError) as error:
-        raise RefusedError(Fault.MALFORMED, f"a line that is no JSON: {error}") from None
+        raise RefusedError(Fault.MALFORMED, f"a line that is not JSON: {error}") from None
     if not isinstance(said, dict):
-        raise RefusedError(Fault.MALFORMED, f"a line that is no object: {line[:60].decode(errors='replace')}")
+        raise RefusedError(Fault.MALFORMED, f"a line that is not an object: {line[:60].decode(errors='replace')}")
     return said
 
 
 def _skeleton(told: Any, said: dict[str, Any]) -> Skeleton:
-    """A skeleton as it is told; offsets that are not come from the frame in the same line.
+    """Return the skeleton of a line; missing offsets come from the frame in the same line.
 
     Raises:
-        RefusedError: it is none.
+        RefusedError: the skeleton is invalid.
     """
     try:
         names, parents = told["names"], np.array(told["parents"], dtype=np.int64)
@@ -128,7 +128,7 @@ def _skeleton(told: Any, said: dict[str, Any]) -> Skeleton:
 
 
 def offsets_of(skeleton: Skeleton, positions: Floats, rotations: Floats | None) -> Floats:
-    """(J, 3) where the joints of a frame are in their parents, in the axes of these where there are rotations [m]."""
+    """Return the offsets (J, 3) of the joints in their parents' axes [m]; in world axes without rotations."""
     frame = Frame(skeleton, 0.0, 0.0, positions, rotations)
     turns = frame.rotations
     if turns is None:

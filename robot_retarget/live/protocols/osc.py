@@ -1,4 +1,4 @@
-"""Open Sound Control packets as messages. A packet that ends too early is refused whole: nothing is made up for what is missing."""
+"""Decode Open Sound Control packets. A truncated packet is refused as a whole."""
 
 import struct
 from collections.abc import Collection, Iterator
@@ -9,22 +9,22 @@ from robot_retarget.live.faults import Fault, RefusedError
 
 BUNDLE = b"#bundle\0"
 HEAD = 16
-"""Bytes of a bundle before its first element: its name and a time tag."""
+"""Bytes of a bundle before its first element: name and time tag."""
 DEEPEST = 4
-"""Bundles in bundles."""
+"""Largest depth of nested bundles."""
 NUMBERS = {"f": "f", "i": "i"}
 """Type tags of numbers of four bytes, as the `struct` module has them."""
 
 
 class Message(NamedTuple):
-    """An address and what is said there."""
+    """An address and its values."""
 
     address: str
     values: list[Any]
 
 
 def messages(packet: bytes, addresses: Collection[bytes]) -> Iterator[Message]:
-    """The messages of a packet at some addresses; others are passed over unread.
+    """Yield the messages of a packet at some addresses; skip others.
 
     Raises:
         RefusedError: the packet is not laid out as OSC, or cut off.
@@ -42,7 +42,7 @@ def _elements(packet: bytes, deepest: int) -> Iterator[bytes]:
         yield packet
         return
     if not packet.startswith(BUNDLE) or len(packet) < HEAD or not deepest:
-        raise RefusedError(Fault.MALFORMED, f"{len(packet)} bytes that are no OSC")
+        raise RefusedError(Fault.MALFORMED, f"{len(packet)} bytes that are not OSC")
     at = HEAD
     while at < len(packet):
         size = struct.unpack_from(">i", packet, at)[0] if at + 4 <= len(packet) else -1

@@ -19,7 +19,7 @@ from robot_retarget.motion import Skeleton
 from robot_retarget.motion.kinematics import Place, Turn, forward_once
 
 PORT = 39539
-"""Where performers send to, unless told otherwise."""
+"""Default UDP port of performers."""
 ROOT, BONE, OK, TIME = "/VMC/Ext/Root/Pos", "/VMC/Ext/Bone/Pos", "/VMC/Ext/OK", "/VMC/Ext/T"
 ADDRESSES = {address.encode() for address in (ROOT, BONE, OK, TIME)}
 PAUSE = 0.004
@@ -27,11 +27,11 @@ PAUSE = 0.004
 LEARNING = 0.1
 """Weight of a new pause in the mean pause before a bone."""
 LONGEST = 2.0
-"""No bone is longer [m]."""
+"""Longest bone [m]."""
 NO_BONE = 1e-3
-"""A bone other than the hips that is shorter stands for one whose length is not sent [m]."""
+"""A shorter bone, other than the hips, has no length sent [m]."""
 TRACKING = 3
-"""Where a message of `OK` says whether the performer is tracked, since version 2.7."""
+"""Index of the tracking flag in the values of `OK`, since version 2.7."""
 
 
 Local = tuple[Place, Turn]
@@ -40,7 +40,7 @@ STANDING: Local = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 class _Whole(NamedTuple):
-    """A whole frame as it came."""
+    """A complete frame as received."""
 
     bones: dict[str, Local]
     root: Local
@@ -50,9 +50,9 @@ class _Whole(NamedTuple):
 
 
 class VmcDecoder:
-    """Frames of the bones that say how a body stands. The skeleton is that of the first whole frame.
+    """Decode frames of the bones that define a pose. The first complete frame gives the skeleton.
 
-    Lengths that are not sent are those of the mean body.
+    Missing lengths are those of the mean body.
     """
 
     def __init__(self, faults: Faults) -> None:
@@ -69,7 +69,7 @@ class VmcDecoder:
         self._stamp: float | None = None
         self._tracked = True
         self._there: dict[str, None] = {}
-        """What has come of the frame, in its order."""
+        """Keys of the frame in progress, in order of arrival."""
         self._pauses: dict[str, float] = {}
         """Mean pause before the packets that begin with each key [s]."""
         self._pause = float("inf")
@@ -89,7 +89,7 @@ class VmcDecoder:
         return count
 
     def _after(self, message: Message) -> int:
-        """Take a message in; whether a frame is whole by it."""
+        """Process a message. Returns 1 if it completes a frame."""
         address, values = message
         if address == OK:
             self._tracked = bool(values[TRACKING]) if len(values) > TRACKING else self._tracked
@@ -121,10 +121,10 @@ class VmcDecoder:
         return max(self._pauses, key=self._pauses.__getitem__, default="")
 
     def _read(self, address: str, values: list[Any]) -> tuple[str, Any]:
-        """What a message is about, and its value in our axes; no name for what is passed over.
+        """Return the key of a message and its value in our axes; an empty key for ignored bones.
 
         Raises:
-            RefusedError: it is not as the protocol has it.
+            RefusedError: it violates the protocol.
         """
         if address == TIME:
             return TIME, _numbers(values[:1], 1, address)[0]
@@ -146,7 +146,7 @@ class VmcDecoder:
         return name if address == BONE else ROOT, (place_of(place), turn_of([x / norm for x in turn]))
 
     def _ended(self, early: bool) -> int:
-        """Keep what is there as the newest frame; whether it is one."""
+        """Store the frame in progress as the newest. Returns 1 if it is one."""
         order, self._there = list(self._there), {}
         there = set(order)
         if there.isdisjoint(BONES):
@@ -163,7 +163,7 @@ class VmcDecoder:
         return 1
 
     def _join(self, order: list[str]) -> int:
-        """Keep what has come of the frame in progress, if we began to listen in the middle of the one before."""
+        """Keep the keys of the present frame if reception began in the middle of the one before."""
         begun = order.index(self._first) if self._first in order else 0
         self._there = dict.fromkeys(order[begun:]) if begun else {}
         return 0
@@ -185,10 +185,10 @@ class VmcDecoder:
 
 
 def _skeleton(bones: dict[str, Local]) -> Skeleton:
-    """The skeleton of the bones that came.
+    """Return the skeleton of the received bones.
 
     Raises:
-        RefusedError: one that a VRM must have is not among them.
+        RefusedError: a bone that every VRM has is missing.
     """
     lacking = [bone for bone in BONES if bone not in bones and bone not in OPTIONAL]
     if lacking:
@@ -202,10 +202,10 @@ def _skeleton(bones: dict[str, Local]) -> Skeleton:
 
 
 def _numbers(values: list[Any], count: int, what: str) -> list[float]:
-    """So many finite numbers.
+    """Return `count` finite numbers.
 
     Raises:
-        RefusedError: they are not.
+        RefusedError: fewer, or others.
     """
     if len(values) < count or not all(isinstance(value, int | float) for value in values):
         raise RefusedError(Fault.MALFORMED, f"{what}: {count} numbers expected")

@@ -7,7 +7,7 @@ from robot_retarget.live.loop import Pose, said_of
 
 
 class LineSink:
-    """Writes each pose as it comes."""
+    """Writes each pose at once."""
 
     def __init__(self, out: IO[str]) -> None:
         self._out = out

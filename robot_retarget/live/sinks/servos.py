@@ -53,7 +53,7 @@ def moved(
     log: Path,
     say: Callable[[str], None],
 ) -> tuple[Outcome, Tally]:
-    """Run a loop into servos: it in a thread of its own, the player in this one, which is told of Ctrl-C.
+    """Run a loop into servos: the loop in a second thread, the player in this one, which receives Ctrl-C.
 
     Raises:
         ServoError: as `servo.play.play`.
