@@ -8,7 +8,7 @@ from robot_retarget.cli.options import Json, Quiet
 commands = typer.Typer()
 
 
-@commands.command(epilog="Example: robot-retarget doctor")
+@commands.command(epilog="Example: robot-retarget doctor --json")
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
     """Examine Python, MuJoCo, rendering, compiler, ffmpeg, extras and serial ports. Exit code 1 if a needed part is missing."""
     from dataclasses import asdict
