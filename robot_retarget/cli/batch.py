@@ -22,7 +22,7 @@ RETRIES = ("failed", "timeout", "memory", "crashed")
 
 
 @commands.command(
-    epilog="Examples: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set"
+    epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set"
 )
 def batch(
     folders: Annotated[list[Path], typer.Argument(help="Folders of motions; or merge, and folders of results.")],
