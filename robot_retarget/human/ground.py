@@ -5,6 +5,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.match import Match
+from robot_retarget.motion.stance import StanceRule
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time: no jump lasts longer [s]."""
@@ -20,7 +21,7 @@ def grounded(positions: Floats, match: Match, fps: float) -> Floats:
     """
     z = positions[:, :, 2]
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
-    level = np.quantile(z[:, feet].min(axis=1), 0.02) if feet else z.min()
+    level = StanceRule().floor_height(z[:, feet].min(axis=1)) if feet else z.min()
     reach = max(1, round(WINDOW * fps))
     floor = uniform_filter1d(minimum_filter1d(z.min(axis=1), 2 * reach + 1, mode="nearest"), reach, mode="nearest")
     if np.ptp(floor) < DRIFT * match.human_leg:

@@ -1,12 +1,12 @@
-"""Feet that skate or float throughout a clip: nothing there can be held on to, and that is said."""
+"""Feet that skate and bodies that float throughout a clip: no foothold can be read off them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.motion.recognise import Recognition
+from robot_retarget.motion.stance import StanceRule, speed_of
 from robot_retarget.motion.stature import leg_length
 
 FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
@@ -14,26 +14,22 @@ FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
 
 @dataclass(frozen=True)
 class FootingRule:
-    """What is no footing; lengths in leg lengths."""
+    """Thresholds; lengths in leg lengths, speeds in leg lengths per second."""
 
-    low: float = 0.08
-    """A part of a foot that is so near to its lowest may stand ..."""
-    slow: float = 0.3
-    """... and does while it is slower than this [1/s], over ..."""
-    over: float = 0.1
-    """... this time [s]."""
+    stance: StanceRule = field(default_factory=StanceRule)
+    """A low part of a foot skates while it is faster than what starts a stance."""
     running: float = 3.0
-    """Who is faster than this is not looked at: a runner's stance is too short to be seen [1/s]."""
+    """A faster pelvis is not judged: the stances of a runner are too short to be seen."""
     high: float = 0.15
-    """Nothing of the body is this near to the floor: it floats."""
+    """A body whose lowest point is higher than this above the floor floats."""
     most: float = 0.75
-    """In so large a share of the frames, it does so throughout."""
+    """Share of the frames from which on a clip skates or floats throughout [-]."""
     shortest: float = 1.0
-    """Shorter clips are not looked at [s]."""
+    """Shorter clips are not judged [s]."""
 
 
 def footing(recognition: Recognition, positions: Floats, fps: float, rule: FootingRule) -> tuple[str, ...]:
-    """Sentences about feet that skate, and about a body that floats, throughout.
+    """Return sentences about feet that skate, and about a body that floats, throughout.
 
     Args:
         positions: (T, J, 3) of the joints, z up [m].
@@ -46,12 +42,12 @@ def footing(recognition: Recognition, positions: Floats, fps: float, rule: Footi
 
 
 def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: FootingRule) -> tuple[str, ...]:
-    at = recognition.keypoints.index
+    at, stance = recognition.keypoints.index, rule.stance
     feet = x[:, [at(k) for k in FEET if k in recognition.marks]]
-    low = feet[:, :, 2] - np.quantile(feet[:, :, 2], 0.02, axis=0) < rule.low
-    slowest = np.where(low, _speed(feet, fps, rule), np.inf).min(axis=1)
-    seen = np.isfinite(slowest) & (_speed(x[:, [at("pelvis")]], fps, rule)[:, 0] < rule.running)
-    skates = slowest[seen] > rule.slow
+    low = feet[:, :, 2] - stance.floor_height(feet[:, :, 2], axis=0) < stance.enter_height
+    slowest = np.where(low, speed_of(feet[:, :, :2], fps, stance), np.inf).min(axis=1)
+    seen = np.isfinite(slowest) & (speed_of(x[:, at("pelvis"), :2], fps, stance) < rule.running)
+    skates = slowest[seen] > stance.enter_speed
     if seen.mean() < 0.5 or skates.mean() < rule.most:
         return ()
     speed, when = float(np.median(slowest[seen])) * leg, np.flatnonzero(seen)[skates][[0, -1]] / fps
@@ -63,16 +59,10 @@ def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: 
 
 def _floating(x: Floats, leg: float, rule: FootingRule) -> tuple[str, ...]:
     lowest = x[:, :, 2].min(axis=1)
-    high = lowest - np.quantile(lowest, 0.02) > rule.high
+    high = lowest - rule.stance.floor_height(lowest) > rule.high
     if high.mean() < rule.most:
         return ()
     return (
         f"The body floats in {high.mean():.0%} of the time, up to {leg * np.ptp(lowest):.2f} m over where it is lowest: "
         "the floor is taken to be where it comes down to from moment to moment.",
     )
-
-
-def _speed(points: Floats, fps: float, rule: FootingRule) -> Floats:
-    """(T, P) over the floor, of points (T, P, 3) [1/s]."""
-    speed = np.linalg.norm(np.gradient(points[:, :, :2], 1 / fps, axis=0), axis=2)
-    return uniform_filter1d(speed, max(1, round(rule.over * fps)), axis=0, mode="nearest")
