@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 
+OPEN_LOOP = (
+    "the goals passed with feedback: simulate --no-feedback judges them without, or --unsafe sends them as they are"
+)
 ALTERED = "--rate, --speed, --loop, --from and --to alter what was judged: say --plain, which simulates what it sends, or --unsafe"
 
 
@@ -31,6 +34,7 @@ def play(
     loose: Annotated[
         bool, typer.Option("--loose-thresholds", help="Accept a pass under thresholds above the defaults.")
     ] = False,
+    feedback: Annotated[bool, typer.Option(help="Play the balance feedback of goals that were judged with it.")] = True,
     plain: Annotated[
         bool, typer.Option("--plain", help="Send the trajectory as it is, once that has passed in simulation.")
     ] = False,
@@ -82,6 +86,10 @@ def play(
             raise UsageError(ALTERED)
         require_judged(trajectory, read, servo_map, servos, report, mode, loose)
         plan = goal_plan(read, servo_map)
+        if plan.feedback is not None and not feedback:
+            raise UsageError(OPEN_LOOP)
+    if not feedback:
+        plan = replace(plan, feedback=None)
     if dry_run:
         facts = rehearse(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])

@@ -22,6 +22,9 @@ def simulate(
     compensate: Annotated[
         bool, typer.Option(help="Send goals that make up for lag and load, or the trajectory as it is.")
     ] = True,
+    feedback: Annotated[
+        bool, typer.Option(help="With --mode free: judge goals with the balance feedback of the servo map's sensor.")
+    ] = False,
     servos: Servos = None,
     own_actuators: Annotated[bool, typer.Option("--own-actuators", help="The MJCF's actuators, no servos.")] = False,
     store: Annotated[
@@ -53,7 +56,7 @@ def simulate(
         require_writable(path)
     model, played = load(robot, limits, servos), load_trajectory(trajectory)
     warnings = foreseen(played, model)
-    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws)
+    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback)
     if store:
         keep(report, trajectory, where)
     if page is not None:

@@ -159,6 +159,7 @@ def judged(
     thresholds: Path | None,
     warnings: "Warnings | None",
     draws: int,
+    feedback: bool = False,
 ) -> "Report":
     """A trajectory played on simulated servos, or on the MJCF's own actuators."""
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -176,6 +177,7 @@ def judged(
             thresholds=most,
             warnings=warnings,
             draws=draws,
+            feedback=feedback,
             progress=stages.begin("simulate"),
         )
 
