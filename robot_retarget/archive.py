@@ -1,4 +1,4 @@
-"""Arrays of an `.npz` file, checked as they are read: each field states its kind, shape and bounds."""
+"""Arrays of an `.npz` file, checked on reading: each field states its kind, shape and bounds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class Field:
 
     kind: Literal["number", "integer", "text"]
     shape: tuple[int | str, ...] = ()
-    """Sizes; a letter stands for a size that all fields of the file share. () also accepts one value in an array."""
+    """Sizes; a letter names a size that all fields of the file share. () also accepts one value in an array."""
     bounds: tuple[float, float] | None = None
     """Of every number; without them numbers are not checked."""
     required: bool = True

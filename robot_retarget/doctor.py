@@ -1,4 +1,4 @@
-"""What this machine has of all that the package uses, and the cure for what is missing."""
+"""Examine the machine: the parts that the package uses, and a cure for each missing part."""
 
 import importlib
 import os
@@ -43,7 +43,7 @@ class Finding:
     """`ok`, `optional` (missing, and not needed by every command) or `missing`."""
     detail: str
     cure: str = ""
-    """The command that mends it; empty where nothing is to be done."""
+    """The command that repairs it; empty for a part that works."""
 
 
 def examine(root: Path = Path("/")) -> list[Finding]:

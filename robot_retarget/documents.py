@@ -1,4 +1,4 @@
-"""Text documents from files: TOML and JSON, with one error for whatever is wrong with them."""
+"""Text documents from files: TOML and JSON, with one error class for every fault."""
 
 import json
 import tomllib

@@ -1,4 +1,4 @@
-"""What a user can do wrong, each with a message that names the culprit and the alternatives.
+"""Errors of users, each with a message that names the cause and the alternatives.
 
 Every error the package raises on purpose descends from `RobotRetargetError`; the command line prints its message
 without a traceback and exits with code 2.
@@ -13,7 +13,7 @@ class RobotRetargetError(Exception):
 
 
 class MotionError(RobotRetargetError):
-    """A motion file or array that cannot be read. Names the file and, where there is one, the line."""
+    """A motion file or array that cannot be read. Names the file and the line, if known."""
 
     def __init__(self, message: str, path: str | Path | None = None, line: int | None = None):
         where = "" if path is None else f"{path}: " if line is None else f"{path}:{line}: "
@@ -25,7 +25,7 @@ class RobotError(RobotRetargetError):
 
 
 class MatchError(RobotRetargetError):
-    """A motion that is not human, a robot that is no humanoid, or an override that names what is not there."""
+    """A motion that is not human, a robot that is no humanoid, or an override with an unknown name."""
 
 
 class TrajectoryError(RobotRetargetError):
@@ -49,7 +49,7 @@ class OutputError(RobotRetargetError):
 
 
 class UsageError(RobotRetargetError):
-    """A value outside what an option or argument accepts."""
+    """A value that an option or argument does not accept."""
 
 
 DISTRIBUTION = "humanoid-retarget"
@@ -66,7 +66,7 @@ def known(names: Iterable[str], limit: int = 24, typed: object = "") -> str:
 
     Args:
         limit: Names listed at most.
-        typed: What was given instead; the name nearest to it is suggested.
+        typed: The unknown name; the nearest known name is suggested.
     """
     listed = list(names)
     tail = f", … ({len(listed)} in all)" if len(listed) > limit else ""
@@ -74,7 +74,7 @@ def known(names: Iterable[str], limit: int = 24, typed: object = "") -> str:
 
 
 def did_you_mean(typed: str, names: Iterable[str]) -> str:
-    """Suggest the name nearest to what was typed: `did you mean 'b'? `; empty if none is near."""
+    """Suggest the known name nearest to `typed`: `did you mean 'b'? `; empty if none is near."""
     from difflib import get_close_matches
 
     lower = {name.lower(): name for name in names}

@@ -1,4 +1,4 @@
-"""Writing that leaves nothing half-written: to a temporary file beside the target, then renamed over it."""
+"""Write files whole: to a temporary file in the same folder, which then replaces the target."""
 
 import os
 import shutil
@@ -64,7 +64,7 @@ def require_writable(path: str | Path) -> None:
     """Try out whether a file could be written, before long work is done for it.
 
     Raises:
-        OutputError: its folder is not there or cannot be written, or a folder stands in its place.
+        OutputError: The folder is missing or not writable, or the path is a folder.
     """
     target = Path(path)
     try:
@@ -77,7 +77,7 @@ def require_writable(path: str | Path) -> None:
 
 
 def require_suffix(path: str | Path, suffix: str, instead: str) -> None:
-    """Take a file's name at its word: what is written is in one format, and the name has to say so.
+    """Require the suffix of the one format that is written.
 
     Raises:
         OutputError: the name ends otherwise; `instead` says what to do.
@@ -90,7 +90,7 @@ def folder(path: str | Path) -> Path:
     """Make a folder that can be written, with its parents.
 
     Raises:
-        OutputError: it cannot be made or written, or a file stands in its place.
+        OutputError: The folder cannot be made or written, or the path is a file.
     """
     target = Path(path)
     try:

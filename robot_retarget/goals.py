@@ -1,4 +1,4 @@
-"""What the servos are sent, tick by tick: kept in the trajectory's file, judged by `simulate`, sent by `play`."""
+"""Goals of the servos, tick by tick: stored in the trajectory file, judged by `simulate`, sent by `play`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from robot_retarget.feedback.law import FIELDS as FEEDBACK_FIELDS
 from robot_retarget.feedback.law import Feedback, read_feedback
 
 RATE = 125.0
-"""Goals a second, unless told otherwise [1/s]."""
+"""Default rate of goals [1/s]."""
 FIELDS = {
     "goals": Field("number", ("N", "n"), required=False),
     "goals_rate": Field("number", required=False),
@@ -105,7 +105,7 @@ def require_angles(what: str, row: str, angles: Floats, first: int = 0) -> None:
 
 
 def read_goals(values: Mapping[str, Any]) -> Goals | None:
-    """The goals among the keys of a trajectory file, or None where it has none.
+    """The goals among the keys of a trajectory file, or None.
 
     Raises:
         TrajectoryError: a key is missing, or the goals are not as they must be.

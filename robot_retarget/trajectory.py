@@ -1,4 +1,4 @@
-"""The trajectory: what a retargeting yields and every later stage reads."""
+"""The trajectory: the result of a retargeting, and the input of every later stage."""
 
 import hashlib
 import io

@@ -71,11 +71,11 @@ NEXT = """robot-retarget carries human motion over to humanoid robots.
   robot-retarget demo                        a shipped clip on a shipped robot, with report and film, in demo/
   robot-retarget run CLIP.bvh                your clip on the op3, judged in simulation, in out/
   robot-retarget run CLIP.bvh -r ROBOT.xml   the same on your robot (MJCF or URDF)
-  robot-retarget info FILE                   what is recognised in a motion or a robot
-  robot-retarget doctor                      what is missing on this machine, and the cure
+  robot-retarget info FILE                   recognised keypoints of a motion or a robot
+  robot-retarget doctor                      missing parts of this machine, and their cures
 
 robot-retarget --help lists all commands; robot-retarget COMMAND --help has an example of each."""
-"""What the command without arguments prints."""
+"""The text of the command without arguments."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What a person sees: tables, progress, and errors without tracebacks."""
+"""Output for people: tables, notes, and errors without tracebacks."""
 
 import json
 import re
@@ -24,7 +24,7 @@ side = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def hush(quiet: bool) -> None:
-    """Say nothing but errors, and what `--json` asks for."""
+    """Print errors only, and the JSON of `--json`."""
     out.quiet = side.quiet = quiet
 
 
@@ -52,7 +52,7 @@ def begin(command: str) -> None:
 
 
 def note(text: str) -> None:
-    """Print a remark on the side, where it does not disturb what is piped on."""
+    """Print a note to stderr, so that piped output stays clean."""
     side.print(f"note: {in_options(text)}", markup=False, style="dim")
 
 

@@ -1,4 +1,4 @@
-"""`doctor`: what is missing on this machine, and the cure."""
+"""`doctor`: missing parts of this machine, and their cures."""
 
 import typer
 

@@ -1,4 +1,4 @@
-"""`info`: what a motion or a robot is."""
+"""`info`: describe a motion or a robot."""
 
 from pathlib import Path
 from typing import Annotated
@@ -27,7 +27,7 @@ def info(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what a motion or a robot is, and what was recognised in it."""
+    """Describe a motion or a robot, and its recognised keypoints."""
     from robot_retarget.summary import describe_motion, describe_robot
 
     if (file is None) == (robot is None):

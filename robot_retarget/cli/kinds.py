@@ -1,4 +1,4 @@
-"""What kind of file an argument is, and which command takes it: told before anything heavy is loaded."""
+"""Kinds of files, and the commands that take them, checked before any heavy library is loaded."""
 
 import zipfile
 from pathlib import Path

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -60,6 +61,7 @@ def play(
     grace: Annotated[
         float, typer.Option(help="After Ctrl-C: hold so long for a second one, which lets go [s].")
     ] = 10.0,
+    wait: Annotated[float, typer.Option(min=0, help="Longest wait for a missing port [s].")] = 5.0,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -97,10 +99,20 @@ def play(
     if not port:
         raise UsageError("play needs --port (or --dry-run)")
     require_writable(log)
+    _await(Path(port), wait)
     say = (lambda text: None) if json else console.say
     outcome = perform(plan, servo_map, port, options, log, say)
     _tell(outcome, log, json)
     raise typer.Exit(outcome.exit_code)
+
+
+def _await(port: Path, wait: float) -> None:
+    """Wait until a port exists, for example that of a starting emulator; opening a missing port reports it."""
+    end = monotonic() + wait
+    if not port.exists() and wait > 0:
+        console.aside(f"waiting up to {wait:g} s for {port}")
+    while not port.exists() and monotonic() < end:
+        sleep(0.05)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is recognised in a robot: its keypoints, how its segments are turned, and what it stands on."""
+"""The anatomy of a robot: keypoints, segment orientations and soles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What was recognised in a robot."""
+    """The keypoints, segments and soles of a robot."""
 
     spots: Mapping[str, Spot]
     """Keypoints by name; those the robot lacks are absent."""

@@ -1,4 +1,4 @@
-"""Lines of a map file that replace what was recognised in a robot."""
+"""Lines of a map file that replace recognised keypoints of a robot."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,10 +23,10 @@ FORWARD = "forward"
 
 
 def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
-    """What is recognised in a robot, given the table `[robot]` of a map file.
+    """Recognise a robot, given the table `[robot]` of a map file.
 
     The line `forward = [x, y, z]` says where the robot looks in its reference pose; left and right follow. Lines
-    `keypoint = ["body", x, y, z]` replace keypoints (`override`). Lines for all keypoints are used even if nothing is
+    `keypoint = ["body", x, y, z]` replace keypoints (`override`). A table of all keypoints is used even if nothing is
     recognised.
 
     Raises:
@@ -67,7 +67,7 @@ def _told(line: Any) -> Floats:
 
 
 def _are_numbers(values: Any, count: int) -> bool:
-    """Whether a value is a list of so many numbers that are finite and within `FARTHEST`."""
+    """Whether a value is a list of `count` finite numbers within `FARTHEST`."""
     return (
         isinstance(values, list)
         and len(values) == count

@@ -14,7 +14,7 @@ OTHER_SYSTEMS = {"Windows": ("wgl",), "Darwin": ("cgl",)}
 
 
 def require_usable_gl() -> None:
-    """Drop a value of MUJOCO_GL that cannot work here, with a warning; rendering then takes what it finds."""
+    """Drop a value of MUJOCO_GL that cannot work here, with a warning; rendering then selects a back end by itself."""
     asked = os.environ.get(VARIABLE, "").lower().strip()
     reason = unusable(asked, platform.system())
     if reason:
@@ -28,5 +28,5 @@ def unusable(asked: str, system: str) -> str:
         return ""
     library = LIBRARIES.get(asked) if system == "Linux" else None
     if library is None:
-        return "MuJoCo has no such way to render (egl, osmesa, glfw, off)"
+        return "MuJoCo does not know this back end (egl, osmesa, glfw, off)"
     return "" if ctypes.util.find_library(library) else f"the library lib{library} is not installed"

@@ -1,4 +1,4 @@
-"""What a robot's file says, ready to be compiled: MJCF as it is, URDF by MuJoCo's own reader, a free joint where one is missing."""
+"""Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader, with a free joint added if it is missing."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -52,7 +52,7 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
 
 
 def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Bodies on ball joints that carry no other joint: the rods of closed chains, which nothing moves by itself."""
+    """Bodies on ball joints that carry no other joint: the passive rods of closed chains."""
     ball, found = mujoco.mjtJoint.mjJNT_BALL, []
     for joint in spec.joints:
         body = joint.parent

@@ -1,4 +1,4 @@
-"""Which versions of MuJoCo give what they promise: checked once, before the first is imported."""
+"""Refuse versions of MuJoCo that are too old or give wrong results, before MuJoCo is imported."""
 
 from importlib.metadata import PackageNotFoundError, version
 
@@ -13,7 +13,7 @@ def require_mujoco() -> None:
     """Refuse a MuJoCo that is too old or known to be wrong.
 
     Raises:
-        RobotError: says what is wrong with it, and the command that gets another.
+        RobotError: The version is refused; the message has the command that installs another.
     """
     try:
         check(version("mujoco"))
