@@ -147,7 +147,7 @@ def identify(
     joint: Annotated[str, typer.Option(help="The joint whose servo turns the pendulum; 0 rad where it hangs.")],
     mass: Annotated[float, typer.Option(help="Of the pendulum [kg].")],
     length: Annotated[float, typer.Option(help="From the axis to its centre of mass [m].")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The map to write (.toml).")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The map to write (.toml).")],
     inertia: Annotated[float, typer.Option(help="About the axis [kg m²]; by default that of a point mass.")] = 0.0,
     log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("identify.npz"),
     baud: Baud = None,
