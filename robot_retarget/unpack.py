@@ -18,7 +18,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, install_line
 
 LARGEST = 2 << 30
-"""What a file may hold unpacked [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
+"""Largest unpacked size of a file [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
 CHUNK = 1 << 20
 BROKEN = (
     ValueError,
@@ -50,7 +50,7 @@ def file_bytes(path: Path) -> bytes:
 
 
 def unpacked(path: Path) -> bytes:
-    """The file's bytes, decompressed where it is lz4, gzip or zlib.
+    """The file's bytes, decompressed from lz4, gzip or zlib.
 
     Raises:
         TrajectoryError: it cannot be read, is broken, or unpacks to more than `LARGEST`.
@@ -104,7 +104,7 @@ class Archive(Mapping[str, np.ndarray]):
         """Read an array.
 
         Raises:
-            KeyError: there is none of this name.
+            KeyError: the archive has no array of this name.
             TrajectoryError: its bytes are broken.
         """
         if name not in self._read:
@@ -172,7 +172,7 @@ def shaped(values: Any, shape: tuple[int | None, ...], what: str) -> Floats:
     """An array as numbers of the given shape.
 
     Args:
-        shape: None stands for any length above zero.
+        shape: None means any length above zero.
         what: the array's name, for the message.
 
     Raises:
@@ -190,7 +190,7 @@ def shaped(values: Any, shape: tuple[int | None, ...], what: str) -> Floats:
 
 
 def save_npz(path: Path, **arrays: Any) -> None:
-    """Write an `.npz`, whatever the end of its name."""
+    """Write an `.npz` under any name."""
     with path.open("wb") as stream:
         np.savez(stream, **arrays)
 

@@ -17,7 +17,7 @@ from robot_retarget.errors import TrajectoryError
 from robot_retarget.unpack import unpacked
 
 PROTOCOL = 4
-"""Of what is written: Python 3.4 and later read it."""
+"""Protocol of written pickles: Python 3.4 and later read it."""
 _JOBLIB = "joblib.numpy_pickle"
 
 
@@ -103,7 +103,7 @@ class DataUnpickler(pickle._Unpickler):  # the compiled one cannot stop at jobli
     dispatch[pickle.BUILD[0]] = load_build
 
     def _joblib_array(self, state: dict[str, Any]) -> np.ndarray:
-        """The bytes of an array, which stand in the stream behind what describes them."""
+        """The bytes of an array, which follow its description in the stream."""
         shape, dtype, order = tuple(map(int, state["shape"])), np.dtype(state["dtype"]), state["order"]
         if dtype.hasobject:
             raise pickle.UnpicklingError("an array of Python objects, which could run code")
@@ -121,7 +121,7 @@ def _bare_array(kind: Any, shape: Any, letter: Any) -> np.ndarray:
 
 
 def _array(shape: Any, dtype: Any, buffer: Any, order: Any = "C") -> np.ndarray:
-    """An array over bytes that are there."""
+    """An array over given bytes."""
     return np.ndarray(tuple(shape), np.dtype(dtype), _bytes(buffer), order=order)
 
 
@@ -131,7 +131,7 @@ def _buffer_array(buffer: Any, dtype: Any, shape: Any, order: Any) -> np.ndarray
 
 def _bytes(data: Any = b"") -> bytearray:
     if not isinstance(data, bytes | bytearray):
-        raise pickle.UnpicklingError("bytes made of something else")
+        raise pickle.UnpicklingError("bytes from something else than bytes")
     return bytearray(data)
 
 

@@ -1,4 +1,4 @@
-"""Velocities of a motion and the poses and velocities of its bodies, as trainers want them beside the joints."""
+"""Velocities of a motion and the poses and velocities of its bodies, as trainers read them."""
 
 from dataclasses import dataclass
 

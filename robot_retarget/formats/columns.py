@@ -11,11 +11,11 @@ from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
 
 UNIT = 0.01
-"""A quaternion whose norm is farther from one is none: columns are out of order. Single precision strays by 1e-7."""
+"""Largest deviation of a quaternion's norm from one; beyond it the columns are out of order. Single precision strays by 1e-7."""
 ROUNDED = 1e-6
-"""Norms nearer to one are left as they are, so that what was exact stays exact."""
+"""Norms nearer to one are not normalised, so that exact numbers stay exact."""
 SUFFIXES = ("_dof", "_joint")
-"""Endings of joint names that programs add and drop, in the order in which they are taken off."""
+"""Endings of joint names that programs add and drop, in the order of removal."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Columns:
 
 
 def assembled(columns: Columns, robot: Robot, options: Options, fps: float | None = None) -> Trajectory:
-    """The trajectory of a robot that a file's columns describe. What the file does not hold stands as the robot stands.
+    """Make the trajectory of a robot from a file's columns; coordinates without a column keep the standing pose.
 
     Args:
-        fps: what the format takes for granted where neither the user nor the file says it [1/s].
+        fps: default of the format, if neither the user nor the file gives a rate [1/s].
 
     Raises:
-        TrajectoryError: columns of the wrong width, names that are not the robot's, a quaternion that is none, or a
+        TrajectoryError: columns of the wrong width, names that are not the robot's, a quaternion that is not unit, or a
             file without joint names whose width is not the robot's.
         UsageError: `options.joints` has another length than the file's columns, or no rate is known.
     """
@@ -78,7 +78,7 @@ def _whole(qpos: Floats, robot: Robot, options: Options) -> tuple[Floats, tuple[
 
 
 def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, tuple[str, ...]]:
-    """Root and joints put where the robot's model has them, and what was decided."""
+    """Coordinates of the robot's model from root and joints, with notes."""
     assert columns.angles is not None
     qpos = np.tile(robot.standing(), (len(columns.angles), 1))
     taken, places, notes = _places(columns.names, columns.angles.shape[1], columns.order, robot, options)
@@ -95,7 +95,7 @@ def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, t
 def _places(
     told: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: Options
 ) -> tuple[list[int], Ints, tuple[str, ...]]:
-    """Which columns are taken, where in qpos each goes, and what was decided."""
+    """The columns that are used, their addresses in qpos, and notes."""
     names = options.joints or told
     if names is None:
         if width != len(robot.joint_names):
@@ -123,7 +123,7 @@ def joint_called(name: str, robot: Robot) -> str:
     """The robot's joint of this name, with or without the usual suffixes.
 
     Raises:
-        TrajectoryError: there is none, or there are several.
+        TrajectoryError: no joint has this name, or several have.
     """
     if name in robot.joint_names:
         return name

@@ -1,4 +1,4 @@
-"""What a format is: a name, a way to write, a way to read, and how to tell that a file is of it."""
+"""The definition of a format: a name, a writer, a reader, and a test whether a file is of it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ class Format:
     fps: float | None = None
     """Rate that its readers take for granted [1/s]; None where the file says its own."""
     complete: bool = True
-    """Whether the file itself says joint names, quaternion order and rate; if not, a JSON file beside it does."""
+    """Whether the file itself states joint names, quaternion order and rate; if not, a JSON file next to it does."""
     ordered: bool = False
     """Whether the joints can be written in any order (`--joints`)."""
     exact: bool = True
-    """Whether what was written reads back to 1e-9 m and rad."""
+    """Whether a written file reads back to 1e-9 m and rad."""
     root: bool = True
     """Whether the file holds the pose of the root."""
     quaternion: str = "wxyz"

@@ -23,7 +23,7 @@ from robot_retarget.trajectory import load_trajectory as load_native
 def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, options: Options | None = None) -> Path:
     """Write a trajectory in one of the `FORMATS`, whole or not at all.
 
-    A format that does not say joint names and quaternion order gets a JSON file beside it that does.
+    A format without joint names and quaternion order gets a JSON file next to it that states them.
 
     Raises:
         UsageError: the format is not known, or the robot does not suit it.
@@ -58,7 +58,7 @@ def import_motion(
     """
     where, options = Path(path), options or Options()
     if not where.exists():
-        raise TrajectoryError(f"cannot read {where}: no such file or folder")
+        raise TrajectoryError(f"cannot read {where}: the file or folder does not exist")
     source = Source(where, robot, options)
     described = source.sidecar is not None
     kind = _format(format) if format else recognised(source)
@@ -76,7 +76,7 @@ def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -
     """A trajectory of the robot from columns, with a note where the order of the quaternions is in doubt.
 
     Args:
-        described: a JSON file beside the file states the order.
+        described: a JSON file next to the file states the order.
     """
     robot, told = source.robot, source.options.quaternion
     if told is not None:
@@ -101,7 +101,7 @@ def load_trajectory(
 
 
 def recognised(source: Source) -> Format:
-    """The format of a file: what the JSON file beside it says, or the only one that claims it.
+    """The format of a file: the one in the JSON file next to it, or the only one that claims it.
 
     Raises:
         UsageError: more than one claims it.
@@ -112,7 +112,7 @@ def recognised(source: Source) -> Format:
     claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
     if len(claimed) > 1:
         names = " or ".join(kind.name for kind in claimed)
-        raise UsageError(f"{source.path} may be {names}, which nothing in it tells apart: say which with --format")
+        raise UsageError(f"{source.path} may be {names}, which have equal contents: choose one with --format")
     if not claimed:
         raise TrajectoryError(
             f"{source.path}: {unsupported(source) or f'no known format of robot motion (a human motion goes to robot-retarget run); {known(FORMATS)}'}"

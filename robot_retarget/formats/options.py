@@ -1,4 +1,4 @@
-"""What a user may say about a file that the file does not say itself."""
+"""Options of a user about a file that lacks a statement."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class Options:
     joints: tuple[str, ...] | None = None
     """Names of the joint columns in their order; `_` for a column that is not a joint of the robot."""
     fps: float | None = None
-    """Frames per second of what comes out; by default those of the format, or of the file."""
+    """Frames per second of the output; by default those of the format, or of the file."""
     source_fps: float | None = None
     """Frames per second of a file that says none."""
     quaternion: str | None = None

@@ -13,14 +13,14 @@ FIRST_LAST = (3, 0, 1, 2)
 """x y z w → w x y z."""
 ORDERS = ("wxyz", "xyzw")
 UPRIGHT = 0.5
-"""A root that stands by so much more upright in the other order makes the order doubtful [cosine of its lean]."""
+"""Gain of uprightness in the other order that makes the order doubtful [cosine of the root's lean]."""
 
 
 def told_order(quaternion: Floats, format: str, told: str) -> Floats:
-    """(T, 4) w x y z of a file whose quaternions were read in its format's order, and are in the order that is told.
+    """(T, 4) w x y z from quaternions that were read in the format's order and are in the user's order.
 
     Raises:
-        UsageError: no such order, or the format holds no quaternion.
+        UsageError: the order is unknown, or the format holds no quaternion.
     """
     if told not in ORDERS or format not in ORDERS:
         what = "the format holds no quaternion" if format not in ORDERS else f"no order {told!r} of quaternions"
@@ -42,7 +42,7 @@ def doubt(quaternion: Floats, format: str, robot: Robot) -> tuple[str, ...]:
 
 
 def _upright(quaternion: Floats, robot: Robot) -> float:
-    """Median cosine between the vertical and what is vertical in the root as the robot stands."""
+    """Median cosine between the vertical and the root's axis that is vertical in the standing pose."""
     start = robot.root_address + 3
     stands = Rotation.from_quat(robot.standing()[start : start + 4], scalar_first=True)
     turns = Rotation.from_quat(quaternion, scalar_first=True)

@@ -1,4 +1,4 @@
-"""What a writer gets: a trajectory on its robot, split into root and joints."""
+"""The input of a writer: a trajectory on its robot, split into root and joints."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -55,7 +55,7 @@ class RobotMotion:
         return self.qpos[:, [place[joint] for joint in self.joints]]
 
     def require_plain(self, format: str) -> None:
-        """Raise UsageError unless the robot is a free root and hinges, nothing else."""
+        """Raise UsageError unless the robot has a free root and hinges only."""
         self._root(format)
         if self.robot.model.nq != 7 + len(self.robot.joint_names):
             raise UsageError(
@@ -72,10 +72,10 @@ class RobotMotion:
 def robot_motion(
     trajectory: Trajectory, robot: Robot, options: Options, fps: float | None, ordered: bool, format: str
 ) -> RobotMotion:
-    """A trajectory made ready for a writer: at the rate asked for or the format's, its joints in the order asked for.
+    """Prepare a trajectory for a writer: at the user's rate or the format's, joints in the user's order.
 
     Raises:
-        UsageError: the rate is not positive, or the joints asked for are not the robot's or cannot be ordered here.
+        UsageError: the rate is not positive, or the requested joints are not the robot's, or the format has a fixed order.
     """
     rate = trajectory.fps if fps is None else fps
     rate = rate if options.fps is None else options.fps
@@ -84,7 +84,7 @@ def robot_motion(
     joints = robot.joint_names
     if options.joints is not None:
         if not ordered:
-            raise UsageError(f"format {format!r} has an order of its own: --joints means nothing to it")
+            raise UsageError(f"format {format!r} has a fixed order: it takes no --joints")
         strange = [name for name in options.joints if name not in robot.joint_names]
         if strange:
             raise UsageError(f"--joints names {strange[0]!r}, which {robot.name!r} has not; {known(robot.joint_names)}")

@@ -1,4 +1,4 @@
-"""The JSON file beside a file that does not say whose joints its columns are: `dance.csv` has `dance.csv.json`."""
+"""The JSON file next to a file whose columns have no names: `dance.csv` has `dance.csv.json`."""
 
 import hashlib
 import json
@@ -37,7 +37,7 @@ def describing(motion: RobotMotion, format: str, quaternion: str, written: Path)
 
 
 def read_sidecar(path: Path) -> dict[str, Any] | None:
-    """The description in the JSON file beside a file; None where there is none, or another program's.
+    """The description in the JSON file next to a file; None if absent, or of another program.
 
     Raises:
         TrajectoryError: it is broken, or its sha256 is that of another content.
@@ -55,7 +55,7 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     if said["sha256"] != _hash(path):
         raise TrajectoryError(
             f"{path} is not the file that {where.name} describes: it was cut or changed since. "
-            f"Remove {where.name} to read it as it is"
+            f"Remove {where.name} to read it all the same"
         )
     return said
 

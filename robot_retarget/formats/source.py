@@ -1,4 +1,4 @@
-"""A file to be read: its contents, opened once and only as far as they are asked for."""
+"""A file to be read: its contents, each part read once and on demand."""
 
 import zipfile
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
 
 @dataclass(frozen=True)
 class Source:
-    """A file or folder, the robot it is to move, and what the user says about it."""
+    """A file or folder, the robot it is to move, and the user's options."""
 
     path: Path
     robot: Robot
@@ -31,7 +31,7 @@ class Source:
 
     @cached_property
     def sidecar(self) -> dict[str, Any] | None:
-        """What the JSON file beside it says."""
+        """The description in the JSON file next to it."""
         return read_sidecar(self.path)
 
     @cached_property
@@ -74,7 +74,7 @@ class Source:
         """An array of an `.npz` by its key.
 
         Raises:
-            TrajectoryError: there is none.
+            TrajectoryError: the archive has no such key.
         """
         if key not in self.arrays:
             raise TrajectoryError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")
@@ -82,7 +82,7 @@ class Source:
 
     @property
     def rate(self) -> float | None:
-        """Frames per second of an `.npz`, under any of `RATE_KEYS`; None where there are none.
+        """Frames per second of an `.npz`, under any of `RATE_KEYS`; None if absent.
 
         Raises:
             TrajectoryError: they are not one number.
@@ -90,7 +90,7 @@ class Source:
         return rate_of(self.arrays)
 
     def names(self, key: str = "joint_names") -> tuple[str, ...] | None:
-        """Names in an `.npz`, or in the JSON file beside it; None where there are none."""
+        """Names in an `.npz`, or in the JSON file next to it; None if absent."""
         value = self.arrays.get(key)
         if value is not None and value.dtype.kind == "U":
             return tuple(map(str, value.tolist()))
@@ -98,7 +98,7 @@ class Source:
 
     @property
     def told_fps(self) -> float | None:
-        """The rate in the JSON file beside it."""
+        """The rate in the JSON file next to it."""
         return float(self.sidecar["fps"]) if self.sidecar else None
 
     def _looks_pickled(self) -> bool:

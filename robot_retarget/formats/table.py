@@ -1,4 +1,4 @@
-"""The one table of formats; a new format is a file in one of the folders beside this one and a line here."""
+"""The one table of formats; a new format is a file in one of the folders here and a line in this table."""
 
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.npz import (

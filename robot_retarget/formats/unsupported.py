@@ -1,4 +1,4 @@
-"""Known files of robot motion that are not read: what each is, and how to convert it."""
+"""Known files of robot motion that are not read, each with a sentence about its conversion."""
 
 from robot_retarget.formats.pickles.dictionary import holds
 from robot_retarget.formats.source import Source
@@ -6,7 +6,7 @@ from robot_retarget.formats.source import Source
 SENTENCES = (
     (
         ("rigid_body_pos",),
-        "a motion of ProtoMotions (.motion), which holds no names of joints. Give the .npz or .csv it was made of "
+        "a motion of ProtoMotions (.motion), which holds no names of joints. Give the .npz or .csv before its conversion "
         "(--format protomotions-pyroki or protomotions-csv), or save root position, root quaternion and joint angles so",
     ),
     (

@@ -12,7 +12,7 @@ from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.sentences import span
 
 WINDOW = 10
-"""Frames at an end in which the jump is looked for, and beside it with which it is compared."""
+"""Frames at an end that are searched for a jump, and frames next to them with which it is compared."""
 JUMP = 0.1
 """Least mean step of the keypoints that counts as a jump, in leg lengths."""
 SPEED = 8.0
@@ -20,11 +20,11 @@ SPEED = 8.0
 TIMES = 4.0
 """The jump over the largest step that follows (clean clips: at most 2; clips with calibration frames: 6.6 and more)."""
 HELD = 0.3
-"""A pose for calibration is held for so long at least [s] ..."""
+"""Least duration of a calibration pose [s] ..."""
 STILL = 0.03
-"""... with every keypoint this near to where it is first, in leg lengths ..."""
+"""... with every keypoint this near to its first place, in leg lengths ..."""
 STRAIGHT = 0.35
-"""... knees and elbows bent by so much at most [rad] ..."""
+"""... knees and elbows bent by at most this angle [rad] ..."""
 RAISED = {"T-pose": (-0.35, 0.35), "A-pose": (0.6, 0.9)}
 """... and the cosines of both upper arms with the way down the trunk within these."""
 
@@ -82,7 +82,7 @@ def _held(recognition: Recognition, x: Floats) -> int:
 
 
 def _pose(recognition: Recognition, x: Floats) -> str:
-    """Which pose for calibration the first frame is; empty where it is none."""
+    """The name of the calibration pose in the first frame; empty for any other pose."""
     at = {keypoint: x[0, k] for k, keypoint in enumerate(recognition.keypoints)}
     limbs = [[at[f"{side}_{part}"] for part in parts[:3]] for side in SIDES for parts in (ARM, LEG)]
     bends = [np.arccos(np.clip(unit(b - a) @ unit(c - b), -1, 1)) for a, b, c in limbs]

@@ -1,4 +1,4 @@
-"""What a motion file says, before anything is made of it."""
+"""The content of a motion file, before units and axes are converted."""
 
 from dataclasses import dataclass, replace
 
@@ -28,7 +28,7 @@ class Capture:
     contacts: Bools | None = None
     """(T, 4) as `Motion.contacts`, where the file says them."""
     up: str | None = None
-    """The signed axis that points up, such as `+y`, where the format fixes it; else it is told from the poses."""
+    """The signed axis that points up, such as `+y`, where the format fixes it; else it is inferred from the poses."""
 
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):

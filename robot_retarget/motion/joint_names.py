@@ -1,4 +1,4 @@
-"""What the names of joints say: a side and a part of the body, each with a weight, never the last word.
+"""Evidence in the names of joints: a side and parts of the body, each with a weight.
 
 `LeftLeg` is the knee for one exporter and the hip for another, `LeftShoulder` a clavicle or an upper arm: a name speaks
 for several parts, and tree and geometry decide between them.
@@ -50,7 +50,7 @@ _PIECE = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 
 @dataclass(frozen=True)
 class Sense:
-    """What one name says."""
+    """The evidence in one name."""
 
     side: str = ""
     """`l`, `r` or nothing."""
@@ -65,7 +65,7 @@ class Sense:
 
 
 def sense(name: str) -> Sense:
-    """What a joint's name says, whatever its prefix, case or separators."""
+    """Parse a joint's name of any prefix, case and separators."""
     bare = re.sub(r"([左右])", r" \1 ", re.split(r"[:|]", unicodedata.normalize("NFKC", name))[-1])
     words = [word.lower() for run in _PIECE.findall(bare) for word in _unglued(run) if not word.isdigit()]
     side = next((_SIDE_OF[word] for word in words if word in _SIDE_OF), "")

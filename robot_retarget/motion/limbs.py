@@ -1,4 +1,4 @@
-"""Limbs of an unknown skeleton: pairs of chains whose joints can be hip–knee–ankle or shoulder–elbow–wrist.
+"""Limbs of an unknown skeleton: pairs of chains with candidates for hip–knee–ankle or shoulder–elbow–wrist.
 
 Two long rigid bones one after the other, about as long as each other, the same on both sides: that is an arm or a leg
 in any unit, any axes and any language. Every choice of three joints on a chain gets a score (a log-likelihood up to a
@@ -25,9 +25,9 @@ _ARM_TO_LEG = 0.61
 _LONGEST = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
 _ELSEWHERE = 0.05
-"""Two joints are at one place where they are nearer than this share of the limb."""
+"""Two joints nearer than this share of the limb are at one place."""
 _BOTH = 4.0
-"""Score of a body for having arms beside its legs."""
+"""Score of a body for having arms in addition to legs."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Body:
         return (self.toes(limb) or [None])[0]
 
     def toes(self, limb: "Limb") -> list[int]:
-        """The joints that may be the toe, the likeliest first: no heel, nothing that lies on the way to nothing else."""
+        """The candidates for the toe, the likeliest first, without heels."""
         below = [
             joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
         ]
@@ -91,7 +91,7 @@ class Body:
         return [joint for joint in chain if "heel" not in self.senses[joint].parts]
 
     def _only_heel(self, joint: int) -> bool:
-        """Whether a joint is called a heel and carries nothing that is not."""
+        """Whether a joint and all below it are called heels."""
         return "heel" in self.senses[joint].parts and all(map(self._only_heel, self.children[joint]))
 
     def at(self, pair: "Pair", which: int) -> Floats:
@@ -105,7 +105,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Limb:
-    """Three joints of a chain, what comes below them, and how well they fit."""
+    """Three joints of a chain, the joints below them, and their score."""
 
     joints: tuple[int, int, int]
     chain: tuple[int, ...]
@@ -148,7 +148,7 @@ class Pair:
 
 
 def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
-    """The best legs and arms; None for what is not there."""
+    """The best legs and arms; None for a missing pair."""
     legs, arms = _pairs(body, "leg"), _pairs(body, "arm")
     options: list[tuple[float, Pair | None, Pair | None]] = [(leg.score, leg, None) for leg in legs]
     options += [
@@ -195,7 +195,7 @@ def _pairs(body: Body, kind: str) -> list[Pair]:
 
 
 def _second_longest(body: Body) -> float:
-    """The longest branch that has a longer one beside it: an arm or a leg, whatever wraps the skeleton's root."""
+    """The longest branch with a longer sibling: an arm or a leg, also below wrappers of the skeleton's root."""
     beside = [sorted(map(body.branch, children))[-2] for children in body.children if len(children) > 1]
     return max(beside, default=0.0)
 

@@ -1,4 +1,4 @@
-"""Several people in one file: each is a subtree of joints that is a human body by itself."""
+"""Several people in one file: each is a subtree of joints that is a complete human body."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ FEWEST = 12
 
 
 def first_performer(capture: Capture) -> tuple[Capture, tuple[str, ...]]:
-    """The first of several people, with a note that lists them; the capture itself where there are not several."""
+    """The first of several people, with a note that lists them; the capture itself if it holds fewer than two."""
     roots = performers(capture)
     if len(roots) < 2:
         return capture, ()
@@ -26,7 +26,7 @@ def first_performer(capture: Capture) -> tuple[Capture, tuple[str, ...]]:
 def performers(capture: Capture) -> list[int]:
     """The root joints of the people, where siblings are human bodies; nothing where fewer than two are.
 
-    A joint with one large branch and nothing but single joints beside it wraps a scene: its children are looked at.
+    A level with one large branch and otherwise single joints is the wrapper of a scene: the search continues below it.
     """
     level = np.flatnonzero(capture.skeleton.parents < 0).tolist()
     while level:

@@ -1,4 +1,4 @@
-"""One door for every motion file: the content chooses the reader, `upright` does the rest."""
+"""Read a motion file of any format: its content selects the reader, `upright` converts units and axes."""
 
 import hashlib
 from collections.abc import Sequence
@@ -27,14 +27,14 @@ def read_motion(
         path: a file of any format of `formats.table.FORMATS`; `FILE#NAME` is one of several motions in a file.
 
     Other arguments:
-        fps: frames per second, in place of what the file says.
+        fps: frames per second, in place of those in the file.
         names: joint names, for arrays that carry none.
         body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
-        up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of what is told from the poses.
-        repair: mend jumps, gaps under 0.3 s and noise; without, they are only found and said.
+        up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of the one inferred from the poses.
+        repair: repair jumps, gaps under 0.3 s and noise; without, they are only reported.
 
     Raises:
-        MotionError: the file cannot be read, or which axis points up cannot be told; names the line or field, or the frame and joint, and what was expected.
+        MotionError: the file cannot be read, or the poses do not decide the up axis; names the line or field, or the frame and joint, and the expected content.
         UsageError: `fps` is not positive, `up` is no axis, or something is given that files of this format do not take.
     """
     file, clip = _part(Path(path))
@@ -69,7 +69,7 @@ def _part(path: Path) -> tuple[Path, str | None]:
 
 
 def _refuse_idle(request: Request, takes: frozenset[str], title: str) -> None:
-    """Refuse what a reader would pass over without a word."""
+    """Refuse options that the reader does not use."""
     for argument, sentence in _IDLE.items():
         if getattr(request, argument) is not None and argument not in takes:
             raise UsageError(f"{title}: {sentence}")
@@ -77,6 +77,6 @@ def _refuse_idle(request: Request, takes: frozenset[str], title: str) -> None:
 
 _IDLE = {
     "names": "joint names come from the file; give them for arrays only",
-    "clip": "it holds one motion; leave the # and what follows it",
+    "clip": "it holds one motion; leave out the # and the text after it",
     "body_model": "it has its own skeleton; give a body model for SMPL parameters only",
 }

@@ -20,18 +20,18 @@ from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.trunk import find_trunk
 
 _WORD = {"chest": "spine"}
-"""What the lexicon calls a keypoint, where not by its own name."""
+"""Keypoints whose part has another name in `joint_names`."""
 
 END = 0.6
 """Confidence in the end of a foot as its toe: about that of a joint whose name is silent."""
 DOUBT = 0.1
-"""Where geometry contradicts the names of left and right by so much, it is said."""
+"""Contradiction of geometry and names of left and right that is reported."""
 SILENT = 0.65
 """Confidence in a joint whose name is silent and that no other rivals."""
 LEAD = 4.0
 """Of two rivals the better one is right with the odds e^(LEAD · lead): even ones as often as not, by a lead of 0.5 7 in 8 times."""
 AGAINST = 0.3
-"""So much less confidence in a joint whose name says otherwise, per unit of that."""
+"""Loss of confidence in a joint per unit of disagreement of its name."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
 def recognise_with(skeleton: Skeleton, positions: Floats, table: Mapping[str, Any]) -> Recognition:
     """Find the keypoints of a skeleton, given the table `[human]` of a map file.
 
-    A table that names every keypoint is used even if nothing is recognised.
+    A table that names every keypoint is used even without a recognised body.
 
     Raises:
-        MatchError: Nothing is recognised and the table lacks a keypoint, or it names what is not there.
+        MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.
     """
     try:
         found = recognise(skeleton, positions)
@@ -164,7 +164,7 @@ def _sided(body: Body, legs: Pair, arms: Pair) -> "_Sided":
 
 @dataclass(frozen=True)
 class _Sided:
-    """Limbs with the left one first, how sure that is, whether there are toes, and what was outvoted."""
+    """Limbs with the left one first, the certainty of the sides, whether toes were found, and notes."""
 
     legs: Pair
     arms: Pair
@@ -199,12 +199,12 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
     end = sense.tip or (not body.children[joint] and sense.agreement("toe") <= 0)
     why = "the foot's end, no toe joint" if end else "the first joint below the ankle"
     mark = _mark(body, "toe", joint, why, certainty, lead)
-    # An end has no name of its own.
+    # The name of an end is derived from its parent's.
     return {f"{side}_toe": replace(mark, confidence=max(mark.confidence, END * certainty)) if end else mark}
 
 
 def _mark(body: Body, part: str, joint: int, why: str, certainty: float, lead: float = np.inf) -> Mark:
-    """A joint found by tree and geometry, by a lead over the next best place, and what its name adds.
+    """A joint found by tree and geometry, by a lead over the next best place, and by its name.
 
     How sure: c (1 − (1 − a)(1 − s)) with the agreement a of the name, the sureness s of tree and geometry alone and the
     certainty c of the side. A name that says otherwise takes from s.

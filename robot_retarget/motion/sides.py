@@ -1,4 +1,4 @@
-"""Which side is left: from how a body is built and moves, before what its joints are called.
+"""Which side is left: from the build and the motion of a body, before the names of its joints.
 
 Left = up × forward. Up runs from the hips to the shoulders; forward is where the feet point and the knees bend to, and
 away from where the elbows bend to.
@@ -46,7 +46,7 @@ def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
 
 
 def named_leftness(body: Body, pair: Pair) -> int:
-    """What the names say of the first limb of a pair: 1 left, −1 right, 0 nothing."""
+    """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown."""
     value = {"l": 1, "r": -1, "": 0}
     first, second = (sum(value[body.senses[joint].side] for joint in limb.joints) for limb in pair.sides)
     return int(np.sign(first - second))

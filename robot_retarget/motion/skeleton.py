@@ -41,7 +41,7 @@ class Skeleton:
         return len(self.names)
 
     def rest(self) -> Floats:
-        """(J, 3) where the joints stand in the rest pose, each root at its offset [m]."""
+        """(J, 3) positions of the joints in the rest pose, each root at its offset [m]."""
         place = np.array(self.offsets)
         for joint in np.flatnonzero(self.parents >= 0):
             place[joint] += place[self.parents[joint]]
@@ -55,7 +55,7 @@ class Skeleton:
         return tuple(path)
 
     def outward(self, joint: int) -> Floats:
-        """(3,) from a joint to the next on the way to what it carries farthest out at rest [m]; 0 if it carries nothing.
+        """(3,) from a joint to the next on the way to its farthest descendant at rest [m]; 0 for a joint without children.
 
         Joints that stand where their parent does are passed over. From a wrist this is the way to the middle finger.
         """
@@ -74,7 +74,7 @@ class Skeleton:
 class Motion:
     """A skeleton over time, in metres, z up, quaternions w x y z.
 
-    `source` says where it came from; `notes` what was found and mended on the way in, a sentence each.
+    `source` names its file; `notes` are sentences about the defects and repairs of the capture.
     """
 
     skeleton: Skeleton
@@ -89,7 +89,7 @@ class Motion:
     contacts: Bools | None = None
     """(T, 4) whether left heel, left toe, right heel and right toe stand, where the source says so."""
     whole: "Motion | None" = field(default=None, repr=False, compare=False)
-    """The clip that this was cut out of: what it is recognised by, and what tells its floor. Once changed it is no part any more."""
+    """The clip that contains this part; recognition and floor use the clip. None after a change of the frames."""
     start: int = field(default=0, compare=False)
     """Frame of the whole with which it begins."""
     start_time: float = 0.0

@@ -1,4 +1,4 @@
-"""How tall a recognised body is, in whatever unit its positions have."""
+"""The stature of a recognised body, in the unit of its positions."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ def leg_length(recognition: Recognition, positions: Floats) -> float:
 
 
 def stature(recognition: Recognition, positions: Floats) -> float:
-    """Legs and spine end to end over their share of the stature; from the legs alone where there is no head."""
+    """Legs and spine end to end over their share of the stature; from the legs alone for a body without a head."""
     leg = leg_length(recognition, positions)
     if "head" not in recognition.marks:
         return leg / _HIP_TO_ANKLE

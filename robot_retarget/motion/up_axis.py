@@ -1,4 +1,4 @@
-"""Which axis of a file points up: a weighing of everything that tells, with a margin.
+"""The up axis of a file, from all evidence, with a margin.
 
 Each kind of evidence gives every signed axis a score, a log-likelihood up to a constant; the scores add up. A body that
 lies through the whole clip is still known by the height of its floor, its rest pose, the custom of files and its flights.
@@ -23,7 +23,7 @@ SEGMENTS = {
     ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
     ("shoulder", "elbow"): 0.028, ("elbow", "hand"): 0.022,
 }  # fmt: skip
-"""Shares of the body's mass between two keypoints; of one side where there are two [Winter2009]."""
+"""Shares of the body's mass between two keypoints; per side for paired segments [Winter2009]."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class UpAxisRule:
     doubt: float = 2.3
     """A lead over the second best axis below this is said: odds of less than 10 to 1 ..."""
     tie: float = 0.2
-    """... and below this it is none."""
+    """... and below this it is a tie."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ class UpAxis:
 
 
 def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule: UpAxisRule | None = None) -> UpAxis:
-    """Weigh the six signed axes of a file whose unit is so many metres.
+    """Score the six signed axes of a file.
 
-    The rest pose speaks where there are rotations: without, the skeleton's offsets are those of a pose of the motion.
+    The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion.
     """
     rule = rule or UpAxisRule()
     positions = capture.positions
@@ -120,7 +120,7 @@ def _signed(along: Floats) -> Floats:
 
 
 def _stance(recognition: Recognition, keypoints: Floats) -> Floats:
-    """(T, 3) directions to the head, or to the shoulders of who has none, from the ankle that is farther from it."""
+    """(T, 3) directions from the farther ankle to the head, or to the shoulders of a body without a head."""
     at = recognition.keypoints.index
     top = ["head"] if "head" in recognition.marks else ["l_shoulder", "r_shoulder"]
     ways = keypoints[:, [at(k) for k in top]].mean(axis=1)[:, None] - keypoints[:, [at("l_ankle"), at("r_ankle")]]

@@ -29,18 +29,18 @@ STATURES = (1.2, 2.1)
 
 
 def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Motion:
-    """A motion in metres, z up, of what a file says; calibration frames at its ends are dropped.
+    """Make a motion in metres, z up, from a capture; calibration frames at its ends are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
-    nothing else is moved. A body that is not human keeps y up, its unit guessed from its size.
+    the rest is kept. A body that is not human keeps y up, its unit guessed from its size.
 
     Args:
-        up: the axis of the file that points up (`x`, `-y`, …), in place of what the format says or the poses tell.
-        repair: mend what is found broken (`repair.repaired`); without, it is only said.
+        up: the axis of the file that points up (`x`, `-y`, …), in place of the axis of the format or of the poses.
+        repair: repair defects (`repair.repaired`); without, they are only reported.
 
     Raises:
         UsageError: `up` is no axis.
-        MotionError: which axis points up cannot be told.
+        MotionError: the poses do not decide the up axis.
     """
     told = capture.up if up is None else signed_axis(up)
     capture, others = first_performer(capture)
@@ -66,7 +66,7 @@ def signed_axis(name: str) -> str:
     """`y` → `+y`.
 
     Raises:
-        UsageError: no such axis.
+        UsageError: the name is not that of an axis.
     """
     axis = name.lower() if name[:1] in "+-" else f"+{name.lower()}"
     if axis not in AXES:
@@ -94,7 +94,7 @@ def turn_to_z(axis: str) -> Floats:
 
 
 def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float) -> tuple[str, tuple[str, ...]]:
-    """The axis that points up, and a sentence where its lead is small, or where what was mended decided it.
+    """The up axis, with a note if its lead is small or a repair decided it.
 
     Raises:
         MotionError: it has none.
@@ -103,7 +103,7 @@ def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float)
     found = find_up_axis(recognition, capture, metres, rule)
     if found.margin < rule.tie:
         raise MotionError(
-            f"cannot tell whether {found.axis} or {found.second} points up ({found.reasons}); say which (--up {found.axis})",
+            f"the poses do not decide whether {found.axis} or {found.second} points up ({found.reasons}); say which (--up {found.axis})",
             capture.source,
         )
     before = found if raw is capture else find_up_axis(recognition, raw, metres, rule)
@@ -117,9 +117,9 @@ def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float)
 
 
 def _stranger(capture: Capture, told: str | None, reason: str) -> Motion:
-    """What is not human, in the unit in which it is about as large as a person, y up unless told otherwise."""
+    """A body that is not human, scaled to about the size of a person, y up by default."""
     unit, axis = _likely_unit(capture.positions), told or "+y"
-    note = f"{reason[:1].upper()}{reason[1:]}; {axis.lstrip('+')} is taken as up and the {unit} as unit."
+    note = f"{reason[:1].upper()}{reason[1:]}; {axis.lstrip('+')} is used as up axis and the {unit} as unit."
     return _motion(capture, UNITS[unit], axis, (note,))
 
 

@@ -1,4 +1,4 @@
-"""Which axis points up is told from all there is, and where it cannot be told that is said."""
+"""The up axis is inferred from all evidence, and an ambiguous one is reported."""
 
 from dataclasses import replace
 
@@ -67,7 +67,7 @@ def test_a_small_lead_is_said_with_what_to_say():
 
 def test_no_lead_is_an_error():
     """Somewhere between a small lead of one axis and one of the other there is none."""
-    with pytest.raises(MotionError, match=r"cannot tell whether .[yz] or .[yz] points up .*--up"):
+    with pytest.raises(MotionError, match=r"the poses do not decide whether .[yz] or .[yz] points up .*--up"):
         for degrees in np.arange(45, 60, 0.5):
             upright(leaning_capture(degrees))
 

@@ -134,7 +134,7 @@ def test_a_body_of_no_known_unit_is_scaled_to_an_adult_leg():
 def test_what_is_not_human_is_still_a_motion_that_says_so(clip):
     motion = motion_of(clip)
     assert motion.notes[-1].startswith("Not a human body")
-    assert "y is taken as up" in motion.notes[-1]
+    assert "y is used as up axis" in motion.notes[-1]
 
 
 @needs_shared

@@ -2,7 +2,7 @@
 
 `qpos` (T, nq), `qvel` (T, nv), body and site poses in MuJoCo's order, w x y z, `split_points` [0, T]; `joint_names` with
 the root's, `frequency`; and the part of the model that its loader wants. A key it does not know is an error there, so the
-file holds nothing else. qvel by central differences over two frames.
+file holds only these. qvel by central differences over two frames.
 """
 
 from pathlib import Path

@@ -15,7 +15,7 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 
 def read(source: Source) -> Trajectory:
-    """Read the file, with all that it holds beside the motion.
+    """Read the file, with times of the source and goals of the servos.
 
     Raises:
         TrajectoryError: it is broken, or another robot's.

@@ -1,7 +1,7 @@
 """Format `omniretarget`: what OmniRetarget's retargeter saves, and its published set.
 
 `qpos` (T, 7 + n [+ 7 of an object]). The retargeter writes the root **position first**, x y z then w x y z; the set on
-Hugging Face has the **quaternion first**. Both use the same key: which of columns 0–3 and 3–6 is a unit quaternion tells.
+Hugging Face has the **quaternion first**. Both use the same key: the reader tests which of columns 0–3 and 3–6 is a unit quaternion.
 Written position first.
 
 `fps` has two meanings too: holosoma's retargeter writes 30, and its converter `convert_data_format_mj.py` takes the value for
@@ -26,7 +26,7 @@ OBJECT = 7
 """Columns of an object's pose behind the joints."""
 OBJECT_LEFT_OUT = "The object's pose is left out."
 UNIT = 1e-3
-"""A norm may stray so far from one in single precision and through averages of frames."""
+"""Largest deviation of a norm from one in single precision and through averages of frames."""
 
 
 def write(motion: RobotMotion, path: Path) -> None:
@@ -54,7 +54,7 @@ def read(source: Source) -> Columns:
 
 
 def _rate(source: Source) -> float | None:
-    """Frames per second, whichever of its two meanings `fps` has."""
+    """Frames per second, for both meanings of `fps`."""
     stored = source.rate
     if stored is None:
         return source.told_fps
@@ -62,7 +62,7 @@ def _rate(source: Source) -> float | None:
 
 
 def _root(qpos: Floats) -> tuple[Floats, Floats]:
-    """Position and quaternion, whichever comes first.
+    """Position and quaternion, in either order.
 
     Raises:
         TrajectoryError: both or neither of the two places hold unit quaternions.
@@ -70,7 +70,7 @@ def _root(qpos: Floats) -> tuple[Floats, Floats]:
     first, second = (np.abs(np.linalg.norm(qpos[:, k : k + 4], axis=1) - 1).max() < UNIT for k in (0, 3))
     if first == second:
         what = "both columns 0–3 and 3–6 are" if first else "neither columns 0–3 nor 3–6 are"
-        raise TrajectoryError(f"{what} unit quaternions: the order of the root cannot be told")
+        raise TrajectoryError(f"{what} unit quaternions: the order of the root is ambiguous")
     return (qpos[:, 4:7], qpos[:, 0:4]) if first else (qpos[:, 0:3], qpos[:, 3:7])
 
 

@@ -2,7 +2,7 @@
 
 `joint_pos` (T, 7 + n) and `joint_vel` (T, 6 + n) **with the root**, w x y z; bodies **with the world** as body 0;
 `joint_names` without the root. `body_lin_vel_w` is that of the bodies' centres of mass. Velocities by central differences
-over two frames; that of the root's turning stands in the root's own axes, as MuJoCo has it (holosoma's script puts it there
+over two frames; the root's angular velocity is in the root's axes, as MuJoCo has it (holosoma's script puts it there
 in the world's).
 """
 

@@ -1,7 +1,7 @@
 """Format `protomotions-pyroki`: the archive between PyRoki's retargeting and ProtoMotions' own `.motion`.
 
-`base_frame_pos` (T, 3) [m], `base_frame_wxyz` (T, 4), `joint_angles` (T, n) [rad] in the model's order; `fps` where it is
-there, else 30 is taken. ProtoMotions' `.motion` itself is a torch file that its converter makes of this.
+`base_frame_pos` (T, 3) [m], `base_frame_wxyz` (T, 4), `joint_angles` (T, n) [rad] in the model's order; `fps` if
+present, else 30. ProtoMotions' `.motion` itself is a torch file that its converter makes of this.
 """
 
 from pathlib import Path

@@ -2,7 +2,7 @@
 
 `fps` (1,); `joint_pos`, `joint_vel` (T, n) [rad, rad/s]; `body_pos_w` (T, B, 3) [m], `body_quat_w` (T, B, 4) w x y z,
 `body_lin_vel_w` (T, B, 3) [m/s], `body_ang_vel_w` (T, B, 3) [rad/s] of the robot's bodies without the world. Two
-programs read these keys and differ in the order of joints and bodies, which the keys do not tell: the bodies do.
+programs read these keys and differ in the order of joints and bodies, which the keys do not state: the positions of the bodies decide.
 """
 
 from pathlib import Path
@@ -22,13 +22,13 @@ from robot_retarget.unpack import save_npz, shaped
 
 KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
 NEAR = 0.005
-"""Bodies this near to where the joints put them tell the order [m]: other descriptions of one robot differ by less."""
+"""Largest distance of bodies from forward kinematics in the right order [m]: descriptions of one robot differ by less."""
 LOOKED_AT = 8
-"""So many frames are enough to tell one order from another."""
+"""Number of frames that are compared."""
 
 
 def write_tracking(motion: RobotMotion, path: Path, format: str, hinges: Ints, bodies: Ints, mass: bool) -> None:
-    """Write the archive, joints and bodies in an order of their own; linear velocities of origins or of mass centres."""
+    """Write the archive, joints and bodies in the given orders; linear velocities of origins or of mass centres."""
     motion.require_plain(format)
     robot, qvel = motion.robot, velocities(motion)
     tracks = body_tracks(motion, qvel)
@@ -71,7 +71,7 @@ def read_tracking(source: Source, hinges: Ints, other: tuple[Ints, str]) -> Colu
 
 
 def misfit(source: Source, hinges: Ints) -> float:
-    """How far bodies stand at most from where the joints put them if they came in an order [m]; infinite if that cannot be told.
+    """Largest distance of bodies from forward kinematics for an order of the joints [m]; infinite for other shapes.
 
     The distances of all bodies from the root, sorted, are compared: they do not depend on the order of the bodies.
     """

@@ -1,4 +1,4 @@
-"""Dictionaries out of pickles, each value asked for by what it has to be."""
+"""Values of unpickled dictionaries, checked by shape and type."""
 
 from typing import Any
 

@@ -71,7 +71,7 @@ def read(source: Source) -> Columns:
     """Read qpos over time.
 
     Raises:
-        TrajectoryError: there is none, as in a file that was saved before it was played.
+        TrajectoryError: the file has none, as before its motion was played.
     """
     table = source.pickled
     if not holds(table, "qpos", "time") or not np.size(table["qpos"]):

@@ -83,7 +83,7 @@ def _header(stamp: int, frame: str) -> dict[str, Any]:
 
 
 def read(source: Source) -> Columns:
-    """Read joint states, and the root from the transform of the robot's root in `world` where it is there.
+    """Read joint states, and the root from the transform of the robot's root in `world` if present.
 
     Raises:
         TrajectoryError: it is no bag, or has no joint states.

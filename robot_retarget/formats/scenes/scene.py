@@ -73,7 +73,7 @@ def _scene(robot: Robot) -> str:
 
 
 def _files(robot: Robot) -> set[PurePath]:
-    """What the robot's MJCF refers to, relative to its folder: included files, meshes, textures, height fields."""
+    """Files to which the robot's MJCF refers, relative to its folder: included files, meshes, textures, height fields."""
     try:
         spec = mujoco.MjSpec.from_file(str(robot.path))
         if spec.compile().nq != robot.model.nq:

@@ -70,7 +70,7 @@ def _upright(quaternions: Floats) -> Rotation:
 
 
 def _hinge_angles(robot: Robot, turns: dict[str, Rotation]) -> Floats:
-    """(T, n) of the hinges [rad], without jumps; whole turns, which no skeleton tells, begin in the middle of the range."""
+    """(T, n) of the hinges [rad], without jumps; whole turns, which a skeleton does not hold, begin in the middle of the range."""
     model = robot.model
     found = np.zeros((len(next(iter(turns.values()))), len(robot.joint_names)))
     for body in np.unique(model.jnt_bodyid[robot.joint_ids]):

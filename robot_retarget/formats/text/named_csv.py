@@ -35,7 +35,7 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 
 def read(source: Source) -> Columns:
-    """Read the table; columns may stand in any order, and what has none is held as the robot stands."""
+    """Read the table; columns may have any order, and coordinates without one keep the standing pose."""
     header, rows = named_table(source)
     wanted = columns(source.robot)
     if TIME not in header:

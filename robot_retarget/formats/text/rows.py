@@ -48,7 +48,7 @@ def number_rows(source: Source, skip: int = 0) -> Floats:
 
 
 def looks_like_rows(source: Source) -> bool:
-    """Whether a file is a table of numbers whose columns 3 to 6 are a unit quaternion, in whatever order."""
+    """Whether a file is a table of numbers whose columns 3 to 6 are a unit quaternion, in either order."""
     fields = source.head.split(",")
     try:
         first = np.array([float(field) for field in fields])

@@ -1,6 +1,6 @@
 """Format `servo-ticks`: goal positions of Dynamixel servos, `time [s]` and `NAME [tick]` a joint, by the robot's servo map.
 
-ticks = zero + sign · gear · q · 4096 / 2π, rounded: what is read back is a tick off at most. Joints without a servo are not
+ticks = zero + sign · gear · q · 4096 / 2π, rounded: a written file reads back to within a tick. Joints without a servo are not
 in the file, and no root is.
 """
 

@@ -39,7 +39,7 @@ def write(motion: RobotMotion, path: Path) -> None:
 
 
 def read(source: Source) -> Columns:
-    """Read the table; columns may stand in any order.
+    """Read the table; columns may have any order.
 
     Raises:
         TrajectoryError: a column of the root is missing, or frames are.

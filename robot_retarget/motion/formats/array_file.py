@@ -19,7 +19,7 @@ def arrays_of(path: Path) -> Mapping[str, np.ndarray]:
     """The arrays of an `.npz` by name, each read on first access; an `.npy` is called `positions`.
 
     Raises:
-        MotionError: no such file, only pickles in it, or an array larger than `LARGEST`.
+        MotionError: the file is missing, holds only pickles, or an array is larger than `LARGEST`.
     """
     try:
         with path.open("rb") as file:
@@ -62,7 +62,7 @@ def _require_bounded(name: str, head: Head, path: Path) -> None:
 
 
 def shape_of(path: Path) -> tuple[int, ...]:
-    """The shape of an `.npy`, by its head; nothing where the file is none."""
+    """The shape of an `.npy`, by its head; empty for any other file."""
     try:
         with path.open("rb") as file:
             return read_head(file).shape

@@ -59,7 +59,7 @@ def read(path: Path, request: Request) -> Capture:
     """Read a DeepMimic motion of the character `humanoid3d`.
 
     Raises:
-        MotionError: no JSON, no `Frames`, a frame of another width, or a quaternion that is none; names line or frame.
+        MotionError: no JSON, no `Frames`, a frame of another width, or a quaternion of zeros; names line or frame.
     """
     rows = _rows(path)
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(rows), len(_JOINTS), 1))

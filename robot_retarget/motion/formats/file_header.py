@@ -1,4 +1,4 @@
-"""A first look at a file, by which its format is told: its beginning, and what an archive lists."""
+"""The header of a file, from which its format is recognised: its first bytes, and the members of an archive."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,12 +9,12 @@ from robot_retarget.motion.formats.array_file import shape_of
 from robot_retarget.unpack import BROKEN
 
 HEAD = 8192
-"""Of a file that is looked at [bytes]."""
+"""Length of the examined beginning [bytes]."""
 
 
 @dataclass(frozen=True)
 class FileHeader:
-    """What shows a file's format before it is read."""
+    """The parts of a file that identify its format."""
 
     path: Path
 
@@ -26,14 +26,14 @@ class FileHeader:
 
     @cached_property
     def text(self) -> str:
-        """The beginning as text, where it is any."""
+        """The first bytes as text; empty for a binary file."""
         if self.head.startswith((b"\xff\xfe", b"\xfe\xff")):
             return self.head.decode("utf-16", errors="ignore")
         return "" if b"\0" in self.head else self.head.decode("utf-8-sig", errors="ignore")
 
     @cached_property
     def members(self) -> tuple[str, ...]:
-        """What a zip holds; nothing where the file is none."""
+        """The members of a zip; empty for any other file."""
         if not self.head.startswith(b"PK"):
             return ()
         try:
@@ -49,5 +49,5 @@ class FileHeader:
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
-        """Of the array in an `.npy`; nothing where the file is none."""
+        """The shape of the array in an `.npy`; empty for any other file."""
         return shape_of(self.path) if self.head.startswith(b"\x93NUMPY") else ()

@@ -1,4 +1,4 @@
-"""Bodies of points: joints known by where they are and by no turn, with gaps where a camera lost them."""
+"""Bodies of points: joints with positions and without rotations, with gaps where a camera lost them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,10 +14,10 @@ GAP = 0.5
 
 
 def bridged(points: Floats, names: Sequence[str], fps: float, source: str) -> tuple[Floats, slice, tuple[str, ...]]:
-    """Points (T, M, 3) without gaps: cut to the frames in which all are there at both ends, and bridged between.
+    """Points (T, M, 3) without gaps: cut at both ends to the first and last complete frame, and bridged between.
 
     Returns:
-        the points, the frames of the file they are, and what was done, a sentence each.
+        the points, their frames in the file, and notes about the repairs.
 
     Raises:
         MotionError: a point is never there, or away for longer than `GAP`; names it and the frames.

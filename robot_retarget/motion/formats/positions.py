@@ -29,7 +29,7 @@ CONTACT = 0.5
 
 
 def matches_format(header: FileHeader) -> bool:
-    """Whether a file holds an array of positions, in whatever shape."""
+    """Whether a file holds an array of positions, in any shape."""
     positions = header.arrays & set(POSITION_KEYS)
     return bool(positions or header.shape or (header.arrays and header.path.suffix.lower() == ".npz"))
 
@@ -42,7 +42,7 @@ def read(path: Path, request: Request) -> Capture:
     are those of the first frame.
 
     Raises:
-        MotionError: no such array, a wrong shape, joints that no known set has, or a number that is not finite.
+        MotionError: the array is missing, a shape is wrong, no known set has the joints, or a number is not finite.
     """
     file = _File(path, arrays_of(path))
     positions = file.positions()
@@ -51,7 +51,7 @@ def read(path: Path, request: Request) -> Capture:
     joints = _known_set(file, called, count)
     notes: tuple[str, ...] = ()
     if joints is not None and not called:
-        called, notes = joints.names, (f"{count} joints without names: taken as {joints.title}.",)
+        called, notes = joints.names, (f"{count} joints without names: read as {joints.title}.",)
     parents, order = file.tree(called, joints)
     rotations = file.rotations(positions)
     rate, rate_notes = request.rate(file.rate(), joints.fps if joints else USUAL_FPS)
@@ -65,7 +65,7 @@ def read(path: Path, request: Request) -> Capture:
 
 @dataclass(frozen=True)
 class _File:
-    """The arrays of a file, each asked for and checked by what it means."""
+    """The arrays of a file, each checked on access."""
 
     path: Path
     arrays: Mapping[str, Any]
@@ -86,7 +86,7 @@ class _File:
         return values.astype(float)
 
     def names(self, given: Sequence[str] | None, count: int) -> tuple[str, ...]:
-        """The joints' names, given or stored; empty where there are none."""
+        """The joints' names, given or stored; empty if absent."""
         stored = self.first(NAME_KEYS)
         if given is None and stored is None:
             return ()
@@ -125,11 +125,11 @@ class _File:
         return turns.as_quat(scalar_first=True).reshape(*shape, 4)
 
     def rate(self) -> float | None:
-        """Frames per second, where they are stored."""
+        """The stored frames per second, or None."""
         return stored_rate(self.first(FPS_KEYS), self.path)
 
     def contacts(self, frames: int) -> Bools | None:
-        """(T, 4) when the feet stand, where it is stored."""
+        """(T, 4) the stored contacts of the feet, or None."""
         values = self.first(CONTACT_KEYS)
         if values is None:
             return None

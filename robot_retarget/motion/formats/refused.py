@@ -1,4 +1,4 @@
-"""Known formats of motion that are not read: what such a file is, and how to convert it."""
+"""Known formats of motion that are not read, each with a sentence about its conversion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ REFUSALS = (
         "ASF skeleton",
         (".asf",),
         lambda header: ":bonedata" in header.text.lower(),
-        "is a skeleton without a motion: give the .amc, and leave this file beside it",
+        "is a skeleton without a motion: give the .amc, and leave this file next to it",
     ),
     Refusal(
         "FBX",

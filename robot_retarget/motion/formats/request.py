@@ -1,4 +1,4 @@
-"""What is asked of a motion file beside its path."""
+"""Options of a caller for the reading of a motion file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ from pathlib import Path
 from robot_retarget.errors import MotionError, known
 
 USUAL_FPS = 30.0
-"""Of files that say no frame rate and whose kind has no custom of its own [1/s]."""
+"""Default for files without a frame rate, of formats without a usual one [1/s]."""
 RATES = (0.01, 10_000.0)
 """Frame rates outside these bounds are mistakes [1/s]."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a caller may say about a file; each reader takes what concerns it."""
+    """Options of a caller; each reader uses those of its format."""
 
     fps: float | None = None
-    """Frames per second, in place of what the file says [1/s]."""
+    """Frames per second, in place of those in the file [1/s]."""
     names: Sequence[str] | None = None
     """Joint names, for arrays that carry none."""
     clip: str | None = None
@@ -26,7 +26,7 @@ class Request:
     """The body model of SMPL parameters."""
 
     def rate(self, stored: float | None = None, usual: float = USUAL_FPS) -> tuple[float, tuple[str, ...]]:
-        """Frames per second: those asked for, else the stored, else the usual ones, with a note where they are not stored.
+        """Return frames per second: the caller's, else the stored, else the usual ones, with a note unless they are stored.
 
         Raises:
             MotionError: the rate is out of `RATES`.
@@ -43,7 +43,7 @@ class Request:
         return stored, ()
 
     def choose(self, clips: Sequence[str], path: str | Path) -> tuple[int, tuple[str, ...]]:
-        """The index of the clip asked for, or of the first, and a sentence about the others.
+        """Return the index of the requested clip, or of the first with a note about the others.
 
         Raises:
             MotionError: no clip has that name; lists those there are.

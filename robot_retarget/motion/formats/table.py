@@ -1,4 +1,4 @@
-"""Every format of human motion that is read or refused: how a file of it is told, and by what it is read."""
+"""The table of formats of human motion, read or refused: how each is recognised, and its reader."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    """What files of no other kind are called; where the content says nothing, this decides."""
+    """Endings of the file name; they decide if no content matches."""
     matches_format: Callable[[FileHeader], bool]
     """Whether a file is one of it, by its content."""
     read: Callable[[Path, Request], Capture]
     takes: frozenset[str] = frozenset()
-    """What of a request beside `fps` concerns it."""
+    """Fields of a request that the reader uses in addition to `fps`."""
 
 
 FORMATS = (
@@ -56,7 +56,7 @@ FORMATS = (
     Format("joint positions", (".npy", ".npz"), positions.matches_format, positions.read, frozenset({"names"})),
     Format("zip of motions", (".zip",), zipped.matches_format, zipped.read, frozenset({"clip"})),
 )
-"""In the order in which they are asked; a file is of the first that tells it."""
+"""In the order of the test; the first format that matches a file reads it."""
 REFUSED = tuple(Format(one.name, one.suffixes, one.matches_format, one.read) for one in refused.REFUSALS)
 """Known, and refused with what to do instead."""
 
@@ -65,7 +65,7 @@ def format_of(path: Path) -> Format:
     """The format of a file, by its content; by its suffix where the content says nothing.
 
     Raises:
-        MotionError: no format is told by it; lists the known ones.
+        MotionError: no format matches; lists the known ones.
     """
     header = FileHeader(path)
     suffix = path.suffix.lower()

@@ -45,5 +45,5 @@ def read(path: Path, request: Request) -> Capture:
 
 
 def _is_bvh(name: str) -> bool:
-    """Whether a member is a BVH file; what archives of macOS put beside it is none."""
+    """Whether a member is a BVH file, and no resource fork of macOS."""
     return name.lower().endswith(".bvh") and not Path(name).name.startswith(("._", "."))

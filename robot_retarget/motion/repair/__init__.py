@@ -1,4 +1,4 @@
-"""What captures suffer from, found, said and mended where that is safe: jumps, gaps, noise, keyframes far apart."""
+"""Defects of captures, found, reported and repaired where that is safe: jumps, gaps, noise, sparse keyframes."""
 
 from robot_retarget.motion.repair.footing import FootingRule as FootingRule
 from robot_retarget.motion.repair.footing import footing as footing

@@ -54,7 +54,7 @@ def _returns(there: Floats, back: Floats) -> bool:
 
 
 def bridged(capture: Capture, joint: int, first: int, last: int) -> Capture:
-    """A capture whose joints from `joint` on are led from the frame before `first` to the one after `last`.
+    """Interpolate the joints from `joint` on between the frame before `first` and the one after `last`.
 
     Each turns in its parent along the shortest way; without rotations its place as seen from its parent is led.
     """

@@ -1,6 +1,6 @@
 """White noise of a measurement, and a low pass that takes it away.
 
-Differences of fifth order pass over what a body does and leave the noise: of white noise with deviation σ they have
+Differences of fifth order suppress the motion of a body and leave the noise: of white noise with deviation σ they have
 the deviation σ √252. It is measured where the body is quietest, for there noise remains and motion does not; that the
 quietest stretches of white noise have less of it than most is allowed for (χ² of the differences that are independent).
 """
@@ -19,15 +19,15 @@ from robot_retarget.motion.kinematics import backward, forward
 ORDER = 5
 _GAIN = float(np.sqrt(comb(2 * ORDER, ORDER)))
 _ALIKE = sum(comb(2 * ORDER, ORDER + k) ** 2 for k in range(-ORDER, ORDER + 1)) / comb(2 * ORDER, ORDER) ** 2
-"""So many neighbouring differences of white noise say as much as one that is independent of the others."""
+"""Number of neighbouring differences of white noise that equals one independent difference."""
 
 
 @dataclass(frozen=True)
 class NoiseRule:
-    """What is noise, and what is done about it."""
+    """Thresholds of the noise measure, and the low pass."""
 
     most: float = 0.0025
-    """Deviation of a coordinate that is still taken for motion [m]; clean captures have up to 0.002."""
+    """Largest deviation of a coordinate that is treated as motion [m]; clean captures have up to 0.002."""
     window: float = 0.25
     """Stretches in which it is measured [s]."""
     quiet: float = 0.1

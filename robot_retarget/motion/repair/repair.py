@@ -1,4 +1,4 @@
-"""The one look over a capture before anything is made of it."""
+"""Find and repair the defects of a capture."""
 
 from dataclasses import dataclass, field, replace
 
@@ -15,15 +15,15 @@ from robot_retarget.motion.repair.steps import StepRule, body_jumps, limb_jumps
 from robot_retarget.motion.stature import leg_length
 
 TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
-LEFT = "left as it is (--no-repair)"
+LEFT = "not repaired (--no-repair)"
 
 
 @dataclass(frozen=True)
 class RepairRule:
-    """What is looked for, and what is mended."""
+    """Thresholds of the defects, and whether they are repaired."""
 
     mend: bool = True
-    """Whether anything is changed."""
+    """Whether defects are repaired."""
     longest: float = 0.3
     """Gaps up to this are bridged [s]."""
     pose: float = 0.5
@@ -37,7 +37,7 @@ class RepairRule:
 def repaired(
     capture: Capture, recognition: Recognition, metres: float, rule: RepairRule
 ) -> tuple[Capture, tuple[str, ...]]:
-    """A capture mended as far as the rule says, and a sentence for every kind of thing found, worst first.
+    """Repair a capture by a rule, with a note for every kind of defect, worst first.
 
     Args:
         metres: in the file's unit.
@@ -59,14 +59,14 @@ def _sparse(capture: Capture) -> tuple[str, ...]:
         return ()
     return (
         f"The file has {capture.fps:.3g} frames a second: keyframes, between which the body is led straight on; if "
-        "they follow faster, say the frame rate.",
+        "they follow faster, give the frame rate.",
     )
 
 
 def _settled(
     capture: Capture, recognition: Recognition, leg: float, rule: RepairRule
 ) -> tuple[Capture, tuple[str, ...]]:
-    """Without the poses that it stands still in before its first jump and after its last."""
+    """Drop the still poses before the first jump and after the last."""
     points = recognition.place(capture.positions) / leg
     middle = points[:, _trunk_columns(recognition)].mean(axis=1)
     jumps = np.flatnonzero(body_jumps(middle, capture.fps, rule.steps).any(axis=1)) + 1
@@ -132,7 +132,7 @@ def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairR
 def _across(
     capture: Capture, recognition: Recognition, hub: int, columns: list[int], first: int, last: int
 ) -> tuple[Capture, str]:
-    """A limb led across a gap where that is smoother than what was there, and what was done.
+    """Interpolate a limb across a gap where that is smoother than the capture; return the outcome in words.
 
     Args:
         hub: the joint from which the limb hangs.
@@ -146,7 +146,7 @@ def _across(
 def _quiet(
     capture: Capture, recognition: Recognition, metres: float, rule: RepairRule
 ) -> tuple[Capture, tuple[str, ...]]:
-    """Through a low pass where it is noisy."""
+    """Apply a low pass to a noisy capture."""
     points: Floats = recognition.place(capture.positions) * metres
     noise = noise_of(points, capture.fps, rule.noise)
     if noise <= rule.noise.most:
@@ -157,7 +157,7 @@ def _quiet(
 
 
 def _trunk_columns(recognition: Recognition) -> list[int]:
-    """The keypoints of hips, shoulders and what is between: no limb moves them."""
+    """The columns of the keypoints from hips to shoulders, which no limb moves."""
     return [k for k, keypoint in enumerate(recognition.keypoints) if keypoint in TRUNK]
 
 

@@ -1,4 +1,4 @@
-"""Findings in words: what, when, and what was done about it, the worst first."""
+"""Sentences about findings: kind, time and outcome, the worst first."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ class Finding:
     measure: str
     """The size in words."""
     done: str
-    """What was done about it, or is to be done by the user."""
+    """The repair, or the action that the user should take."""
 
 
 def said(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
-    """A sentence for every kind of finding and what was done, the kind with the worst one first."""
+    """A sentence for every kind of finding and outcome, the kind with the worst one first."""
     kinds: dict[tuple[str, str], list[Finding]] = {}
     for finding in sorted(findings, key=lambda f: -f.size):
         kinds.setdefault((finding.what, finding.done), []).append(finding)

@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 
-REFUSED = "left as it is: bridging it would make the motion less smooth"
+REFUSED = "not repaired, since bridging would make the motion less smooth"
 ROUNDING = 1e-9
 """Share by which equal steps may differ."""
 

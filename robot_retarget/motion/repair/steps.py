@@ -10,7 +10,7 @@ from robot_retarget.arrays import Floats
 
 @dataclass(frozen=True)
 class StepRule:
-    """What a step may be beyond those around it; lengths in leg lengths."""
+    """Largest excess of a step over those around it; lengths in leg lengths."""
 
     around: int = 4
     """Steps to either side with which one is compared."""
@@ -19,11 +19,11 @@ class StepRule:
     body_acceleration: float = 60.0
     """... and this on top over the squared frame rate [1/s²]: 5 g."""
     limb: float = 0.2
-    """Of a keypoint in the body, likewise ..."""
+    """Of a keypoint relative to the body, at any frame rate ..."""
     limb_acceleration: float = 200.0
     """... and [1/s²]: 17 g, more than the fist of a boxer."""
     lowest_rate: float = 10.0
-    """Below this frame rate nothing is called a jump [1/s]."""
+    """Least frame rate at which jumps are searched [1/s]."""
 
 
 def excess(steps: Floats, rule: StepRule) -> Floats:
@@ -33,7 +33,7 @@ def excess(steps: Floats, rule: StepRule) -> Floats:
 
 
 def body_jumps(middle: Floats, fps: float, rule: StepRule) -> Floats:
-    """(T − 1, 3) by how much the middle of the trunk (T, 3) [leg lengths] is moved; 0 where it moves by itself."""
+    """(T − 1, 3) jumps of the middle of the trunk (T, 3) [leg lengths]; 0 for steps that a body can make."""
     return _beyond(middle, rule.body + rule.body_acceleration / fps**2, rule)
 
 

@@ -213,7 +213,7 @@ def test_a_motion_without_its_skeleton_says_which_file_is_missing(tmp_path):
     assert len(amc.read(path, Request()).positions) == 2, "the only skeleton of a folder is everyone's"
     (tmp_path / "y.asf").write_text(ASF)
     with pytest.raises(
-        MotionError, match=r"needs its skeleton beside it, s\.asf or s_01\.asf; there are x\.asf, y\.asf"
+        MotionError, match=r"needs its skeleton next to it, s\.asf or s_01\.asf; there are x\.asf, y\.asf"
     ):
         amc.read(path, Request())
     with pytest.raises(MotionError, match="a skeleton without a motion"):

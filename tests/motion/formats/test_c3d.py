@@ -172,7 +172,7 @@ def test_a_missing_marker_a_strange_unit_and_a_cut_file_are_named(tmp_path):
         with pytest.raises(MotionError, match=message):
             read_motion(tmp_path / "cut.c3d")
     (tmp_path / "cut.c3d").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(MotionError, match="truncated: 149 of 300 frames are there"):
+    with pytest.raises(MotionError, match="truncated: 149 of 300 frames are present"):
         read_motion(tmp_path / "cut.c3d")
 
 

@@ -23,10 +23,10 @@ def matches_format(header: FileHeader) -> bool:
 
 
 def read(path: Path, request: Request) -> Capture:
-    """Read an AMC file and the ASF file beside it.
+    """Read an AMC file and the ASF file next to it.
 
     Raises:
-        MotionError: no skeleton is beside it, or one of both is broken; names the line and what was expected there.
+        MotionError: the folder has no skeleton, or one of both files is broken; names the line and the expected content.
     """
     beside = skeleton_beside(path)
     asf = parse_asf(beside.read_text(encoding="utf-8", errors="replace"), beside)
@@ -46,7 +46,7 @@ def skeleton_beside(path: Path) -> Path:
     """The ASF of an AMC: called as the file, or as its subject (`02.asf` of `02_01.amc`), or the only one in the folder.
 
     Raises:
-        MotionError: there is none, or it could be several.
+        MotionError: the folder has no such file, or several.
     """
     folder = sorted(one for one in path.parent.iterdir() if one.suffix.lower() == ".asf")
     subject = path.stem.partition("_")[0]
@@ -57,7 +57,7 @@ def skeleton_beside(path: Path) -> Path:
     if len(folder) == 1:
         return folder[0]
     found = f"; there are {', '.join(one.name for one in folder)}" if folder else ""
-    raise MotionError(f"needs its skeleton beside it, {subject}.asf or {path.stem}.asf{found}", path)
+    raise MotionError(f"needs its skeleton next to it, {subject}.asf or {path.stem}.asf{found}", path)
 
 
 def _frames(text: str, path: Path, asf: Asf) -> dict[str, Floats]:

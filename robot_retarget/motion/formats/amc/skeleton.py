@@ -1,4 +1,4 @@
-"""ASF files, the skeletons of AMC motions: bones with a direction, a length and axes of their own.
+"""ASF files, the skeletons of AMC motions: bones with a direction, a length and local axes.
 
 At rest no bone is turned. A bone with axes C and angles M turns by L = C M C⁻¹ in its parent, and carries its children
 at its end, d · ℓ away from its start.
@@ -58,7 +58,7 @@ def parse_asf(text: str, path: str | Path) -> Asf:
     """Read the text of an ASF file.
 
     Raises:
-        MotionError: a section, bone or number is missing or wrong; names the line and what was expected.
+        MotionError: a section, bone or number is missing or wrong; names the line and the expected content.
     """
     parser = _Parser(path)
     for number, line in enumerate(text.splitlines(), 1):

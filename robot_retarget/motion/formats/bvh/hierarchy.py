@@ -33,10 +33,10 @@ class Hierarchy:
 
 
 def parse_hierarchy(text: str, path: str | Path, first_line: int = 1) -> Hierarchy:
-    """Read what stands between HIERARCHY and MOTION.
+    """Read the text between HIERARCHY and MOTION.
 
     Raises:
-        MotionError: a brace, number or channel is missing or unknown; names the line and what was expected.
+        MotionError: a brace, number or channel is missing or unknown; names the line and the expected content.
     """
     words = [
         (match.group(), line)

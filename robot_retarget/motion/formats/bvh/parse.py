@@ -34,13 +34,13 @@ def read_bvh(path: str | Path, request: Request | None = None) -> Capture:
     """Read a BVH file: every joint's position and rotation at every frame, in the file's unit and axes.
 
     Raises:
-        MotionError: the file cannot be read as BVH; names the line and what was expected there.
+        MotionError: the file cannot be read as BVH; names the line and the expected content.
     """
     return captured(Path(path).read_bytes(), path, request)
 
 
 def captured(data: bytes, path: str | Path, request: Request | None = None) -> Capture:
-    """What the bytes of a BVH file say; `path` is for messages."""
+    """Parse the bytes of a BVH file; `path` is for messages."""
     hierarchy, rows = parse_bvh(_text(data), path)
     _check_finite(hierarchy, rows, path)
     translations, turns, notes = local_pose(hierarchy, rows.values)
@@ -87,7 +87,7 @@ def local_pose(hierarchy: Hierarchy, rows: Floats) -> tuple[Floats, Floats, tupl
     """Each joint's pose in its parent, from the channel values.
 
     Returns:
-        translations (T, J, 3) in file units, rotations (T, J, 4) w x y z, and what was decided, a sentence each.
+        translations (T, J, 3) in file units, rotations (T, J, 4) w x y z, and notes about decisions.
     """
     count = len(hierarchy.channels)
     translations = np.tile(hierarchy.skeleton.offsets, (len(rows), 1, 1))
@@ -139,7 +139,7 @@ def _check_finite(hierarchy: Hierarchy, rows: Rows, path: str | Path) -> None:
 
 
 def _text(data: bytes) -> str:
-    """The text with `\\n` line ends, whatever it is encoded in."""
+    """The text with `\\n` line ends, from any usual encoding."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = data.decode("utf-16", errors="replace")
     else:

@@ -29,7 +29,7 @@ class Rows:
 
 
 def parse_rows(text: str, path: str | Path, first_line: int, width: int) -> Rows:
-    """Read what follows the word MOTION.
+    """Read the text after the word MOTION.
 
     Args:
         text: from the word MOTION on.

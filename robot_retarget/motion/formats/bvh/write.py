@@ -97,6 +97,6 @@ def _degrees(local: Floats) -> Floats:
     shape = (*local.shape[:2], 3)
     turned = np.concatenate([local[..., :1], local[..., 1:] @ _TO_FILE.T], axis=2)
     with warnings.catch_warnings():
-        # In gimbal lock one of many right answers is chosen, which is all that is asked.
+        # In gimbal lock one of many right answers is chosen.
         warnings.filterwarnings("ignore", message="Gimbal lock")
         return Rotation.from_quat(turned.reshape(-1, 4), scalar_first=True).as_euler("ZXY", degrees=True).reshape(shape)

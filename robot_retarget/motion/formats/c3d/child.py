@@ -1,4 +1,4 @@
-"""Decode a C3D file with ezc3d: `python child.py FILE OUT.npz`, a process of its own.
+"""Decode a C3D file with ezc3d in a separate process: `python child.py FILE OUT.npz`.
 
 ezc3d trusts the counts in a file: a changed byte can crash the interpreter, run without end or ask for all memory.
 """
@@ -27,7 +27,7 @@ def decoded(path: str) -> dict[str, Any]:
 
     file = ezc3d.c3d(path)
     stated = file["parameters"]["POINT"]
-    # Labels beyond 255 stand in LABELS2 and on.
+    # Labels beyond 255 are in LABELS2, LABELS3, …
     keys = ["LABELS", *sorted(key for key in stated if re.fullmatch(r"LABELS\d+", key))]
     return {
         "points": np.asarray(file["data"]["points"], dtype=float)[:3],

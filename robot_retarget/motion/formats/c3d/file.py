@@ -30,10 +30,10 @@ def matches_format(header: FileHeader) -> bool:
 
 
 def read(path: Path, request: Request) -> Capture:
-    """Read the markers of a C3D file and put joints where they tell.
+    """Read the markers of a C3D file and compute joint centres from them.
 
     Raises:
-        MotionError: broken, no points, a unit that is not known, or not the markers that joints can be told from; says
+        MotionError: broken, no points, a unit that is not known, or a marker set without joint regressions; says
             which are missing.
     """
     titles, points, stored = _points(path)
@@ -44,13 +44,13 @@ def read(path: Path, request: Request) -> Capture:
     if missing := markers.missing():
         raise MotionError(_refusal(labels, missing), path)
     if (announced := _announced(path)) > len(points):
-        raise MotionError(f"truncated: {len(points)} of {announced} frames are there", path)
+        raise MotionError(f"truncated: {len(points)} of {announced} frames are present", path)
     fps, said = request.rate(stored)
     used = markers.used()
     paths, _, notes = bridged(np.stack([markers.paths[label] for label in used], axis=1), used, fps, str(path))
     markers = Markers({label: paths[:, k] for k, label in enumerate(used)})
     body = joint_centres(markers)
-    title = f"Joints were told from {len(used)} of {len(labels)} markers."
+    title = f"Joints were computed from {len(used)} of {len(labels)} markers."
     return of_points(body, fps, str(path), (*others, title, *markers.notes, *notes, *said))
 
 
@@ -87,7 +87,7 @@ def _decoded(path: Path) -> dict[str, np.ndarray]:
 
 
 def _announced(path: Path) -> int:
-    """Frames by the first and last one's numbers in the header, which ezc3d makes fit what is there."""
+    """The number of frames by the header; ezc3d replaces it by the number of frames in the data."""
     data = path.read_bytes()
     kind = data[512 * (data[0] - 1) + 3]
     first, last = struct.unpack_from(">HH" if kind == _BIG_ENDIAN else "<HH", data, 6)
@@ -110,7 +110,7 @@ def _unit(stated: list[str], path: Path) -> float:
 def _refusal(labels: list[str], missing: list[str]) -> str:
     named = [label for label in labels if label]
     return (
-        f"joints cannot be told from its markers: they must be labelled as {SETS}. Missing: {_some(missing, 6)}. "
+        f"joints cannot be computed from its markers: they must be labelled as {SETS}. Missing: {_some(missing, 6)}. "
         f"Its labels: {_some(named, 30) or 'none'}. Label them in the capture software, or give joint positions as .npz"
     )
 

@@ -55,11 +55,11 @@ class Markers:
     notes: list[str] = field(default_factory=list)
 
     def label(self, role: str, side: str) -> str | None:
-        """What the marker of a role is called here."""
+        """The label of the marker of a role in this file."""
         return next((label for name in LABELS[role] if (label := name.format(side)) in self.paths), None)
 
     def get(self, role: str, side: str = "L") -> Floats | None:
-        """The path of a role's marker, where there is one."""
+        """The path of a role's marker, or None."""
         label = self.label(role, side)
         return None if label is None else self.paths[label]
 
@@ -79,7 +79,7 @@ class Markers:
         ]
 
     def used(self) -> list[str]:
-        """The labels that joint centres are made of."""
+        """The labels from which joint centres are computed."""
         labels = [self.label(role, side) for role in LABELS for side in "LR"]
         return sorted({label for label in labels if label is not None})
 
@@ -96,7 +96,7 @@ def joint_centres(markers: Markers) -> dict[str, tuple[str, Floats]]:
 
 def hip_centres(markers: Markers) -> tuple[Floats, Floats]:
     """Left and right hip of [Harrington2007]: with the pelvis' width w and depth d in mm, −0.24 d − 9.9 ahead of the middle
-    of its front spines, −0.30 w − 10.9 above it and ±(0.33 w + 7.3) beside it.
+    of its front spines, −0.30 w − 10.9 above it and ±(0.33 w + 7.3) to either side.
     """
     left, right = markers.at("front of the pelvis", "L"), markers.at("front of the pelvis", "R")
     back = (markers.at("back of the pelvis", "L") + markers.at("back of the pelvis", "R")) / 2
@@ -146,7 +146,7 @@ def _arm(
     apart = float(np.median(np.linalg.norm(left - right, axis=1)))
     outer, inner = markers.at("outer elbow", side), markers.get("inner elbow", side)
     if inner is None:
-        markers.notes.append(f"No inner marker of the {word} elbow: the outer one is taken for its centre.")
+        markers.notes.append(f"No inner marker of the {word} elbow: its centre is at the outer one.")
     wrist = _mean(*(markers.at(f"{which} side of the wrist", side) for which in ("thumb's", "little finger's")))
     assert wrist is not None
     return {
@@ -167,14 +167,14 @@ def _hinge(markers: Markers, side: str, joint: str, above: Floats, plane: str, h
     beside = markers.get(plane, side)
     word = "left" if side == "L" else "right"
     if beside is None:
-        markers.notes.append(f"No inner marker of the {word} {joint}: the outer one is taken for its centre.")
+        markers.notes.append(f"No inner marker of the {word} {joint}: its centre is at the outer one.")
         return outer
     markers.notes.append(f"The {word} {joint} is {1000 * half:.0f} mm from its outer marker, an adult's half width.")
     return chord(above, outer, beside, half)
 
 
 def chord(above: Floats, outer: Floats, beside: Floats, half: float) -> Floats:
-    """The centre of [Davis1991]: `half` from the outer marker, in its plane with the centre above and a marker beside the
+    """The centre of [Davis1991]: `half` from the outer marker, in its plane with the centre above and a marker next to the
     segment, away from that, and with a right angle between the two lines that meet in it.
     """
     line = above - outer

@@ -43,7 +43,7 @@ def read(path: Path, request: Request) -> Capture:
 
 
 def _animated(file: GltfFile, request: Request) -> Capture:
-    """The animation that is asked for, on the joints of the file."""
+    """Read the requested animation on the joints of the file."""
     path = file.path
     animations = file.listed("animations")
     if not animations:
@@ -62,7 +62,7 @@ def _animated(file: GltfFile, request: Request) -> Capture:
 def _posed(
     nodes: Nodes, keys: Keys, named: Sequence[tuple[int, str]], times: Floats
 ) -> tuple[Skeleton, Floats, Floats]:
-    """x_j and R_j R_rest⁻¹ of the joints at the times, and where they are at rest."""
+    """x_j and R_j R_rest⁻¹ of the joints at the times, and their rest positions."""
     joints = [joint for joint, _ in named]
     parents, order = sorted_tree(np.array([nodes.nearest_above(joint, joints) for joint in joints]))
     ordered = [joints[k] for k in order]
@@ -79,7 +79,7 @@ def _turn(quaternions: Floats) -> Rotation:
 
 
 def _joints(file: GltfFile, keys: Keys) -> tuple[list[tuple[int, str]], tuple[str, ...]]:
-    """The nodes that are joints with what they are called, and a sentence about the choice."""
+    """The nodes that are joints with their names, and a note about the choice."""
     bones = file.extension(VRMA).get("humanoid", {}).get("humanBones", {})
     if bones:
         named = [(bone.get("node"), name) for name, bone in bones.items()]

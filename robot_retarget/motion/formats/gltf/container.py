@@ -1,6 +1,6 @@
 """The container of glTF 2.0: its JSON, and the numbers that accessors point at in its buffers.
 
-The JSON is read as plain values: of the libraries that wrap every object in a class of its own, reading a file of 75
+The JSON is read as plain values: with libraries that wrap every object in a class, reading a file of 75
 animations takes 14 s.
 """
 
@@ -34,7 +34,7 @@ class GltfFile:
 
     @classmethod
     def of(cls, path: Path) -> "GltfFile":
-        """Read a `.gltf` or a `.glb`, whatever it is called.
+        """Read a `.gltf` or a `.glb`, under any name.
 
         Raises:
             MotionError: truncated, no JSON, or of another version.
@@ -52,18 +52,18 @@ class GltfFile:
         return cls(path, said, binary)
 
     def listed(self, key: str) -> list[Any]:
-        """A list of the JSON; empty where there is none."""
+        """A list of the JSON; empty if absent."""
         found = self.said.get(key, [])
         if not isinstance(found, list):
             raise self.error(key, "expected a list")
         return found
 
     def extension(self, name: str) -> dict[str, Any]:
-        """What an extension says of the whole file; empty where it is not there."""
+        """The content of an extension for the whole file; empty if absent."""
         return self.said.get("extensions", {}).get(name, {})
 
     def numbers(self, index: Any, what: str) -> Floats:
-        """(N, width) of an accessor; whole numbers are those that stand for −1 … 1.
+        """(N, width) of an accessor; integers are normalised to −1 … 1.
 
         Raises:
             MotionError: the accessor is not there, points outside its buffer, or is compressed or sparse.
@@ -101,7 +101,7 @@ class GltfFile:
         return [self._buffer(buffer.get("uri"), k) for k, buffer in enumerate(self.listed("buffers"))]
 
     def _buffer(self, uri: str | None, index: int) -> bytes:
-        """The GLB's own chunk, data in the JSON, or a file beside this one."""
+        """The GLB's binary chunk, data in the JSON, or a file next to this one."""
         if uri is None:
             return self.binary
         if uri.startswith("data:"):
@@ -111,7 +111,7 @@ class GltfFile:
                 raise self.error(f"buffers[{index}].uri", f"not base64: {error}") from error
         beside = (self.path.parent / uri).resolve()
         if not beside.is_relative_to(self.path.parent.resolve()) or not beside.is_file():
-            raise self.error(f"buffers[{index}].uri", f"expected the file {uri!r} beside it")
+            raise self.error(f"buffers[{index}].uri", f"expected the file {uri!r} next to it")
         return beside.read_bytes()
 
     def error(self, where: str, message: str) -> MotionError:
@@ -127,7 +127,7 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes]:
         length, kind = struct.unpack_from("<II", data, at)
         found.setdefault(kind, data[at + 8 : at + 8 + length])
         if at + 8 + length > len(data):
-            raise MotionError(f"truncated: a chunk of {length} bytes, {len(data) - at - 8} are there", path)
+            raise MotionError(f"truncated: a chunk of {length} bytes, {len(data) - at - 8} are present", path)
         at += 8 + length
     if _JSON not in found:
         raise MotionError("a GLB without its JSON chunk", path)
@@ -135,7 +135,7 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, bytes]:
 
 
 def _real(values: np.ndarray) -> Floats:
-    """Whole numbers stand for shares of their largest."""
+    """Integers are normalised by their largest value."""
     if values.dtype.kind == "f":
         return values.astype(float)
     return np.maximum(values / np.iinfo(values.dtype).max, -1.0)

@@ -13,7 +13,7 @@ from robot_retarget.motion.formats.gltf.container import GltfFile
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 _QUATERNION = 0.5
-"""Least length of a quaternion that may stand for a turn."""
+"""Least length of a quaternion that represents a rotation."""
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ _JOINTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 )
 USED = tuple(sorted({mark for *_, marks in _JOINTS for mark in marks}, key=LANDMARKS.index))
 _STILL = 1e-3
-"""How far, over the body's size, the middle of the hips moves in landmarks that are told about it."""
+"""Travel of the middle of the hips, over the body's size, in landmarks relative to it."""
 _IMAGE = 1.5
-"""Up to where landmarks without a negative number are told in sizes of an image; some lie a little outside it."""
+"""Largest value of landmarks in units of the image size; some lie a little outside the image."""
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -96,4 +96,4 @@ def _travel(pelvis: Floats, paths: Floats) -> tuple[str, ...]:
     size = float(np.linalg.norm(np.ptp(paths[0], axis=0)))
     if float(np.ptp(pelvis, axis=0).max()) > _STILL * size:
         return ()
-    return ("The landmarks are told about the middle of the hips: the body does not travel.",)
+    return ("The landmarks are relative to the middle of the hips: the body does not travel.",)

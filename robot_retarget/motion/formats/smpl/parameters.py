@@ -40,13 +40,13 @@ def read(path: Path, request: Request) -> Capture:
     """Read turns of the SMPL family's joints and let them turn a rest skeleton.
 
     Raises:
-        MotionError: a field is missing or of another width; names it and what was expected.
+        MotionError: a field is missing or of another width; names it and the expected width.
     """
     return captured(_bare(arrays_of(path)), path, request)
 
 
 def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture:
-    """What the arrays of one body say; as `read`."""
+    """Make a capture from the arrays of one body; as `read`."""
     turns = _turns(arrays, path)
     place, notes = _place(arrays, len(turns), path)
     betas = _betas(arrays, path)

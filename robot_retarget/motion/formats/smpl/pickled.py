@@ -26,10 +26,10 @@ def matches_format(header: FileHeader) -> bool:
 
 
 def read(path: Path, request: Request) -> Capture:
-    """Read the parameters of the first body in the world, or of the one asked for by its name.
+    """Read the parameters of the first body in the world, or of the body with the requested name.
 
     Raises:
-        MotionError: it would run code, or holds no turns of a body; says what it holds.
+        MotionError: it would run code, or holds no rotations of a body; lists its content.
     """
     try:
         said = load_torch(path) if path.read_bytes()[:2] == b"PK" else load_pickle(path)

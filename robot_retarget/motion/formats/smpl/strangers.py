@@ -1,4 +1,4 @@
-"""Pickles that hold no turns of a human body: what they are, and how to use them."""
+"""Sentences about pickles without parameters of a human body."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +17,7 @@ SAVE = "save them as .npz with positions (T, J, 3), names, parents and fps"
 
 
 def sentence(content: Any) -> str:
-    """Say what an unpickled content is instead of the parameters of a body."""
+    """Return the sentence about an unpickled content that holds no parameters of a body."""
     if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
         where = f"columns {INTERMIMIC.start} to {INTERMIMIC.stop - 1}"
         return f"rows {content.shape} as InterMimic's OMOMO files are: {where} are the positions of 52 joints; {SAVE}"

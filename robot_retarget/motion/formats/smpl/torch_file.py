@@ -1,4 +1,4 @@
-"""Files of PyTorch as data, without PyTorch and without running what is in them: a zip of one pickle and plain storages."""
+"""Files of PyTorch, read as data without PyTorch and without running code: a zip of one pickle and plain storages."""
 
 import io
 import pickle
@@ -29,7 +29,7 @@ def load_torch(path: Path) -> Any:
     """The contents of a `.pt` of PyTorch 1.6 or later, its tensors as arrays.
 
     Raises:
-        MotionError: no such file, or one that would make anything but tensors, numbers, text, lists and dicts.
+        MotionError: the file is missing or broken, or would make anything but tensors, numbers, text, lists and dicts.
     """
     try:
         with ZipFile(path) as archive:
