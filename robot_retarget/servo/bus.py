@@ -27,13 +27,13 @@ from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, Err
 from robot_retarget.servo.tables import Register
 
 PATIENCE = 0.02
-"""How long after its time on the wire an answer may still come [s]; covers a USB adapter as it comes (16 ms)."""
+"""Timeout of an answer beyond its time on the wire [s]; covers the 16 ms of a USB adapter with default settings."""
 TRIES = 4
-"""So often a request that must not fail is repeated."""
+"""Number of attempts for a request that must not fail."""
 TURN = 0.6e-3
-"""What a servo may need before it answers, its longest return delay among it [s]."""
+"""Longest time before a servo answers, with the largest return delay [s]."""
 CHAIN = HEADER + bytes((BROADCAST,))
-"""How an answer to a fast read begins."""
+"""First bytes of an answer to a fast read."""
 
 WIRE_ERRORS = (OSError, serial.SerialException, termios.error)
 
@@ -43,15 +43,15 @@ class PortLostError(ServoError):
 
 
 class NoAnswerError(ServoError):
-    """A servo is missing, or what it says is garbled."""
+    """A servo does not answer, or its answer is garbled."""
 
 
 class StatusError(ServoError):
-    """A servo refused what it was asked."""
+    """A servo refused an instruction."""
 
 
 class Reply(NamedTuple):
-    """What one servo answered."""
+    """Answer of one servo."""
 
     id: int
     error: int
@@ -108,7 +108,7 @@ class Bus:
         self.close()
 
     def close(self) -> None:
-        """Give the port back; a second time does nothing."""
+        """Close the port; a second call does nothing."""
         if self._port.is_open:
             with contextlib.suppress(*WIRE_ERRORS):
                 fcntl.flock(self._fd, fcntl.LOCK_UN)
@@ -118,7 +118,7 @@ class Bus:
     # One servo
 
     def ping(self, identity: int, tries: int = 1) -> tuple[int, int] | None:
-        """Model number and firmware, or None when nobody answers."""
+        """Return model number and firmware, or None without an answer."""
         request = protocol.frame(identity, Instruction.PING)
         for _ in range(tries):
             reply = self._ask(request, identity, 3)
@@ -130,14 +130,14 @@ class Bus:
         """Bytes of one servo.
 
         Raises:
-            NoAnswerError: it does not answer, or garbled.
-            StatusError: it refuses.
+            NoAnswerError: no answer, or a garbled one.
+            StatusError: the servo refuses.
         """
         request = protocol.read(identity, address, length)
         return self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
 
     def glance(self, request: bytes, identity: int, length: int, patience: float) -> bytes | None:
-        """Bytes of one device, asked for once, or None if they do not come within `patience` [s]."""
+        """Read bytes of one device once. Returns None if they do not arrive within `patience` [s]."""
         reply = self._ask(request, identity, length, patience)
         return reply.data if reply is not None and not reply.error else None
 
@@ -146,22 +146,22 @@ class Bus:
         return register.decode(self.read(identity, register.address, register.size).data)
 
     def write(self, identity: int, register: Register, value: int, tries: int = TRIES) -> Reply:
-        """Set one register, and hear that it was done.
+        """Write one register and wait for the confirmation.
 
         Raises:
             NoAnswerError: it does not answer.
-            StatusError: it refuses: the register is locked, or the value beyond a limit of its own.
-            ServoError: no whole number of the register's range; nothing is sent.
+            StatusError: the register is locked, or the value is beyond a limit of the servo.
+            ServoError: the value is not an integer of the register's range; no byte is sent.
         """
         request = protocol.write(identity, register.address, register.checked(value))
         return self._insist(request, identity, 0, tries, f"write {value} at {register.address}")
 
     def reboot(self, identity: int) -> Reply:
-        """Start one servo anew: hardware errors go, torque is off."""
+        """Reboot one servo: this clears hardware errors and switches torque off."""
         return self._insist(protocol.frame(identity, Instruction.REBOOT), identity, 0, 1, "reboot")
 
     def scan(self, ids: Iterable[int] = range(LAST_ID + 1)) -> Iterator[tuple[int, int, int]]:
-        """Id, model number and firmware of everyone who answers."""
+        """Yield id, model number and firmware of each servo that answers."""
         for identity in ids:
             found = self.ping(identity)
             if found is not None:
@@ -170,10 +170,10 @@ class Bus:
     # All servos
 
     def sync_write(self, address: int, length: int, table: bytes) -> None:
-        """The same registers of many servos; `table` is id and data, id and data, … Nobody answers.
+        """Write the same registers of many servos without confirmation; `table` is id and data, id and data, …
 
         Raises:
-            ValueError: the table is not made of ids and data of that length.
+            ValueError: the length of the table does not fit.
         """
         if len(table) % (length + 1):
             raise ValueError(f"{len(table)} bytes are no table of ids and {length} bytes each")
@@ -183,7 +183,7 @@ class Bus:
     def sync_read(
         self, address: int, length: int, ids: Sequence[int], fast: bool = False, patience: float = PATIENCE
     ) -> dict[int, Reply]:
-        """The same bytes of many servos: whatever came whole, by id. `fast` asks for one answer of all."""
+        """Read the same bytes of many servos. Returns the complete answers by id; `fast` requests one joint answer."""
         request = protocol.sync_read(address, length, ids, fast)
         self.send(request)
         return {reply.id: reply for reply in self.replies(length, ids, fast, len(request), patience)}
@@ -191,14 +191,14 @@ class Bus:
     def replies(
         self, length: int, ids: Sequence[int], fast: bool, sent: int, patience: float = PATIENCE
     ) -> Iterator[Reply]:
-        """The answers to a sync read just sent, the last of `sent` bytes: each as it comes, while they come in time."""
+        """Yield the answers to a sync read that was just sent, the last of `sent` bytes, until they time out."""
         size = 8 + len(ids) * (4 + length) if fast else len(ids) * (11 + length)
         until = self._deadline(sent + size, len(ids), patience)
         if fast:
             yield from self._chain(size, length, len(ids), until, patience)
             return
         missing, last = set(ids), ids[-1]
-        # Servos answer in turn: when the last one has, nobody is waited for.
+        # Servos answer in order: after the last one, none is missing.
         while last in missing and (data := self._fetch(until)):
             for frame in self._parser.feed(data):
                 if frame.instruction == Instruction.STATUS and frame.id in missing:
@@ -213,7 +213,7 @@ class Bus:
         while len(raw) < size and (data := self._fetch(until)):
             until = min(until, self._deadline(size - len(raw), 0, patience))
             raw += data
-            # What came late of an earlier, single answer may stand before it.
+            # Bytes of an earlier, late answer may come first.
             start = raw.find(CHAIN)
             if start > 0:
                 del raw[:start]
@@ -238,7 +238,7 @@ class Bus:
     def _ask(self, request: bytes, identity: int, length: int, patience: float = PATIENCE) -> Reply | None:
         self.send(request)
         for frame in self._frames(self._deadline(len(request) + 11 + length, 1, patience)):
-            # Another length is an answer to something else that came late.
+            # Another length is a late answer to another request.
             if frame.id == identity and (len(frame.params) == 1 + length or frame.error & ~ALERT):
                 return _reply(frame)
         return None
@@ -247,14 +247,14 @@ class Bus:
         return time.monotonic() + size * 10 / self.baud + servos * TURN + patience
 
     def _frames(self, until: float) -> Iterator[Frame]:
-        """Status frames as they come, until nothing came in time."""
+        """Yield status frames until the timeout."""
         while data := self._fetch(until):
             for frame in self._parser.feed(data):
                 if frame.instruction == Instruction.STATUS and frame.stuffed:
                     yield frame
 
     def _fetch(self, until: float) -> bytes:
-        """Some bytes, or none when the time is over.
+        """Return received bytes; none after the timeout.
 
         Raises:
             PortLostError: the port is gone.
@@ -271,7 +271,7 @@ class Bus:
         return data
 
     def send(self, data: bytes) -> None:
-        """Put frames on the wire; answers that came late to earlier ones are forgotten.
+        """Send frames; drop late answers to earlier ones.
 
         Raises:
             PortLostError: the port is gone.
@@ -290,7 +290,7 @@ class Bus:
 
 
 def slow_adapter(path: str | Path) -> str | None:
-    """A sentence when a USB adapter holds answers back longer than 1 ms; None for everything else."""
+    """Return a message if a USB adapter delays answers by more than 1 ms, else None."""
     name = Path(os.path.realpath(path)).name
     timer = Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
     with contextlib.suppress(OSError, ValueError):
@@ -308,6 +308,6 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, BlockingIOError) or "exclusively lock" in str(error):
         return "another program has it"
     if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:
-        return "it is no serial port; give that of the adapter, such as /dev/ttyUSB0, or of `servos emulate`"
+        return "it is not a serial port; give that of the adapter, such as /dev/ttyUSB0, or of `servos emulate`"
     number = error.args[0] if error.args else None
     return os.strerror(number) if isinstance(number, int) else str(error)

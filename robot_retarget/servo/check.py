@@ -1,4 +1,4 @@
-"""Servos as they are against servos as the map has them."""
+"""Compare the servos on the bus with the map."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ TABLE_SPAN = 147
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing about one servo that is not as it should be."""
+    """One difference or fault of one servo."""
 
     joint: str
     id: int
@@ -21,7 +21,7 @@ class Finding:
     grave: bool = True
     """Playing is refused."""
     fix: tuple[str, int] | None = None
-    """Register and value that would put it right."""
+    """Register and value that correct it."""
 
     def __str__(self) -> str:
         return f"{self.joint} (servo {self.id}): {self.what}"
@@ -29,7 +29,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Condition:
-    """What a servo said about itself, by register name."""
+    """Register values of a servo by name."""
 
     servo: Servo
     values: dict[str, int]
@@ -41,7 +41,7 @@ class Condition:
 
 
 def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[Finding]]:
-    """Ask every servo of a map; all differences at once, the grave ones first."""
+    """Read every servo of a map. Returns all findings, grave ones first."""
     conditions, findings = [], []
     for servo in servo_map.servos:
         condition, found = _ask(bus, servo)
@@ -54,7 +54,7 @@ def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[Finding]
 
 
 def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
-    """Write what the findings propose, with torque off only; sentences of what was done."""
+    """Write the proposed values of the findings where torque is off. Returns a sentence for each."""
     done = []
     for finding in findings:
         if finding.fix is None:
@@ -62,7 +62,7 @@ def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
         name, value = finding.fix
         registers = servo_map[finding.joint].type.registers
         if bus.value(finding.id, registers["torque_enable"]):
-            done.append(f"{finding.joint}: torque is on, {name} left as it is")
+            done.append(f"{finding.joint}: torque is on, {name} not written")
             continue
         bus.write(finding.id, registers[name], value)
         done.append(f"{finding.joint}: {name} = {value}")
@@ -70,7 +70,7 @@ def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
 
 
 def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
-    """The registers of one servo, after it has said what it is."""
+    """Read the registers of one servo after its model is checked."""
 
     def grave(what: str) -> tuple[None, list[Finding]]:
         return None, [Finding(servo.joint, servo.id, what)]
@@ -85,7 +85,7 @@ def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
     try:
         data = bus.read(servo.id, 0, TABLE_SPAN, tries=10).data
     except NoAnswerError:
-        return grave("answers a ping but garbles its registers: are there two servos with this id?")
+        return grave("answers a ping but garbles its registers: do two servos share this id?")
     except StatusError as error:
         return grave(f"refuses to be read: {error}")
     registers = servo.type.registers.items()
@@ -95,7 +95,7 @@ def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
 
 
 def _differences(condition: Condition) -> Iterator[Finding]:
-    """EEPROM against what playback needs."""
+    """Yield the EEPROM values that playback does not allow."""
     servo, values = condition.servo, condition.values
     low, high = servo.tick_range
     for name, wanted, grave in (
@@ -116,7 +116,7 @@ def _differences(condition: Condition) -> Iterator[Finding]:
 
 
 def _state(condition: Condition, servo_map: ServoMap) -> Iterator[Finding]:
-    """Hardware errors, supply, heat, and whether the joint is where the map allows it."""
+    """Yield hardware errors, wrong supply, heat, and a joint outside its range."""
     servo, values, limits = condition.servo, condition.values, servo_map.limits
     bits = values["hardware_error_status"]
     if bits:

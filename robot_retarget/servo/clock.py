@@ -1,4 +1,4 @@
-"""Being on time: what a process can ask of the system so that its ticks come evenly. What is refused is done without."""
+"""System settings for even ticks. Settings that the system refuses are skipped."""
 
 import contextlib
 import ctypes
@@ -17,7 +17,7 @@ LOCK_CURRENT, LOCK_ON_FAULT = 1, 4
 
 @contextlib.contextmanager
 def on_time() -> Iterator[None]:
-    """No garbage collection, precise timers, memory that stays, and real-time priority."""
+    """Disable garbage collection; request precise timers, locked memory and real-time priority."""
     _precise_timers()
     with _uncollected(), _resident(), _preferred():
         yield
@@ -25,7 +25,7 @@ def on_time() -> Iterator[None]:
 
 @contextlib.contextmanager
 def wide_awake() -> Iterator[None]:
-    """No sleep states of the processor: to leave one takes it 50 µs and more, twice in every exchange (Linux PM QoS)."""
+    """Disable sleep states of the processor (Linux PM QoS): leaving one takes 50 µs or more, twice per exchange."""
     request = None
     with contextlib.suppress(OSError):
         request = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
@@ -38,7 +38,7 @@ def wide_awake() -> Iterator[None]:
 
 
 def wait_until(due: float) -> float:
-    """Sleep to a time of the monotonic clock; the time it is then."""
+    """Sleep until a time of the monotonic clock. Returns the time after it."""
     ahead = due - time.monotonic()
     if ahead > 0:
         time.sleep(ahead)
@@ -46,7 +46,7 @@ def wait_until(due: float) -> float:
 
 
 def _precise_timers() -> None:
-    """Have the kernel wake this thread on time: a timer slack of 1 ns, not 50 µs."""
+    """Set the timer slack of this thread to 1 ns; the default is 50 µs."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(TIMER_SLACK, 1, 0, 0, 0)
 
@@ -64,7 +64,7 @@ def _uncollected() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _resident() -> Iterator[None]:
-    """What has been touched of the memory stays in it: code that is fetched from the disk again takes milliseconds."""
+    """Lock touched memory: code that is read from disk again takes milliseconds."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).mlockall(LOCK_CURRENT | LOCK_ON_FAULT)
     try:

@@ -1,4 +1,4 @@
-"""One exchange after the other: goals and a request out, readings in, judged and written down."""
+"""The exchange of one tick: send goals and a read request, receive readings, check and record them."""
 
 import time
 from math import ceil
@@ -17,7 +17,7 @@ ROUND = 0.1
 
 
 class Ahead(NamedTuple):
-    """What a tick will send, if the joints are by then where they are expected."""
+    """Prepared goals of the next tick, valid if the joints are near them by then."""
 
     wish: Floats
     aim: Floats
@@ -41,10 +41,10 @@ class Cycle:
         self._ahead: Ahead | None = None
 
     def tick(self, wish: Floats, period: float, phase: str, due: float, coming: Floats) -> None:
-        """Go towards a wish [rad]; `coming` is what the next tick will most likely go towards.
+        """Move towards a target [rad]; `coming` is the expected target of the next tick.
 
         Raises:
-            FaultError: playing cannot go on.
+            FaultError: a fault stops playback.
             PortLostError: the port is gone.
         """
         began = due if self._lockstep else time.monotonic()
@@ -63,7 +63,7 @@ class Cycle:
             self._sense(1)
 
     def _send(self, wish: Floats, period: float) -> Floats:
-        """The goals for a wish go out: those made ready for it, where the joints are near enough to them."""
+        """Send the goals of a target: the prepared ones where the joints are near them."""
         ahead = self._ahead
         if ahead is None or ahead.wish is not wish:
             ahead = self._prepared(wish, period)
@@ -81,10 +81,10 @@ class Cycle:
         return Ahead(wish, aim, self.link.goals(aim))
 
     def finish(self) -> None:
-        """Write the last tick down and judge it, if that is not done yet.
+        """Record and check the last tick, if that is still to do.
 
         Raises:
-            FaultError: playing cannot go on.
+            FaultError: a fault stops playback.
         """
         began = self.account()
         if began is not None:

@@ -1,4 +1,4 @@
-"""Play on an emulated robot in one call: an emulator process of its own, the player here."""
+"""Play on an emulated robot in one call, with the emulator in a second process."""
 
 import subprocess
 import sys
@@ -18,14 +18,14 @@ from robot_retarget.trajectory import Trajectory
 
 @contextmanager
 def emulator_process(servo_map: ServoMap, *options: str) -> Iterator[str]:
-    """The port of a running emulator; it is stopped when the block is left.
+    """Run an emulator for the duration of a block. Yields its port.
 
     Args:
         servo_map: its servos.
         options: more of `robot-retarget servos emulate`, such as `--physics`.
 
     Raises:
-        ServoError: it does not start.
+        ServoError: the emulator does not start.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "servos.toml"
@@ -57,16 +57,16 @@ def play_emulated(
     options: Options | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
-    """Play a trajectory's goals, or where it has none itself, on an emulated robot: `outcome.figures` says how closely it followed.
+    """Play the goals of a trajectory, or the trajectory itself without goals, on an emulated robot.
 
     Args:
         trajectory: of a robot that ships, or without physics of any.
         servo_map: its servos.
-        physics: the robot's MuJoCo model stands behind the servos on its floor; else each motor turns by itself.
-        lockstep: as fast as both processes go: time goes by goals and not by the clock.
+        physics: simulate the robot's MuJoCo model on its floor; otherwise each motor turns alone.
+        lockstep: advance time by one tick per frame of goals instead of the clock.
         log: where `play.npz` goes.
         options: how to play.
-        say: is told what is being done.
+        say: receives progress messages.
 
     Raises:
         ServoError: the map does not cover the joints, or the emulator does not start.

@@ -51,7 +51,7 @@ class Balancer:
         sensor: checked.
         imu: its data sheet.
         rate: ticks a second [1/s].
-        note: is told when the sensor is at fault.
+        note: receives faults of the sensor.
     """
 
     def __init__(self, feedback: Feedback, sensor: Sensor, imu: Imu, rate: float, note: Callable[[str], None]) -> None:

@@ -24,15 +24,15 @@ OP3 = {"XM-430": "XM430-W350"}
 
 
 def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str | None = None) -> ServoMap:
-    """A servo map from a file of another project, recognised by what is in it.
+    """Read the servo map of another project; its content decides the format.
 
     Args:
         path: OP3.robot; lerobot calibration JSON; pypot JSON; ToddlerBot's config.json or config_motors.json.
         offsets: the `offset.yaml` [rad] that belongs to an OP3.robot.
-        model: of servos whose file names none (lerobot), or instead of what it names.
+        model: servo model for files without one (lerobot); overrides others.
 
     Raises:
-        ServoError: the file cannot be read, or is none of these.
+        ServoError: the file cannot be read, or is of another format.
     """
     text = read_text(path, ServoError)
     table = parse_json(text, path, ServoError) if text.lstrip().startswith("{") else None

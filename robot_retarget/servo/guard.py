@@ -1,4 +1,4 @@
-"""Goals brought inside the range, not too fast, never far from where the joint is."""
+"""Limit goals: joint range, speed, and distance from the present angle."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,9 +20,9 @@ class Guard:
     goal: Floats
     """(n,) the last goal [rad]."""
     clear: Callable[[Floats, Floats], Floats] | None = None
-    """Self-collision guard, handed in by whoever knows the robot's geometry: (last goal, goal) → goal, (n,) each [rad]."""
+    """Self-collision guard from a layer with the robot's geometry: (last goal, goal) → goal, (n,) each [rad]."""
     held_back: NDArray[np.int64] = field(init=False)
-    """(n,) how often the wish of each joint was not granted."""
+    """(n,) number of limited targets per joint."""
     capped_for: Floats = field(init=False)
     """(n,) time since which the distance from the present angle has limited each goal without a break [s]."""
 
@@ -31,9 +31,9 @@ class Guard:
         self.capped_for = np.zeros(len(self.goal))
 
     def aim(self, wish: Floats, dt: float) -> Floats:
-        """What range and speed leave of a wish, before anybody knows where the joints will be.
+        """Return a target limited by range and speed, before the next reading.
 
-        A wish that is no number leaves the goal where it is.
+        A target that is not a number keeps the last goal.
         """
         wanted = np.where(np.isfinite(wish), wish, self.goal)
         reach = self.limits.speed * dt
@@ -42,7 +42,7 @@ class Guard:
         return goal if self.clear is None else self.clear(self.goal, goal)
 
     def admit(self, aim: Floats, present: Floats) -> Floats:
-        """The goal nearest to an aim that is near enough to the joints; the very same array where all of it is."""
+        """Return the nearest goal within the step cap of the joints; the same array if no joint is limited."""
         # A tick of rounding must not carry a goal over the cap.
         cap = self.limits.jump - self.scale.tick
         if (np.abs(aim - present) <= cap).all():
@@ -50,7 +50,7 @@ class Guard:
         return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
 
     def keep(self, goal: Floats, wish: Floats, aim: Floats, dt: float) -> None:
-        """Record a goal that was sent for a wish and its aim (n,) [rad], `dt` after the last [s]."""
+        """Record a goal (n,) sent for a target `wish` and its limited form `aim` [rad], `dt` after the last [s]."""
         self.held_back += np.abs(goal - wish) > 1e-9
         self.capped_for = np.where(np.abs(goal - aim) > 1e-9, self.capped_for + dt, 0.0)
         self.goal = goal

@@ -1,4 +1,4 @@
-"""Taking hold of a robot without a jump, leaving it holding, and letting go."""
+"""Engage a robot without a jump, leave it holding, release it."""
 
 from contextlib import suppress
 
@@ -38,7 +38,7 @@ def take_hold(link: Link, judge: Judge) -> Guard:
 
 
 def leave_holding(link: Link, goal: Floats | None) -> None:
-    """Switch the watchdog off three times over, as nobody answers; goals out of reach come to where the joints are."""
+    """Switch the watchdog off, three times as no servo confirms it; move goals that are far from their joints to them."""
     for _ in range(3):
         link.set_all("bus_watchdog", 0)
     if goal is not None:

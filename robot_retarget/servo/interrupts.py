@@ -16,7 +16,7 @@ class Interrupts:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Count SIGINT and SIGTERM; afterwards they do what they did before."""
+        """Count SIGINT and SIGTERM; restore their handlers afterwards."""
         before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield

@@ -1,4 +1,4 @@
-"""Whether playing may go on: what the servos say against what the map allows."""
+"""Check readings of the servos against the limits of the map during playback."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.tables import XM430_W350
 
 MISSES = 2
-"""A single tick without an answer is forgiven at any rate."""
+"""Number of ticks without an answer that counts as silence."""
 OVERLOADED = 0.5
-"""Too high a current is forgiven for so long [s]."""
+"""Longest time above the current limit [s]."""
 STUCK = 0.3
 """A joint whose goal the step cap limits for this long does not follow [s]."""
 ALERTED = 0x80
@@ -19,7 +19,7 @@ ALERTED = 0x80
 
 
 class Judge:
-    """Looks at the latest readings of a link."""
+    """Checks the latest readings of a link."""
 
     def __init__(self, link: Link) -> None:
         self.link, self.limits = link, link.map.limits

@@ -29,8 +29,8 @@ def require_judged(
     Args:
         path: file that the trajectory was read from.
         servos: name of the servo map on the command line.
-        report: its report; by default the one of the mode beside it, or for `pinned` the `report.json` of `run`.
-        mode: `free`, or `pinned` for a robot that is held by its pelvis.
+        report: the report; by default that of the mode beside the trajectory, or for `pinned` the `report.json` that `run` writes.
+        mode: `free`, or `pinned` for a robot held by its pelvis.
         loose: accept a pass under thresholds above the defaults.
 
     Raises:
@@ -47,7 +47,7 @@ def require_judged(
         return
     command = ["robot-retarget", "simulate", path, "--robot", trajectory.robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
-    raise ServoError(f"{why}; judge it anew: {shlex.join(map(str, command))}")
+    raise ServoError(f"{why}; judge it again: {shlex.join(map(str, command))}")
 
 
 def _beside(path: Path, mode: str) -> Path:
@@ -57,7 +57,7 @@ def _beside(path: Path, mode: str) -> Path:
 
 
 def _content(where: Path) -> tuple[dict[str, Any], str | None]:
-    """Return a report's content, and what is wrong with its file."""
+    """Return a report's content, and an error message."""
     try:
         content = read_json(where, ServoError) if where.exists() else None
     except ServoError as error:
@@ -68,7 +68,7 @@ def _content(where: Path) -> tuple[dict[str, Any], str | None]:
 
 
 def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) -> str | None:
-    """Return why a report does not allow playback in a mode, whatever trajectory it is of."""
+    """Return the reason against playback that a report alone gives, or None."""
     if content.get("format_version") != FORMAT_VERSION:
         return f"{where} is a report of another version ({content.get('version', 'unknown')})"
     if content.get("report_sha256") != content_sha256(content):
@@ -78,7 +78,7 @@ def _unsuitable(content: dict[str, Any], mode: str, loose: bool, where: Path) ->
         listed = "; ".join(map(str, reasons)) if isinstance(reasons, list) else ""
         return f"it did not pass: {listed or content.get('verdict')}"
     if content.get("mode") != mode:
-        hint = "; --mode pinned plays it on a robot that is held by its pelvis" if mode == "free" else ""
+        hint = "; --mode pinned plays it on a robot held by its pelvis" if mode == "free" else ""
         return f"it passed in mode {content.get('mode')} ({where}), not {mode}{hint}"
     raised = _raised(content)
     if raised and not loose:

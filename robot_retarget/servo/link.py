@@ -1,4 +1,4 @@
-"""All servos of a map as arrays: goals out, readings in, with the age of what was lost."""
+"""All servos of a map as arrays: goals, readings, and the age of lost readings."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -18,14 +18,14 @@ from robot_retarget.servo.tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
 READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
 GOALS = protocol.word(XM430_W350["goal_position"].address) + protocol.word(4)
-"""What a sync write of goals begins with."""
+"""Address and size of goals in a sync write."""
 FROM = XM430_W350["present_current"].address
 SUPPLY = XM430_W350["present_input_voltage"].address, 3
 """Voltage and temperature: address and bytes."""
 STATE = XM430_W350["torque_enable"].address, 7
 """From `torque_enable` to `hardware_error_status`: address and bytes."""
 CYCLE_PATIENCE = 0.006
-"""An answer that comes later after its time than this is lost for this tick [s]."""
+"""Timeout of an answer within a tick, beyond its time on the wire [s]."""
 
 
 class Goals(NamedTuple):
@@ -103,7 +103,7 @@ class Link:
         return Goals(ticks, _goal_frame(self._table))
 
     def command(self, goal: Floats) -> None:
-        """Send goals [rad] to those servos that they may be sent to; the others keep theirs."""
+        """Send goals [rad] that pass the gate; other servos keep theirs."""
         ticks, position = self.scale.ticks(np.where(np.isfinite(goal), goal, self.present)), self.position
         self._table["goal"] = ticks
         allowed = self._table[self.gate.allowed(ticks, position)]
@@ -120,7 +120,7 @@ class Link:
         self.bus.send(goals.frame + self._questions[self.fast])
 
     def keeps(self, goals: Goals, k: int) -> bool:
-        """Write one servo's goal and read it back: whether it is the same.
+        """Write one servo's goal and read it back. Returns whether they agree.
 
         Raises:
             FaultError: a goal may not be sent; none is.
@@ -132,30 +132,30 @@ class Link:
         return self.bus.value(servo.id, register) == goal
 
     def set_all(self, name: str, value: int) -> None:
-        """The same value into a RAM register of all servos; nobody answers."""
+        """Write one value to a RAM register of all servos, without confirmation."""
         register = XM430_W350[name]
         data = register.checked(value)
         self.bus.sync_write(register.address, register.size, b"".join(bytes((i,)) + data for i in self.ids))
 
     def watchdog(self, seconds: float) -> None:
-        """Have the servos stop after so long without a word; 0 switches that off."""
+        """Set the time without a message after which the servos stop [s]; 0 for never."""
         self.set_all("bus_watchdog", 0)
         if seconds:
             self.set_all("bus_watchdog", max(1, min(127, round(seconds / WATCHDOG_UNIT))))
 
     def read(self) -> None:
-        """Ask for readings and take them in, without haste."""
+        """Request readings and receive them with a long timeout."""
         self.bus.send(self._questions[self.fast])
         self.listen(PATIENCE)
 
     def listen(self, patience: float = CYCLE_PATIENCE) -> None:
-        """Take in the readings asked for; what is lost keeps its value and grows old."""
+        """Receive the requested readings; lost ones keep their value, and their age grows."""
         sent, size = 14 + 6 * len(self.ids) + 14, READING.itemsize
         self._missed += 1
         for reply in self.bus.replies(size, self.ids, self.fast, sent, patience):
             k = self._place.get(reply.id)
             if k is not None:
-                # What each says is stored as it comes, while the others still talk.
+                # Each answer is stored on arrival, before the next one.
                 self._raw[k * size : (k + 1) * size] = reply.data
                 self.error[k] = reply.error | reply.alert << 7
                 self._missed[k] = 0
@@ -164,7 +164,7 @@ class Link:
         self.present = self.scale.radians(self._rows["position"])
 
     def _mistrust_fast(self, short: bool) -> None:
-        """A chain that breaks takes every servo behind the break with it: after two, ask one by one."""
+        """Give up fast reads after two broken chains: a break loses all servos behind it."""
         self._short = self._short + 1 if short else 0
         if self._short >= 2:
             self.fast = False
@@ -201,6 +201,6 @@ def _goal_frame(table: np.ndarray) -> bytes:
 
 
 def _reading(values: dict[str, int]) -> bytes:
-    """What a servo would have answered, from its registers by name."""
+    """Return the answer that register values correspond to."""
     present = values.get("present_current", 0), values["present_velocity"], values["present_position"]
     return np.array([present], dtype=READING).tobytes()

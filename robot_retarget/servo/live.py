@@ -1,7 +1,6 @@
-"""Follow poses as they come: a soft approach from where the joints stand, rest where none comes, a soft return after.
+"""Follow live poses: approach the first smoothly, rest during a silence, approach again after it.
 
-What the player has for trajectories holds here as well: its checks, the guard of ranges, speed and step, the gate, the
-servos' watchdog, the judge, and its endings.
+The player's checks, guard, gate, watchdog, judge and endings apply as for trajectories.
 """
 
 import time
@@ -22,17 +21,17 @@ from robot_retarget.servo.play import Player, Step, perform
 from robot_retarget.servo.record import Record
 
 SILENCE = 0.5
-"""Where no wish came for so long, the next is approached anew [s]; the goal rests in between."""
+"""Silence after which the next target is approached again [s]; the goal rests meanwhile."""
 LONGEST = 0.1
-"""Two wishes are joined straight over the time between them, over no more than this [s]."""
+"""Longest time over which two targets are interpolated [s]."""
 LOGGED = 60.0
-"""The log holds so much of the end [s]."""
+"""Duration of the log, at the end of the stream [s]."""
 
 
 class Wishes:
-    """The latest wish of another thread, joined straight to the one before: goals go on between two of them.
+    """Targets from another thread, interpolated linearly between the last two.
 
-    After a silence nothing is joined: what comes then is approached.
+    After a silence the next target is approached, not interpolated.
     """
 
     def __init__(self) -> None:
@@ -41,10 +40,10 @@ class Wishes:
         self._to = np.zeros(0)
         self._given, self._span = 0.0, LONGEST
         self.over = Event()
-        """Set where no wish will come any more."""
+        """Set after the last target."""
 
     def give(self, angles: Floats, now: float | None = None) -> None:
-        """A wish (n,) [rad] in the order of the map; numbers that are none are no wish."""
+        """Set a target (n,) [rad] in the order of the map; one with NaN is ignored."""
         now = time.monotonic() if now is None else now
         wish = np.array(angles, dtype=float)
         if not np.isfinite(wish).all():
@@ -56,12 +55,12 @@ class Wishes:
             self._to, self._given = wish, now
 
     def at(self, now: float) -> Floats | None:
-        """The wish (n,) at a time [s], None before the first."""
+        """Return the target (n,) at a time [s], None before the first."""
         with self._lock:
             return None if self._from is None else self._between(now)
 
     def age(self, now: float) -> float:
-        """Since the last was given [s]."""
+        """Return the time since the last target [s]."""
         return now - self._given
 
     def _between(self, now: float) -> Floats:
@@ -71,23 +70,23 @@ class Wishes:
 
 
 class Approach:
-    """From where the goals are to a wish that may move meanwhile: start + s(u) (wish − start), s of least jerk."""
+    """Approach to a moving target: start + s(u) (target − start), s of minimum jerk."""
 
     def __init__(self, start: Floats, wish: Floats, now: float, limits: Limits) -> None:
         self.start, self.began = start, now
         self.duration = approach_time(start, wish, limits)
 
     def at(self, wish: Floats, now: float) -> Floats:
-        """Where to go now."""
+        """Return the present goal [rad]."""
         return self.start + eased(np.array(min((now - self.began) / self.duration, 1.0))) * (wish - self.start)
 
     def over(self, now: float) -> bool:
-        """Whether the wish is reached."""
+        """Return whether the approach is complete."""
         return now - self.began >= self.duration
 
 
 class Follower:
-    """What to go towards at each tick."""
+    """Chooses the target of each tick."""
 
     def __init__(self, wishes: Wishes, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
         self._wishes, self._guard, self._limits, self._say = wishes, guard, limits, say
@@ -96,7 +95,7 @@ class Follower:
         self.approaches = 0
 
     def step(self, now: float) -> Step | None:
-        """The next, or None where no wish will come any more."""
+        """Return the next step, or None after the last target."""
         if self._wishes.over.is_set():
             return None
         wish, goal = self._wishes.at(now), self._guard.goal
@@ -129,16 +128,16 @@ def follow(
     say: Callable[[str], None] = lambda text: None,
     clear: Callable[[Floats, Floats], Floats] | None = None,
 ) -> Outcome:
-    """Follow wishes on the servos of a map until they are over.
+    """Follow targets on the servos of a map until they end.
 
     Args:
-        wishes: given by another thread; this one must be the main one, which is told of Ctrl-C.
+        wishes: set by another thread; call this from the main thread, which receives Ctrl-C.
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings, as for `play`.
         rate: ticks a second [1/s].
         log: where `play.npz` of the last minute goes; written however it ends.
-        say: is told what is being done.
+        say: receives progress messages.
         clear: self-collision guard of the goals (`servo.guard.Guard.clear`).
 
     Raises:

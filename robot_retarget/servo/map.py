@@ -1,4 +1,4 @@
-"""The servo map: which servo moves which joint, and what it must not exceed. `servos.toml` in the robot's folder.
+"""The servo map (`servos.toml`): the servo of each joint, and the limits of playback.
 
     ticks = zero + sign · gear · q · 4096 / 2π
 
@@ -32,7 +32,7 @@ class Servo:
     id: int = field(metadata=within(0, 252))
     model: str
     sign: int = field(default=1, metadata=within(-1, 1))
-    """+1 where the joint's positive sense is the servo's, −1 where it is the other."""
+    """+1 if joint and servo turn the same way, −1 otherwise."""
     zero: int = field(default=CENTRE, metadata=within(-2 * TICKS_PER_TURN, 2 * TICKS_PER_TURN, "ticks"))
     """Present position of the servo where the joint is at 0 rad."""
     gear: float = field(default=1.0, metadata=within(0.01, 100))
@@ -96,14 +96,14 @@ class Servo:
 
 @dataclass(frozen=True)
 class Limits:
-    """What playback must not exceed, whatever the trajectory says."""
+    """Limits of playback, for any trajectory."""
 
     speed: float = field(default=4.0, metadata=within(0.05, 60, "rad/s"))
     """Of a goal [rad/s]."""
     approach_speed: float = field(default=0.8, metadata=within(0.01, 10, "rad/s"))
     """Of the way to the first frame [rad/s]."""
     approach_time: float = field(default=2.0, metadata=within(0.1, 60, "s"))
-    """It takes at least so long [s]."""
+    """Its shortest duration [s]."""
     jump: float = field(default=0.5, metadata=within(0.02, 3, "rad"))
     """Between a goal and where the joint is [rad]."""
     temperature: float = field(default=70.0, metadata=within(20, 100, "°C"))
@@ -115,9 +115,9 @@ class Limits:
     max_voltage: float = field(default=14.8, metadata=within(3, 30, "V"))
     """[V]."""
     watchdog: float = field(default=0.1, metadata=within(0, 2.54, "s"))
-    """The servos stop by themselves after so long without a word from the host [s]."""
+    """Time without a message from the host after which the servos stop [s]."""
     silence: float = field(default=0.1, metadata=within(0.01, 1, "s"))
-    """A servo that does not answer for so long stops the motion [s]."""
+    """Time without an answer of a servo after which the motion stops [s]."""
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -148,7 +148,7 @@ class Stop:
     """How a motion ends."""
 
     pose: Mapping[str, float] = field(default_factory=dict)
-    """Joint angles [rad] to go to softly before holding; joints not named stay where they are."""
+    """Joint angles at the end [rad]; other joints do not move."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class ServoMap:
         if not self.servos:
             raise ServoError("a servo map needs at least one servo")
         if self.baud not in BAUDS:
-            raise MapError(f"baud {self.baud} is none of a servo's; {known(map(str, BAUDS))}", "baud")
+            raise MapError(f"baud {self.baud} is not a rate of servos; {known(map(str, BAUDS))}", "baud")
         for what, values in (("joint", self.joints), ("id", self.ids)):
             twice = [servo for k, servo in enumerate(self.servos) if values[k] in values[:k]]
             if twice:
@@ -213,9 +213,9 @@ class ServoMap:
 
     @property
     def fingerprint(self) -> str:
-        """The sha256 of what a judgement of goals rests on: robot, joints, models, gears, ranges, speed and step cap.
+        """The sha256 of all that a verdict depends on: robot, joints, models, gears, ranges, speed, step cap, identified servos.
 
-        What differs between two robots of one kind is left out: ids, signs, zeros, the bus.
+        Ids, signs, zeros and the bus differ between two robots of one kind and are left out.
         """
         servos = sorted((s.joint, s.type.name, float(s.gear), float(s.lower), float(s.upper)) for s in self.servos)
         identified = sorted((model, *map(float, vars(found).values())) for model, found in self.identified.items())
@@ -238,7 +238,7 @@ def load_map(name: str | Path) -> ServoMap:
     """Read a servo map: a shipped robot's name, or a TOML file.
 
     Raises:
-        ServoError: there is no such file, or it has a key or value that means nothing here.
+        ServoError: the file is missing, or has an unknown key or an invalid value.
     """
     path = shipped_maps().get(str(name), Path(name))
     try:

@@ -1,4 +1,4 @@
-"""How to play, and what became of it."""
+"""Options and outcome of a playback."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -8,7 +8,7 @@ from robot_retarget.servo.bounds import require_bounds, within
 
 
 class FaultError(Exception):
-    """Playing cannot go on; the text says why."""
+    """Playback cannot continue; the text gives the reason."""
 
 
 class Ended(Enum):
@@ -31,10 +31,10 @@ class Options:
     fast: bool = True
     """Use fast reads where every servo knows them."""
     grace: float = field(default=10.0, metadata=within(0, 3600, "s"))
-    """After Ctrl-C the pose is held under watch for so long; a second Ctrl-C lets go [s]."""
+    """Time after Ctrl-C for which the pose is held and checked; a second Ctrl-C releases [s]."""
 
     lockstep: bool = False
-    """Ticks follow each other as soon as they are answered: for an emulated bus whose time goes by goals."""
+    """Send each tick as soon as the last is answered, for an emulated bus in lockstep."""
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -42,11 +42,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of it."""
+    """Outcome of a playback."""
 
     ended: Ended
     state: str
-    """`hold`: torque on, goals kept; `release`: torque switched off; `limp`: torque is off without our doing;
+    """`hold`: torque on, goals kept; `release`: torque switched off; `limp`: torque is off, but not by the player;
     `watchdog`: the servos stop by themselves."""
     reason: str
     figures: dict[str, Any]
@@ -54,7 +54,7 @@ class Outcome:
 
     @property
     def sentence(self) -> str:
-        """How it ended and why, and in what state the servos are."""
+        """End, reason and state of the servos."""
         how = self.ended.value
         return f"{self.reason if self.reason.startswith(how) else f'{how}: {self.reason}'} ({self.state})"
 

@@ -1,4 +1,4 @@
-"""What is to be played, as joint angles tick by tick: judged goals, a trajectory as it is, and the soft ways between poses."""
+"""Plans of playback as joint angles per tick: judged goals, a plain trajectory, and minimum-jerk paths between poses."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from robot_retarget.trajectory import Trajectory
 PEAK = 1.875
 """The top speed of a minimum-jerk path, as a multiple of its mean."""
 SEAM = 0.1
-"""What is repeated ends no further than this from where it begins [rad]."""
+"""Largest distance between the ends of a looped motion [rad]."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Plan:
 
 
 def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
-    """The goals of a trajectory, every one as it was judged.
+    """Return the judged goals of a trajectory.
 
     Raises:
         ServoError: it has none, or the joints are not those of the map.
@@ -61,7 +61,7 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
 
 
 def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> Plan:
-    """A trajectory as it is, `rate` ticks a second.
+    """Return a plain trajectory at `rate` ticks a second.
 
     Raises:
         ServoError: the joints are not those of the map.
@@ -73,7 +73,7 @@ def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) 
 def part_of(
     trajectory: Trajectory, speed: float = 1.0, loops: int = 1, start: float = 0.0, stop: float | None = None
 ) -> Trajectory:
-    """From `start` to `stop` [s] of a trajectory at `speed` times its own, so many times over; without goals.
+    """Return a part of a trajectory, `start` to `stop` [s], at a speed factor, looped; without goals.
 
     Raises:
         ServoError: the part is empty, the speed out of range, or repeating it would jump.
@@ -103,7 +103,7 @@ def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> Plan:
 
 
 def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
-    """How long an approach takes from one pose to another [s]."""
+    """Return the duration of an approach between two poses [s]."""
     far = float(np.abs(end - start).max(initial=0.0))
     return max(limits.approach_time, PEAK * far / min(limits.approach_speed, limits.speed))
 
@@ -114,7 +114,7 @@ def eased(u: Floats) -> Floats:
 
 
 def _order(trajectory: Trajectory, servo_map: ServoMap) -> list[int]:
-    """Where each joint of the map stands in the trajectory."""
+    """Return the index of each joint of the map in the trajectory."""
     bare = [joint for joint in trajectory.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
     if bare:
         raise ServoError(f"the servo map does not cover {', '.join(bare)}; it has {', '.join(servo_map.joints)}")

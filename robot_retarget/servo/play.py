@@ -1,4 +1,4 @@
-"""Play a trajectory on servos: check, take hold, approach, play, end softly, and stop rightly whatever happens."""
+"""Play a trajectory on servos: check, engage, approach, play, end; stop safely on any fault."""
 
 import math
 import time
@@ -29,7 +29,7 @@ from robot_retarget.servo.scale import Scale
 from robot_retarget.servo.sensor import open_sensor
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
-"""What ends a motion with everybody holding."""
+"""Errors that end a motion with all servos holding."""
 MADE_UP = 0.025
 """So late a tick may be and still be made, quickly, one after the other [s]: on the whole no goal moves faster."""
 
@@ -39,13 +39,13 @@ class _InterruptError(Exception):
 
 
 class Step(NamedTuple):
-    """What a tick goes towards."""
+    """Target of a tick."""
 
     wish: Floats
     """(n,) [rad]."""
     phase: str
     coming: Floats
-    """(n,) what the next tick will most likely go towards [rad]."""
+    """(n,) expected target of the next tick [rad]."""
 
 
 class Player:
@@ -95,7 +95,7 @@ class Player:
         self.say(text)
 
     def perform(self, rate: float, act: Callable[[Cycle], str]) -> Outcome:
-        """Check, engage, act at so many ticks a second, and end as is right, whatever happens; `act` says why it was over.
+        """Check, engage, act at `rate` ticks a second, and end safely; `act` returns the reason of the end.
 
         Raises:
             ServoError: the robot is not fit to be moved; nothing was moved.
@@ -146,7 +146,7 @@ class Player:
         return Ended.FINISHED.value
 
     def end_softly(self, cycle: Cycle) -> None:
-        """Go to the map's stop pose, where it has one and that is wished."""
+        """Move to the map's stop pose, if it has one and the options allow it."""
         if self.options.end_pose and self.map.stop.pose:
             here = zip(self.map.joints, cycle.guard.goal, strict=True)
             pose = np.array([self.map.stop.pose.get(joint, angle) for joint, angle in here])
@@ -194,7 +194,7 @@ class Player:
     # Endings
 
     def _leave(self, ended: Ended, reason: str, release: bool = False) -> Outcome:
-        """Let the servos keep their goals without us, or let go."""
+        """Leave the servos holding their goals, or release them."""
         try:
             leave_holding(self.link, self.guard.goal if self.guard else None)
             if release:
@@ -217,7 +217,7 @@ class Player:
         except STOPPING as error:
             return self._leave(Ended.FAULT, str(error))
         if self.interrupts.count > asked:
-            return self._leave(Ended.INTERRUPTED, "interrupted twice, let go", release=True)
+            return self._leave(Ended.INTERRUPTED, "interrupted twice, released", release=True)
         return self._leave(Ended.INTERRUPTED, "interrupted, holding")
 
     def _watch(self, asked: int) -> None:
@@ -258,12 +258,12 @@ def play(
     """Play a plan on the servos of a map.
 
     Args:
-        plan: judged goals (`plan.goal_plan`), or a trajectory as it is (`plan.plain_plan`).
+        plan: judged goals (`plan.goal_plan`) or a plain trajectory (`plan.plain_plan`).
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings.
         log: where `play.npz` goes; written however playing ends.
-        say: is told what is being done.
+        say: receives progress messages.
 
     Raises:
         ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
@@ -283,7 +283,7 @@ def perform(
     say: Callable[[str], None],
     act: Callable[[Player], Outcome],
 ) -> Outcome:
-    """Open the bus, have a player act on it at so many ticks a second, and write the log however that ends.
+    """Open the bus, let a player act on it at `rate` ticks a second, and write the log in any case.
 
     Raises:
         ServoError: as `play`.
@@ -303,7 +303,7 @@ def perform(
 
 
 def overdue(elapsed: float, period: float) -> int:
-    """How many ticks are left out after one that began so long ago [s]: the motion keeps its own time.
+    """Return the number of ticks to skip after one that began `elapsed` ago [s]: the motion keeps its time.
 
     None of a short delay: those are made up for.
     """

@@ -21,7 +21,7 @@ BACKUP_KEY = b"\x43\x54\x52\x4c"
 
 
 class Instruction(IntEnum):
-    """What a frame asks for; STATUS is an answer."""
+    """Instruction of a frame; STATUS is an answer."""
 
     PING = 0x01
     READ = 0x02
@@ -106,7 +106,7 @@ class Frame(NamedTuple):
     id: int
     instruction: int
     stuffed: bytes
-    """What stands between the instruction and the checksum, untouched. Fast replies carry no stuffing."""
+    """Bytes between instruction and checksum, as received. Fast replies have no stuffing."""
 
     @property
     def params(self) -> bytes:
@@ -120,7 +120,7 @@ class Frame(NamedTuple):
 
     @property
     def data(self) -> bytes:
-        """What a status carries behind its error byte."""
+        """Data of a status after its error byte."""
         return self.params[1:]
 
 
@@ -153,7 +153,7 @@ def sync_read(address: int, length: int, ids: Iterable[int], fast: bool = False)
 
 
 def sync_write(address: int, length: int, values: Iterable[tuple[int, bytes]]) -> bytes:
-    """Write to several servos at once; nobody answers.
+    """Write to several servos at once, without confirmation.
 
     Raises:
         ValueError: a value has not the announced length.
@@ -185,10 +185,10 @@ def fast_blocks(raw: bytes, sizes: Sequence[int]) -> Iterator[tuple[int, int, by
     """Blocks (error, id, data) of a fast answer that starts at a header, as far as they came whole.
 
     Args:
-        raw: what was received, whole or broken off.
-        sizes: the length of each block's data, in the order asked for.
+        raw: received bytes, complete or truncated.
+        sizes: length of each block's data, in the order of the request.
     """
-    # The last checksum is over all the others: where it is right, none of them needs a look.
+    # The last checksum covers the others: if it is right, they are.
     last = 8 + sum(sizes) + 4 * len(sizes) - 2
     trusted = raw[last : last + 2] == word(crc16(raw[:last]))
     crc, place = 0 if trusted else crc16(raw[:8]), 8
@@ -213,16 +213,16 @@ class Parser:
     def __init__(self, strict: bool = False) -> None:
         self.strict = strict
         self.broken = 0
-        """Frames with a wrong checksum so far."""
+        """Number of frames with a wrong checksum."""
         self._buffer = bytearray()
 
     @property
     def pending(self) -> bytes:
-        """What has come of a frame that is not whole yet."""
+        """Bytes of an incomplete frame."""
         return bytes(self._buffer)
 
     def clear(self) -> None:
-        """Forget what is pending."""
+        """Drop the incomplete frame."""
         self._buffer.clear()
 
     def feed(self, data: bytes) -> list[Frame]:
@@ -254,7 +254,7 @@ class Parser:
                     yield found
 
     def _align(self) -> bool:
-        """Bring the next header to the front; False when there is none yet."""
+        """Move the next header to the front. Returns False without one."""
         place = self._buffer.find(HEADER)
         if place < 0:
             keep = next((n for n in (3, 2, 1) if self._buffer.endswith(HEADER[:n])), 0)

@@ -16,7 +16,7 @@ class Scale:
         self._zero = np.array([s.zero for s in servo_map.servos], dtype=float)
         self._scale = np.array([s.sign * s.gear * TICKS_PER_RADIAN for s in servo_map.servos])
         self.tick = 1 / np.abs(self._scale)
-        """(n,) what a tick is at the joint [rad]."""
+        """(n,) angle of the joint per tick [rad]."""
         ranges = np.array([s.tick_range for s in servo_map.servos])
         self.low, self.high = ranges[:, 0], ranges[:, 1]
         """(n,) lowest and highest goal [ticks]."""

@@ -149,14 +149,14 @@ TABLE_END = 662
 
 @dataclass(frozen=True)
 class Model:
-    """One servo type: its number on the bus and what its table has; `motor` says what it can do."""
+    """One servo type: model number and control table; `motor` has its torque and speed."""
 
     name: str
     number: int
     table: str = "xm"
     """`xm` with current control, `xl` without it (register 126 is the load, 0.1 %), `x330` for 5 V."""
     current_unit: float = 2.69e-3
-    """[A], or 0 where there is no current to read."""
+    """[A]; 0 for a servo without current sensing."""
     current_limit: int = 1193
     velocity_limit: int = 200
     fast_from: int | None = 45
@@ -210,7 +210,7 @@ def model_named(name: str) -> Model:
     """A model by its name, as printed on the servo; a trailing -R or -T (its connector) is ignored.
 
     Raises:
-        ServoError: no such model is known.
+        ServoError: unknown model.
     """
     return MODELS[motor_named(name).name]
 

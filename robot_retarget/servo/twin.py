@@ -16,9 +16,9 @@ from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.window import Window
 
 SUPPORT = 0.3
-"""The trunk is held, as by a hand, until all servos have had torque and all joints have been still for so long [s]."""
+"""Time with torque on and joints still after which the trunk is released [s]."""
 STILL = 0.01
-"""Joints that stay within this of where they are are still [rad]."""
+"""Largest movement of a joint that counts as still [rad]."""
 LOWERING = 0.2
 """A held robot whose feet are off the floor is lowered at this speed [m/s]."""
 
@@ -78,7 +78,7 @@ class Twin:
 
     @property
     def held(self) -> bool:
-        """Whether the trunk is still held by hand."""
+        """Whether the trunk is held."""
         return self._root is not None and self._held_for <= self.support
 
     def advance(self, torques: Sequence[float], holding: Sequence[bool]) -> None:
@@ -115,7 +115,7 @@ class Twin:
             self._held_for, self._place = 0.0, here.copy()
 
     def _set_down(self) -> None:
-        """The hand keeps the trunk upright in its place and lets the feet just touch the floor, whatever the legs do."""
+        """Keep the trunk upright in its place, with the feet just on the floor."""
         assert self._root is not None
         contact, scene = self.data.contact, self.model.geom_bodyid == 0
         depths = -contact.dist[scene[contact.geom].any(axis=1)] if self.data.ncon else np.zeros(0)

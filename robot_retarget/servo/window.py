@@ -1,4 +1,4 @@
-"""MuJoCo's viewer on the digital twin, where there is a display."""
+"""MuJoCo's viewer of the digital twin, on a display."""
 
 import sys
 import threading
@@ -11,7 +11,7 @@ from robot_retarget.errors import ServoError
 PERIOD = 1 / 60
 """Of the twin's time between two pictures [s]."""
 CLOSING = 2.0
-"""So long a window may take to go [s]."""
+"""Timeout for closing a window [s]."""
 
 
 class Window:
@@ -51,7 +51,7 @@ class Window:
 
 
 def _require_display() -> None:
-    """The viewer ends the whole process where there is no display, so this asks first."""
+    """Check for a display first: without one the viewer ends the process."""
     if sys.platform == "darwin":
         return
     import glfw

@@ -58,7 +58,7 @@ def test_a_report_that_was_edited_is_refused(tmp_path: Path, edit: dict[str, Any
     path = passing(tmp_path, verdict="fail", reasons=["fell"], mode="pinned", thresholds=loose)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(json.loads(report.read_text()) | edit))
-    with pytest.raises(ServoError, match=r"report\.json was edited since it was written; judge it anew"):
+    with pytest.raises(ServoError, match=r"report\.json was edited since it was written; judge it again"):
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
 
 
@@ -99,7 +99,7 @@ def test_a_trajectory_of_another_robot_than_judged_is_refused(tmp_path: Path) ->
 )
 def test_a_sealed_report_of_nonsense_is_refused_in_a_sentence(tmp_path: Path, nonsense: dict[str, Any]) -> None:
     path = passing(tmp_path, **nonsense)
-    with pytest.raises(ServoError, match="judge it anew"):
+    with pytest.raises(ServoError, match="judge it again"):
         require_judged(path, JUDGED, ARM, "arm.toml")
 
 
@@ -125,7 +125,7 @@ def test_calibration_and_bus_are_the_robot_s_own_affair() -> None:
 )
 def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     path = passing(tmp_path, **changes)
-    with pytest.raises(ServoError, match=rf"{message}.*; judge it anew: robot-retarget simulate .* --servos arm\.toml"):
+    with pytest.raises(ServoError, match=rf"{message}.*; judge it again: robot-retarget simulate .* --servos arm\.toml"):
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
 
 
@@ -133,16 +133,16 @@ def test_a_missing_or_broken_report_is_refused(tmp_path: Path) -> None:
     path = passing(tmp_path)
     for text in ("[1]", "{", "[" * 100_000):
         (tmp_path / "report.json").write_text(text)
-        with pytest.raises(ServoError, match=r"no report.*; judge it anew"):
+        with pytest.raises(ServoError, match=r"no report.*; judge it again"):
             require_judged(path, JUDGED, ARM, "arm.toml")
     (tmp_path / "report.json").unlink()
-    with pytest.raises(ServoError, match=r"no report at .*; judge it anew"):
+    with pytest.raises(ServoError, match=r"no report at .*; judge it again"):
         require_judged(path, JUDGED, ARM, "arm.toml")
 
 
 def test_a_file_without_goals_or_with_edited_ones_is_refused(tmp_path: Path) -> None:
     bare = passing(tmp_path, replace(JUDGED, goals=None))
-    with pytest.raises(ServoError, match="holds no goals; judge it anew"):
+    with pytest.raises(ServoError, match="holds no goals; judge it again"):
         require_judged(bare, load_trajectory(bare), ARM, "arm.toml")
     path = passing(tmp_path)
     angles = GOALS.angles.copy()
@@ -188,7 +188,7 @@ def test_simulate_keeps_what_play_sends_and_the_command_of_a_refusal_mends_it(tm
     assert call(*play, "--mode", "pinned").returncode == 0
     refused = call(*play)
     assert refused.returncode == 2 and "no report at" in refused.stderr
-    command = shlex.split(refused.stderr.replace("\n", " ").partition("judge it anew: ")[2])
+    command = shlex.split(refused.stderr.replace("\n", " ").partition("judge it again: ")[2])
     assert command[0] == "robot-retarget" and call(*command[1:]).returncode == 0
     goals = load_trajectory(path).goals
     assert goals is not None and goals.lead_in == goals.lead_out == 1.0

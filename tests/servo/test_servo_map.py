@@ -77,7 +77,7 @@ def test_the_shipped_maps_load_and_name_their_robot() -> None:
         ("[servo.a]\nid = 1\nmodel = 'XM430-W350'\n[servo.b]\nid = 1\nmodel = 'XM430-W350'", "id 1 stands twice"),
         ("[servo.a]\nid = '1'\nmodel = 'XM430-W350'", "a: id cannot be '1'"),
         ("[stop.pose]\nb = 1.0\n[servo.a]\nid = 1\nmodel = 'XM430-W350'", "names 'b', which has no servo; known: a"),
-        ("baud = 31250\n[servo.a]\nid = 1\nmodel = 'XM430-W350'", "baud 31250 is none"),
+        ("baud = 31250\n[servo.a]\nid = 1\nmodel = 'XM430-W350'", "baud 31250 is not a rate"),
         ("[servo.a\n", "Expected"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What a write may touch: stretches of bytes made into registers and values, or the error code that refuses them."""
+"""Resolve a write: byte ranges become registers and values, or an error code."""
 
 from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, allowed_modes
 from robot_retarget.servo.emulator.registers import Registers
@@ -44,7 +44,7 @@ def refusal(r: Registers, name: str, value: int, expired: bool) -> int:
     register, mode = r.by_name[name], r["operating_mode"]
     if not register.writable or (register.address < EEPROM_END and r["torque_enable"]):
         return Error.ACCESS
-    # The watchdog itself reads −1 when it has expired; nobody may write that.
+    # An expired watchdog reads −1; hosts may not write that.
     if not (0 if name == "bus_watchdog" else register.low) <= value <= register.high:
         return Error.DATA_RANGE
     if (name == "operating_mode" and value not in allowed_modes(r)) or (name in GOALS.values() and expired):

@@ -1,4 +1,4 @@
-"""One servo: what its registers mean. Reads and writes come from the bus, time from the world."""
+"""One servo: the meaning of its registers. The bus reads and writes them; the world sets the time."""
 
 from dataclasses import dataclass, field
 
@@ -72,7 +72,7 @@ class Device:
     # What happens to it
 
     def boot(self) -> None:
-        """Power-up: RAM defaults, present position folded to one turn, goal where it is."""
+        """Power up: RAM defaults, present position folded to one turn, goal at the present position."""
         registers = self.registers
         registers.reset_ram()
         registers["backup_ready"] = registers.backup is not None
@@ -86,7 +86,7 @@ class Device:
             registers["torque_enable"] = 1
 
     def place(self, ticks: float) -> None:
-        """Turn the shaft by hand, so that hosts see it at `ticks`; the goal register stays as it is."""
+        """Turn the shaft by hand to `ticks` as hosts see it; the goal register does not change."""
         self.motor.position, self.motor.velocity = self.shaft.hidden(ticks), 0.0
 
     def fail(self, bit: int) -> None:
@@ -170,7 +170,7 @@ class Device:
         return Error.NONE
 
     def act(self) -> int:
-        """Carry out what was registered."""
+        """Execute the registered write."""
         pending, self._pending = self._pending, None
         self.registers["registered_instruction"] = 0
         return self.write(*pending) if pending else Error.NONE
@@ -206,7 +206,7 @@ class Device:
             return Error.RESULT_FAIL
         return Error.NONE
 
-    # What a written register does
+    # Effects of written registers
 
     def _apply(self, name: str, value: int) -> None:
         r = self.registers

@@ -1,10 +1,10 @@
-"""What goes wrong on request, in words: on the command line, or while the emulator runs.
+"""Faults on request, as sentences: on the command line, or while the emulator runs.
 
     silent 3        servo 3 no longer hears or answers; `heard 3` brings it back; `silent all`
-    drop 0.05       so many of the answers are lost
-    corrupt 0.05    so many of the answers have a wrong bit
-    delay 5         answers come so many ms late
-    noise 0.05      so many of the answers follow noise bytes
+    drop 0.05       share of answers that are lost
+    corrupt 0.05    share of answers with a wrong bit
+    delay 5         answers are late by this time [ms]
+    noise 0.05      share of answers after noise bytes
     echo 1          the host hears itself, as on an adapter without direction control
     overload 3      a hardware error of servo 3: overload, encoder, shock
     jam 3           something holds the shaft of servo 3; `free 3` lets it turn again (without --physics)
@@ -49,7 +49,7 @@ class Wire:
     chance: random.Random = field(default_factory=lambda: random.Random(1))
 
     def spoil(self, answer: bytes) -> bytes:
-        """What is left of an answer on the host's side."""
+        """Return an answer as the host receives it."""
         if self.drop and self.chance.random() < self.drop:
             return b""
         if self.corrupt and self.chance.random() < self.corrupt:
@@ -96,7 +96,7 @@ class Faults:
             self._actions[name] = lambda who, bit=bit: [d.fail(bit) for d in self._devices(who)]
 
     def add(self, sentence: str) -> None:
-        """Do what a sentence says, now or after the time it names.
+        """Carry out a sentence, now or after its time.
 
         Raises:
             ServoError: the sentence means nothing.
@@ -117,7 +117,7 @@ class Faults:
             raise ServoError(f"fault {sentence!r}: {error}") from None
 
     def due(self, now: float) -> None:
-        """Do what was planned until `now` [s]."""
+        """Carry out the sentences due until `now` [s]."""
         for planned in [p for p in self._later if p[0] <= now]:
             self._later.remove(planned)
             self.add(planned[1])

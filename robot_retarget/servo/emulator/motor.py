@@ -17,7 +17,7 @@ OVERLOAD_DUTY = 0.8
 OVERLOAD_SPEED = 0.1
 """... and does not reach this part of its no-load speed carries more than it can ..."""
 OVERLOAD_TIME = 1.0
-"""... and after so long without a break reports overload [s]."""
+"""... and after this time without a break reports overload [s]."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Motor:
     friction: float = 0.03
     """Dry [N m]."""
     jammed: bool = False
-    """Something holds the shaft where it is."""
+    """Whether the shaft is blocked."""
     strained: float = 0.0
     """For how long it has carried more than it can [s]."""
     integral: float = field(default=0.0, repr=False)

@@ -43,7 +43,7 @@ class Network:
         return [device for device in self.devices if device.powered and device.id not in self.silent]
 
     def answer(self, frame: Frame) -> list[Answer]:
-        """Carry out an instruction; what comes back, in order. Unanswered instructions give an empty list."""
+        """Execute an instruction. Returns the answers in order, an empty list without any."""
         if frame.instruction == Instruction.STATUS:
             return []
         for device in self.listening():
@@ -62,7 +62,7 @@ class Network:
         return [a for a in answers if a] if frame.instruction == Instruction.PING else []
 
     def _single(self, device: Device, frame: Frame) -> Answer | None:
-        """One device's answer to an instruction of its own."""
+        """Return one device's answer to an instruction."""
         level = device.registers["status_return_level"]
         delay = device.registers["return_delay_time"] * RETURN_DELAY_UNIT
         identity = device.id

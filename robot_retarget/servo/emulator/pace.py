@@ -12,7 +12,7 @@ class Pace:
 
     baud: int | None = None
     usb_latency: float = 0.0
-    """What an adapter waits before it hands on what it has."""
+    """Latency of the adapter [s]."""
     free: float = 0.0
     """When the wire is next free."""
 

@@ -7,7 +7,7 @@ REBOUND_FROM = 64
 
 
 class Registers:
-    """Bytes with names. Knows which addresses exist, nothing of what they mean."""
+    """Named bytes: which addresses exist, without their meaning."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

@@ -32,7 +32,7 @@ def emulator(
     view: bool = False,
     lockstep: float | None = None,
 ) -> Server:
-    """A server with one device for every servo of a map, on motors of their own or on a robot in MuJoCo.
+    """Return a server with one device per servo of a map, on separate motors or on a robot in MuJoCo.
 
     Args:
         servo_map: ids, models, zeros and the baud rate.
@@ -43,7 +43,7 @@ def emulator(
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
         return_delay: register 9 of every servo [2 µs].
         view: show the robot in MuJoCo in a window.
-        lockstep: time goes on by one period of this rate with each frame of goals, and not with the clock [1/s].
+        lockstep: advance time by one period of this rate per frame of goals instead of the clock [1/s].
 
     Raises:
         ServoError: the model, a fault, the link or the window is not to be had.
@@ -91,7 +91,7 @@ def scene_of(robot: str) -> Path:
     """The scene of a shipped robot: with a floor.
 
     Raises:
-        ServoError: no such robot ships.
+        ServoError: no model ships for the robot.
     """
     for name in ("scene.xml", f"{robot}.xml"):
         if (MODELS / robot / name).is_file():

@@ -28,9 +28,9 @@ from robot_retarget.servo.tables import BAUDS, XM430_W350
 SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""
 TICK = 0.01
-"""The loop looks after time and torque at least so often [s]."""
+"""Longest interval between two updates of the world [s]."""
 AWAKE = 60e-6
-"""So long before an answer is due the loop wakes up, for the system may be late by as much [s]."""
+"""Time before an answer is due at which the loop wakes up, for scheduling delays [s]."""
 HUSH = 0.3e-3
 """Around the last answer to a request the world stands still [s]: a host in a hurry asks again at once."""
 BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(termios, f"B{baud}")}
@@ -61,7 +61,7 @@ class Terminal:
 
     @property
     def baud(self) -> int | None:
-        """What the host has set, where the system has a name for it."""
+        """Return the baud rate that the host set, if known."""
         return BAUD_CODES.get(termios.tcgetattr(self._slave)[4])
 
     def allow_reopening(self) -> None:
@@ -74,7 +74,7 @@ class Terminal:
         return b""
 
     def write(self, data: bytes) -> None:
-        """To the host; what it does not fetch is lost, as on a wire."""
+        """Write to the host; unread bytes are lost, as on a wire."""
         with contextlib.suppress(BlockingIOError):
             os.write(self.master, data)
 
@@ -86,7 +86,7 @@ class Terminal:
 
 
 class Server:
-    """Runs a network and its world behind a terminal until it is told to stop."""
+    """Runs a network and its world behind a pseudo terminal until it is stopped."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Server:
         strict: bool = False,
         lockstep: float | None = None,
     ) -> None:
-        """`lockstep`: the world goes on by so much with each frame of goals, and not with the clock [s]."""
+        """`lockstep`: time by which each frame of goals advances the world, instead of the clock [s]."""
         self._lockstep, self._told = lockstep, 0
         self.network, self.world, self.pace, self.strict = network, world, pace, strict
         self.wire = Wire()
@@ -127,11 +127,11 @@ class Server:
                 self.world.plant.close()
 
     def _turn(self, commands: bool) -> None:
-        """One round: wait for bytes, commands or the time, then do what is due."""
+        """Run one round: wait for bytes, commands or the next due time, then process them."""
         wanted = [self.terminal.master] if self.terminal else []
         ready, _, _ = select.select([*wanted, *([sys.stdin] if commands else [])], [], [], self._patience())
         if self.terminal is not None and not ready:
-            # What is due goes out before the world takes its time.
+            # Due answers go out before the world is stepped.
             self._send(self.terminal)
         now = time.monotonic() - self._began
         if self._lockstep is None and (abs(now - self._through) > HUSH or now - self.world.time > TICK):
@@ -168,7 +168,7 @@ class Server:
                 self._told += 1
                 self.world.advance(
                     self._told * self._lockstep + self.world.step / 2
-                )  # whole steps, whatever rounding does
+                )  # whole steps in spite of rounding
             self.pace.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
                 due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
@@ -176,7 +176,7 @@ class Server:
                 self._through = due
 
     def _send(self, terminal: Terminal) -> None:
-        """Everything that is through by now, in one go; what is through in a moment is awaited."""
+        """Send all answers that are due; wait for those due within a moment."""
         now, through = time.monotonic() - self._began, []
         while self._out and self._out[0][0] <= now + AWAKE:
             due, data = self._out.popleft()
@@ -210,7 +210,7 @@ class Server:
             print(json.dumps({"error": str(error)}), flush=True)
 
     def state(self) -> dict[str, Any]:
-        """What a bystander sees."""
+        """Return the state for tests."""
         servos = {}
         for device in self.network.devices:
             device.publish()

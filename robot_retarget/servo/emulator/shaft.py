@@ -7,9 +7,9 @@ from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN
 
 IN_POSITION = 20
-"""So near its goal a servo calls itself in position [ticks]."""
+"""Distance from its goal within which a servo is in position [ticks]."""
 FOLLOWING_ERROR = 100
-"""So far from its path it says that it lags [ticks]."""
+"""Distance from its path beyond which it reports a following error [ticks]."""
 
 
 class Shaft:
@@ -28,7 +28,7 @@ class Shaft:
 
     @property
     def offset(self) -> int:
-        """The homing offset, where it has effect [ticks]."""
+        """The homing offset, if it has an effect [ticks]."""
         offset = self.registers["homing_offset"]
         single = self.registers["operating_mode"] == POSITION
         return 0 if single and abs(offset) > HOMING_REACH else offset

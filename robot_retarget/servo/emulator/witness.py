@@ -1,11 +1,11 @@
-"""What a bystander notes of the hosts of a servo."""
+"""Log of the writes of hosts to a servo."""
 
 from dataclasses import dataclass
 
 
 @dataclass
 class Witness:
-    """What hosts have asked of a servo since it was made: for tests, and for those who write hosts."""
+    """Extremes of the writes since the start, for tests and for authors of hosts."""
 
     goals: int = 0
     lowest_goal: int = 1 << 31
@@ -23,5 +23,5 @@ class Witness:
             self.step(goal, here)
 
     def step(self, goal: int, here: float) -> None:
-        """The way from where the shaft is to where it is to go."""
+        """Record the distance from the shaft to a goal."""
         self.largest_step = max(self.largest_step, round(abs(goal - here)))

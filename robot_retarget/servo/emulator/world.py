@@ -1,4 +1,4 @@
-"""Time, supply and what the shafts turn: the loop between controllers and motors."""
+"""Time, supply and plant: the loop between controllers and motors."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -20,7 +20,7 @@ class Plant(Protocol):
     """[s]."""
 
     def advance(self, torques: Sequence[float], holding: Sequence[bool]) -> None:
-        """Turn by one step under torques [N m]; `holding` tells which servos have torque on."""
+        """Step under torques [N m]; `holding` marks servos with torque on."""
         ...
 
     def shafts(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -28,7 +28,7 @@ class Plant(Protocol):
         ...
 
     def state(self) -> dict[str, Any]:
-        """What a bystander sees of it."""
+        """Return the state for tests."""
         ...
 
     def close(self) -> None:
@@ -47,7 +47,7 @@ class World:
         self.step = plant.step if plant else STEP
         self.time = 0.0
         self.lost = 0.0
-        """Time that was let go because the machine was too slow [s]."""
+        """Skipped time, where the machine was too slow [s]."""
         if plant is not None:
             self._take_over()
 
