@@ -137,10 +137,10 @@ def screen() -> Iterator[str]:
 
 def test_mistakes_end_in_a_sentence_and_exit_code_2(tmp_path: Path) -> None:
     for arguments, sentence in (
-        (("servos", "emulate", "--map", "nobody"), "cannot read the servo map nobody"),
+        (("servos", "emulate", "--map", "nobody"), "cannot read nobody: No such file"),
         (("servos", "emulate", "--map", "op3", "--fault", "explode 3"), "no fault 'explode 3'; known: silent"),
         (("servos", "scan", "--port", tmp_path / "none"), "cannot open"),
-        (("servos", "scan", "--port", "/dev/null"), "cannot open /dev/null: it is no serial port"),
+        (("servos", "scan", "--port", "/dev/null"), "cannot open /dev/null: it is not a serial port"),
         (("servos", "emulate", "--map", "op3", "--view"), "--view needs --physics"),
         (("servos", "emulate", "--map", "op3", "--physics", "--view"), "--view needs a display"),
     ):

@@ -64,9 +64,7 @@ def test_a_report_that_was_edited_is_refused(tmp_path: Path, edit: dict[str, Any
 
 def test_a_pass_with_the_pelvis_held_plays_only_where_that_is_said(tmp_path: Path) -> None:
     path = passing(tmp_path, mode="pinned")
-    with pytest.raises(
-        ServoError, match=r"passed in mode pinned .*, not free; --mode pinned plays it on a robot that is"
-    ):
+    with pytest.raises(ServoError, match=r"passed in mode pinned .*, not free; --mode pinned plays it on a robot held"):
         require_judged(path, JUDGED, ARM, "arm.toml")
     require_judged(path, JUDGED, ARM, "arm.toml", mode="pinned")
 
@@ -125,7 +123,9 @@ def test_calibration_and_bus_are_the_robot_s_own_affair() -> None:
 )
 def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     path = passing(tmp_path, **changes)
-    with pytest.raises(ServoError, match=rf"{message}.*; judge it again: robot-retarget simulate .* --servos arm\.toml"):
+    with pytest.raises(
+        ServoError, match=rf"{message}.*; judge it again: robot-retarget simulate .* --servos arm\.toml"
+    ):
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
 
 

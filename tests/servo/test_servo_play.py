@@ -215,7 +215,7 @@ REFUSED = {
     "heat 4 72": "j4 .* is 72 °C hot, 70 at most",
     "overload 1": "j1 .* hardware error: overload",
     "place 1 4000": "j1 .* stands at .* outside .* turn it by hand",
-    "duplicate 2 3": "j2 .*two servos|j3 .* does not answer",
+    "duplicate 2 3": "j2 .*two servos share|j3 .* does not answer",
 }
 
 
