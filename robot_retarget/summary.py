@@ -1,4 +1,4 @@
-"""What a motion, a robot or a solution is, as plain values: for `info`, for `--explain`, for JSON."""
+"""Facts about motions, robots and solutions as plain values: for `info`, `--explain` and JSON."""
 
 from collections import Counter
 from typing import Any
@@ -16,7 +16,7 @@ from robot_retarget.solve.solution import Solution
 
 
 def describe_motion(motion: Motion) -> dict[str, Any]:
-    """Length, rate, size and the keypoint map of a motion; `human` is False with the reason when it is none."""
+    """Length, rate, size and the keypoint map of a motion; `human` is False, with the reason, for another body."""
     facts: dict[str, Any] = {
         "kind": "motion",
         "source": motion.source,
@@ -74,7 +74,7 @@ def _map_advice(keypoints: dict[str, dict[str, Any]]) -> list[str]:
 
 
 def describe_robot(robot: Robot) -> dict[str, Any]:
-    """Joints with their limits and the keypoint map of a robot; `humanoid` is False with the reason when it is none."""
+    """Joints with their limits and the keypoint map of a robot; `humanoid` is False, with the reason, for another robot."""
     facts: dict[str, Any] = {
         "kind": "robot",
         "name": robot.name,

@@ -139,7 +139,7 @@ class Trajectory:
         return len(self.qpos)
 
     def require_source(self, source: str, sha256: str) -> None:
-        """Require that a motion is the one this trajectory was made of, by its hash, or by its name if the hash is unknown.
+        """Require that this trajectory comes from a motion, by its hash, or by its name if the hash is unknown.
 
         Raises:
             TrajectoryError: it is another one.
@@ -148,7 +148,7 @@ class Trajectory:
         own, given = Path(self.source).name, Path(source).name
         if self.source_sha256 != sha256 if hashed else own and Path(own).stem != Path(given).stem:
             why = "their contents differ" if hashed else "their names differ"
-            raise TrajectoryError(f"the trajectory was made of {own or 'another motion'}, not of {given}: {why}")
+            raise TrajectoryError(f"the trajectory comes from {own or 'another motion'}, not from {given}: {why}")
 
     @property
     def duration(self) -> float:

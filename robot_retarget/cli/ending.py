@@ -1,4 +1,4 @@
-"""How the program ends where a command does not come to its own end: a user's mistake, Ctrl-C, a defect."""
+"""Ends of the program other than success: a user's mistake, Ctrl-C, a defect."""
 
 import os
 import sys
@@ -20,7 +20,7 @@ from robot_retarget.files import folder
 MISTAKE = 2
 """Exit code of bad input."""
 DEFECT = 70
-"""Exit code of an exception that nobody foresaw: `EX_SOFTWARE` of sysexits.h."""
+"""Exit code of an unexpected exception: `EX_SOFTWARE` of sysexits.h."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
 NOBODY_READS = 141
@@ -31,15 +31,13 @@ NOTHING = "no file was written"
 
 
 class Interruptible(TyperGroup):
-    """Commands that Ctrl-C ends with a sentence on what is kept: that of the exception, where it has one."""
+    """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stopped:
-            exec(
-                ""
-            )  # Python remembers a Ctrl-C inside code made of text as unhandled until the next such code, and dies of it
+            exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
             console.err.print(f"stopped: {str(stopped) or NOTHING}", markup=False, style="yellow")
             raise typer.Exit(INTERRUPTED) from stopped
         except BrokenPipeError as closed:
@@ -48,7 +46,7 @@ class Interruptible(TyperGroup):
 
 
 def ending(program: Callable[[], None]) -> None:
-    """Run a program; mistakes and defects end in a sentence and an exit code of their own, warnings in a note."""
+    """Run a program; mistakes and defects end in a message and an exit code, warnings in a note."""
     warnings.showwarning = lambda message, *_: console.note(str(message))
     try:
         program()
@@ -101,7 +99,7 @@ def filling(path: Path) -> Iterator[Filled]:
 
 
 def _contents(target: Path) -> dict[Path, int]:
-    """The files of a folder, if it is there, and when each was written."""
+    """Return the files of a folder with their modification times; empty if the folder does not exist."""
     return {path: path.stat().st_mtime_ns for path in target.glob("*")}
 
 

@@ -20,7 +20,7 @@ def simulate(
         Literal["pinned", "free"], typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")
     ] = "pinned",
     compensate: Annotated[
-        bool, typer.Option(help="Send goals that make up for lag and load, or the trajectory as it is.")
+        bool, typer.Option(help="Send goals that compensate lag and load, or the trajectory itself.")
     ] = True,
     feedback: Annotated[
         bool, typer.Option(help="With --mode free: judge goals with the balance feedback of the servo map's sensor.")
@@ -34,7 +34,7 @@ def simulate(
         Path | None,
         typer.Option(
             "--report",
-            help="The report to write; by default report.json (free) or report.pinned.json beside the trajectory.",
+            help="The report to write; by default report.json (free) or report.pinned.json in the folder of the trajectory.",
         ),
     ] = None,
     draws: Draws = 10,

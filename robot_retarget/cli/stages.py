@@ -1,4 +1,4 @@
-"""What the commands have the stages do, from files to files, and what they say of it."""
+"""The stages behind the commands: from files to files, with messages on the terminal."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ FILM_COST = 2.2
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a user may say about how a motion is retargeted."""
+    """Options of a user for a retargeting."""
 
     fps: float | None
     map_file: Path | None
@@ -97,7 +97,7 @@ def retarget_cost(motion: "Motion") -> float:
 
 
 def simulation_cost(length: float, draws: int) -> float:
-    """About how long it takes to simulate so many seconds [s]."""
+    """Return the approximate time to simulate a length [s]."""
     return 1.0 + (0.1 + 0.03 * draws) * length
 
 
@@ -145,7 +145,7 @@ def judged_plain(trajectory: "Trajectory", robot: "Robot", mode: str, rate: floa
 
     report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate))
     if report.verdict != "pass":
-        raise ServoError(f"played as it is it does not pass: {'; '.join(report.reasons)}")
+        raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
     assert report.trajectory is not None
     return report.trajectory
 
@@ -203,7 +203,7 @@ def played_on_emulated(robot: str, folder: Path) -> "Outcome | None":
 
 
 def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> tuple[Path, Path | None]:
-    """Draw the film, if it is asked for, and the strip; what cannot be drawn is said. Returns their paths."""
+    """Draw the film, if requested, and the strip, and return their paths; notes name a picture that cannot be drawn."""
     from robot_retarget.view import Picture, Unavailable, strip, video
 
     robot, (human, bones) = result.robot, result.match.figure(result.motion)
@@ -320,10 +320,10 @@ def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
 
 
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
-    """Require that a trajectory was made of a motion, unless forced.
+    """Require that a trajectory comes from a motion, unless forced.
 
     Raises:
-        UsageError: it was made of another one.
+        UsageError: it comes from another motion.
     """
     from robot_retarget.errors import TrajectoryError
 
@@ -335,14 +335,14 @@ def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> N
 
 
 def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
-    """A robot by name or file, its missing limits and its servos from files of their own."""
+    """Load a robot by name or file, with missing limits and servos from separate files."""
     from robot_retarget.robot import load_robot
 
     return load_robot(name, limits, servos)
 
 
 def names_robot(name: str) -> bool:
-    """Whether a word stands for a robot rather than for a motion file."""
+    """Return whether a name is that of a robot, not of a motion file."""
     from robot_retarget.robot import shipped_robots
     from robot_retarget.robot.catalog import MODEL_FILES
 

@@ -1,4 +1,4 @@
-"""`view`: trajectories to look at, in a browser, on a page of their own, as a film or as pictures."""
+"""`view`: show trajectories in a browser, on a page, as a film or as pictures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,7 +28,7 @@ def view(
         list[str],
         typer.Option("--robot", "-r", help="As for solve; once for all trajectories, or once for each of them."),
     ],
-    motion: Annotated[Path | None, typer.Option(help="The clip they came from: the human beside the robot.")] = None,
+    motion: Annotated[Path | None, typer.Option(help="The clip that they come from, to show the human too.")] = None,
     frames: Frames = None,
     up: Up = None,
     map_file: Overrides = None,
@@ -42,11 +42,11 @@ def view(
     edits: Annotated[
         Path,
         typer.Option(
-            help="Where touch-ups are saved (.toml), for mend and solve; the trajectory lies beside it (.npz)."
+            help="Where touch-ups are saved (.toml), for mend and solve; the trajectory is saved next to it (.npz)."
         ),
     ] = Path("EDITS.toml"),
     port: Annotated[int, typer.Option(help="Where to serve the page; 0 takes a free port.")] = 8410,
-    browser: Annotated[bool, typer.Option(help="Open a browser on it, where there is a screen.")] = True,
+    browser: Annotated[bool, typer.Option(help="Open a browser, if there is a display.")] = True,
     limits: Limits = None,
     force: Force = False,
     json: Json = False,
@@ -98,7 +98,11 @@ def _takes(
 
 
 def _draw(take: "Take", video: Output, gif: Output, strip: Output) -> None:
-    """Write the pictures that were asked for; what cannot be drawn is said."""
+    """Write the requested pictures.
+
+    Raises:
+        UsageError: a picture cannot be drawn.
+    """
     from robot_retarget.view import Unavailable
     from robot_retarget.view import gif as write_gif
     from robot_retarget.view import strip as draw_strip

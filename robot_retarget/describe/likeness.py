@@ -39,7 +39,7 @@ class Likeness:
     """Per bone, named by the keypoint at its end, (T,) angle between the human's and the robot's, each seen from its own
     pelvis' heading [rad]."""
     contacts: float | None
-    """Share of the human's hand contacts that the robot makes; None if there are none."""
+    """Share of the human's hand contacts that the robot makes; None without contacts."""
     human: Travel
     """In the human's own metres."""
     robot: Travel
@@ -195,7 +195,7 @@ def bone_angles(
 ) -> dict[str, Floats]:
     """Per bone of the compared `PARTS` the angle between the human's and the robot's: θ = arccos(û · v̂).
 
-    Each bone is seen from the heading of its own pelvis, the hip line.
+    Angles are relative to the heading of each body's hip line.
 
     Args:
         human: (T, K, 3) keypoints [m].

@@ -101,7 +101,7 @@ def _counted(place: Floats, swinging: Bools, rule: StepRule) -> int:
 
 
 def _inner(swinging: Bools, count: int) -> list[tuple[int, int]]:
-    """The swings that begin and end within so many frames."""
+    """The swings that begin and end inside a clip of `count` frames."""
     return [(start, stop) for start, stop in intervals(swinging) if start > 0 and stop < count]
 
 

@@ -1,9 +1,9 @@
-"""Lag compensation: tell the servos what makes the joints be where they should be, when they should be there.
+"""Lag compensation: compute the goals that make the joints follow the trajectory in time.
 
     u(t) = q(t') + (τ(t') + f tanh(ω(t') / ω_f) − b ω(t')) / k_p,    t' = t + delay + half a goal's hold
 
 τ comes from inverse dynamics along the motion (inertia, gravity, damping), f is the dry friction, b the servo's own
-speed term. On a floor the root's share of the inverse dynamics is what the planted soles must push, and what they push loads
+speed term. On a floor the planted soles provide the root's part of the inverse dynamics, and their push loads
 the legs: forces within friction pyramids at the soles' corners, by non-negative least squares.
 """
 
@@ -27,7 +27,7 @@ from robot_retarget.simulate.torque_limited_reference import torque_limited_refe
 from robot_retarget.trajectory import Trajectory
 
 SMOOTHING = 0.02
-"""Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]; servos follow none quicker."""
+"""Inverse dynamics uses accelerations averaged over a window of this standard deviation [s]; servos do not follow faster ones."""
 SLOW = 0.05
 """Dry friction reverses within ± this speed [rad/s]."""
 USABLE = 0.95
@@ -92,7 +92,7 @@ def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
 
 
 def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Floats, Floats]:
-    """What the servos must give (N, n) [N m] and how fast they turn (N, n) [rad/s]."""
+    """Return the torques of the servos (N, n) [N m] and their speeds (N, n) [rad/s]."""
     model = copy.copy(plant.model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
@@ -117,7 +117,7 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
 class _Links:
     """Hinges that no servo drives hang on others by gears and closed chains: their load goes to those.
 
-    With J the slopes of what couples them, forces τ + Jᵀλ do the same; λ is chosen such that nothing is left for the loose hinges.
+    With J the Jacobian of the coupling, forces τ + Jᵀλ have the same effect; λ makes the forces of the loose hinges zero.
     """
 
     def __init__(self, plant: Plant):
@@ -135,7 +135,7 @@ class _Links:
 
 
 def _ahead(goals: Floats, rate: float, delay: float) -> Floats:
-    """Goals (N, n) sent early by the delay and half a hold; both ends stay what they are."""
+    """Send goals (N, n) early by the delay and half a hold; both ends are unchanged."""
     at = np.arange(len(goals)) + (delay * rate + 0.5)
     sent = np.stack([np.interp(at, np.arange(len(goals)), column) for column in goals.T], axis=1)
     sent[0] = goals[0]

@@ -48,7 +48,7 @@ class Contacts:
 
 
 class ContactLog:
-    """Collects MuJoCo's contacts while frames or steps go by."""
+    """Collects MuJoCo's contacts over frames or steps."""
 
     def __init__(self, model: mujoco.MjModel):
         self._body = np.asarray(model.geom_bodyid)

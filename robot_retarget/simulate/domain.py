@@ -1,4 +1,4 @@
-"""Worlds a little other than the model: a motion that stands up to all of them may stand up to the real one."""
+"""Randomised simulations: mass, friction, servo stiffness, delay and tilt differ from those of the model."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from robot_retarget.simulate.stepping import Playback
 
 @dataclass(frozen=True)
 class Draw:
-    """One world: what it has in place of, or on top of, the model's."""
+    """Parameters of one drawn simulation."""
 
     mass: float = 1.0
     """Times the mass and inertia of every body."""
@@ -50,7 +50,7 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
 
 
 def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback]:
-    """The plant and the playback in a drawn world. The floor stays where it is: gravity tilts against it."""
+    """Return the plant and the playback with drawn parameters. The floor is fixed and gravity is tilted."""
     model = copy.copy(plant.model)
     model.body_mass *= draw.mass
     model.body_inertia *= draw.mass

@@ -78,7 +78,7 @@ class ClosedLoop:
     """The law in the simulation: reads the state, gives the controls of each row.
 
     Args:
-        imu: the sensor; its gyroscope's bias was taken off before the motion.
+        imu: the sensor; the bias of its gyroscope is subtracted before the motion.
         seed: of the sensor's noise and bias.
     """
 

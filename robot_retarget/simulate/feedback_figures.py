@@ -1,4 +1,4 @@
-"""What the balance feedback did in a rollout, in numbers, and whether its gains oscillate."""
+"""Figures of the balance feedback in a rollout, and a test for oscillating gains."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -16,7 +16,7 @@ WINDOW = 1.0
 SLOWEST = 2.0
 """... at this frequency and above [Hz]; a lean that the robot recovers from is slower."""
 SUSTAINED = 0.03
-"""Amplitude of an oscillation that is refused [rad]: what an XM430's backlash and rounding excite stays below a third of it."""
+"""Amplitude of an oscillation that is refused [rad]: backlash and rounding of an XM430 excite less than a third of it."""
 PURE = 0.5
 """An oscillation has at least this part of the power of its window in one frequency and its neighbours."""
 

@@ -1,4 +1,4 @@
-"""The feet as the floor sees them: which bodies may stand on it, and the corners of their soles."""
+"""The feet of a robot: the bodies that may stand on the floor, and the corners of their soles."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ NONE = Points(np.zeros(0, int), np.zeros((0, 3)))
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """What stands on the floor."""
+    """The feet and their soles."""
 
     names: tuple[str, ...]
     """F names, `l` and `r`; none where the robot is no humanoid."""

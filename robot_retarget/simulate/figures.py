@@ -1,4 +1,4 @@
-"""What a replay and a rollout say in numbers. Keys carry their unit: `_rad`, `_m`, `_s`; shares are 0 … 1."""
+"""Figures of a replay and a rollout. Keys end in their unit: `_rad`, `_m`, `_s`; shares are 0 … 1."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,11 +16,11 @@ from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.trajectory import Trajectory
 
 BETWEEN = 125.0
-"""The way from frame to frame is looked at so often a second."""
+"""Sampling rate of the path between frames [1/s]."""
 SUNK = 0.5
 """A root at less than this share of its planned height is down."""
 MOVING = 0.05
-"""A trajectory slower than this on average [rad/s] says nothing about lag."""
+"""Lag is not estimated below this mean speed [rad/s]."""
 
 
 def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, penetration: float) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def tracking_figures(tracking: Tracking, plant: Plant, rollout: Rollout, fps: fl
 
 
 def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensated: bool) -> dict[str, Any]:
-    """What tracking is like without compensation, for comparison; None where nothing is to be said."""
+    """Return the tracking error without compensation; None if the goals are not compensated."""
     tracking = at_frames(trajectory, plant.robot, plain)
     error, wanted = tracking.error[:, plant.driven], tracking.wanted[:, plant.driven]
     said = compensated and error.size
@@ -123,9 +123,9 @@ def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensa
 
 
 def goal_figures(trajectory: Trajectory, plant: Plant, rollout: Rollout, until: float | None) -> dict[str, Any]:
-    """How fast the goals go, how far they are from the joints as they are sent, and how far they may be, up to a fall.
+    """Return the top speed of the goals, their distance from the joints, and the limit of that distance, up to a fall.
 
-    Nothing where there are no goals, or the simulation broke down at once.
+    Empty without goals, or if the simulation broke down at once.
     """
     goals, driven = trajectory.goals, plant.driven
     ends = len(rollout.times) if until is None else int(np.searchsorted(rollout.times, until))
@@ -186,7 +186,7 @@ def _sunk(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
 
 
 def _feet(robot: Robot, contacts: Contacts) -> list[int]:
-    """Bodies that may stand on the floor: the recognised feet and their toes, else whatever touches it first."""
+    """Return the bodies that may stand on the floor: the recognised feet and their toes, or the bodies that touch it first."""
     feet = feet_of(robot).all_bodies
     if not feet and len(contacts):
         return sorted(with_toes(robot, set(contacts.bodies[contacts.frame == contacts.frame.min(), 1].tolist())))

@@ -1,4 +1,4 @@
-"""Goals as they are sent: when, how late they arrive, with what settling, and what a servo map lets them be."""
+"""Goals as a player sends them: rate, delay, settling, and the limits of the servo map."""
 
 from dataclasses import dataclass
 
@@ -55,8 +55,8 @@ def plain_goals(plant: Plant, trajectory: Trajectory, playback: Playback | None 
 def settled(plant: Plant, angles: Floats, playback: Playback) -> Goals:
     """Angles (N, n) at the playback's rate with the settling before and after.
 
-    Where the plant has the servos of a map they are kept in its ranges and its speed, by the nearest such paths: what is judged is what a
-    player with that map sends, and none of it is held back.
+    With a servo map, the goals are moved to the nearest path within its ranges and its speed: a player with that map sends exactly
+    the goals that are judged.
     """
     rate = playback.on(plant)
     before, after = (round(settle * rate) for settle in (playback.settle_before, playback.settle_after))

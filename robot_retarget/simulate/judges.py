@@ -103,7 +103,7 @@ def _identified_on(robot: str, drives: Drives) -> Drives:
 
 
 def _drawn_actuators(plant: Plant) -> Plant:
-    """The plant with drawn damping, friction and armature of its own joints."""
+    """Return the plant with drawn damping, friction and armature of its joints."""
     model, dofs = copy.copy(plant.model), plant.robot.dof_index
     damping, friction, armature = _factors((3, len(dofs)))
     model.dof_damping[dofs] *= damping

@@ -1,4 +1,4 @@
-"""What the servos have to bear: torque, speed, current, heat, energy."""
+"""Load of the servos: torque, speed, current, heat, energy."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from robot_retarget.simulate.servo_model import Drives
 from robot_retarget.simulate.stepping import Rollout
 
 SATURATED = 0.99
-"""A servo that gives this part of its torque bound gives all it has."""
+"""A servo is at its torque limit from this share of it on."""
 Columns = dict[str, tuple[Floats, int]]
 """By figure: a value for each driven joint, and the digits it is worth."""
 
@@ -61,7 +61,7 @@ def _mechanical(
 def _electrical(
     drives: Drives, force: Floats, speed: Floats, names: list[str], dt: float
 ) -> tuple[dict[str, Any], Columns]:
-    """Of known servos: current, heat and what they take from the supply."""
+    """Current, heat and energy of servos with a datasheet."""
     current, power = drives.current(force, speed), drives.power(force, speed)
     effective, rise = np.sqrt((current**2).mean(0)), drives.temperature_rise(force, speed, dt)
     heat = (effective / drives.continuous_current) ** 2

@@ -40,11 +40,11 @@ class Plant:
     """(n,) the actuator of each hinge, −1 for one that nothing drives."""
     notes: tuple[str, ...]
     drives: Drives | None = None
-    """The servos where they are known as such, None where the model's own actuators stay."""
+    """The servos; None if the model keeps its own actuators."""
 
     @property
     def servo_map(self) -> ServoMap | None:
-        """The map whose limits hold for goals; None where the model's own actuators stay."""
+        """The map with the limits of the goals; None if the model keeps its own actuators."""
         return None if self.drives is None else self.robot.servo_map
 
     @property
@@ -103,9 +103,9 @@ class Plant:
 def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant:
     """Compile the robot's MJCF for physics.
 
-    With `drives` every hinge gets that servo in place of what the model has, joint damping, friction and armature too.
+    With `drives` every hinge gets that servo instead of the actuator, damping, friction and armature of the model.
     Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
-    inertia, unless gears or closed chains are there to move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes go.
+    inertia, unless gears or closed chains move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes are removed.
     `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
 
     Raises:
@@ -140,7 +140,7 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant
 
 
 def root_coordinates(robot: Robot) -> Ints:
-    """Where the root stands in qpos."""
+    """Return the indices of the root in qpos."""
     adr = [*robot.model.jnt_qposadr, robot.model.nq]
     return np.array([c for j in robot.root_joints for c in range(adr[j], adr[j + 1])], dtype=np.int64)
 
@@ -195,7 +195,7 @@ def _add_servos(spec: mujoco.MjSpec, robot: Robot, served: set[int]) -> list[str
 
 
 def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
-    """Put the servos of `drives` on all hinges: clip(k_p (u − q) − k_d ω, ±τ_stall); nothing is made up, so nothing to say."""
+    """Put the servos of `drives` on all hinges: clip(k_p (u − q) − k_d ω, ±τ_stall)."""
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     joints = list(spec.joints)
     for k, j in enumerate(robot.joint_ids):

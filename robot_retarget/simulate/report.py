@@ -41,7 +41,7 @@ from robot_retarget.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What became of a trajectory on servos."""
+    """The outcome of a simulation: figures, verdict and reasons."""
 
     verdict: str
     """`pass` or `fail`."""
@@ -64,11 +64,11 @@ class Report:
     """Of the columns of the series."""
     thresholds: Thresholds = field(default_factory=Thresholds)
     unlike: tuple[str, ...] = ()
-    """In what a motion is unlike the human's, a sentence each; a pass all the same."""
+    """Differences from the human's motion, a sentence each; they do not fail it."""
     touches: tuple[tuple[frozenset[str], float], ...] = ()
     """Pairs of links that touched on the servos, and when [s]."""
     trajectory: Trajectory | None = None
-    """With the goals that were judged: what `trajectory_sha256` is of, and what is to be played."""
+    """The trajectory of `trajectory_sha256`, with the judged goals, to be played."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reasons", tuple(self.reasons))
@@ -94,7 +94,7 @@ class Report:
         return card(f"{self.robot}: {self.badge.text}", facts, (*self.reasons, *self.unlike))
 
     def to_frame(self) -> Any:
-        """What the servos did as a pandas DataFrame: columns (wanted | measured | error [rad] | torque [N m], joint).
+        """Return the motion of the servos as a pandas DataFrame: columns (wanted | measured | error [rad] | torque [N m], joint).
 
         Raises:
             UsageError: pandas is not installed.
@@ -138,7 +138,7 @@ class Report:
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """A trajectory and what became of it."""
+    """A trajectory with its simulations."""
 
     trajectory: Trajectory
     plant: Plant
@@ -146,11 +146,11 @@ class Played:
     replayed: Contacts
     rollout: Rollout
     plain: Rollout
-    """Without compensation; the same where none was asked for."""
+    """Without compensation; equal to `rollout` if the goals are not compensated."""
     warnings: Warnings | None = None
     likeness: Likeness | None = None
     fallen: tuple[bool, ...] = ()
-    """Of drawn worlds, whether it fell there."""
+    """Per drawn simulation, whether the robot fell."""
 
 
 def build_report(
@@ -200,7 +200,7 @@ def build_report(
 
 
 def _choices(played: Played) -> list[str]:
-    """Notes on what was not tried, and how to try it."""
+    """Notes on tests that were left out, and how to run them."""
     notes, robot = [], played.plant.robot
     if played.mode == "pinned" and robot.floating and feet_of(robot).names:
         notes.append("the pelvis is held: balance is not tested; legs 'stand' keeps both feet in place and tests it")
@@ -236,7 +236,7 @@ def _poses(rollout: Rollout, times: Floats) -> Floats:
 
 
 def _so_far(values: Floats, frames: int) -> Floats:
-    """(F, n) values of so many frames: one of two simulations may have broken down before the other."""
+    """Return (F, n) values, NaN after the last: one of two simulations may break down before the other."""
     reached = np.full((frames, values.shape[1]), np.nan)
     reached[: len(values)] = values[:frames]
     return reached

@@ -1,4 +1,4 @@
-"""A report in words: what came of it in a sentence, and its figures in units of daily life with what each one means."""
+"""Text of a report: the outcome in a sentence, and its figures in common units with their meaning."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ class Line(NamedTuple):
 
 
 class Fact(NamedTuple):
-    """A figure that is told and not judged."""
+    """A figure that is reported and not judged."""
 
     figure: str
     what: str
@@ -29,26 +29,26 @@ class Fact(NamedTuple):
 
 
 FACTS = (
-    Fact("duration_s", "length", "s", "of the robot's motion, with the stand before and after"),
+    Fact("duration_s", "length", "s", "of the robot's motion, including the stands before and after"),
     Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
-    Fact("limb_rad", "limbs off the human's", "rad", "mean angle; under 10° looks alike"),
+    Fact("limb_rad", "limbs to the human's", "rad", "mean angle; under 10° looks alike"),
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
-    Fact("draws", "other worlds tried", "", "with other mass, friction, servos and tilt; 0: none was"),
-    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "how far joints are from where they should be (rms)"),
+    Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
+    Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms)"),
     Fact("servos", "servos that judge", "", "of several sets of gears, the one on which the motion does worst"),
     Fact("nominal_tracking_rms_rad", "the same on modelled servos", "rad", "on the servos that the goals were computed for"),
-    Fact("played_tracking_rms_rad", "the same as played", "rad", "on the emulated bus, which has motors of its own"),
+    Fact("played_tracking_rms_rad", "the same as played", "rad", "on the emulated bus with its own motor models"),
     Fact("played_worst_joint_rms_rad", "the worst joint as played", "rad", "rms, on the emulated bus"),
-    Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not make up for lag and load"),
-    Fact("zmp_margin_m", "least margin of balance", "m", "how far inside the soles the weight stays; below 0 it tips over"),
-    Fact("peak_supply_current_A", "largest current", "A", "what the power supply has to give"),
+    Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not compensate lag and load"),
+    Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
+    Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
     Fact("energy_J", "energy", "J", "taken from the supply in all"),
-    Fact("tracked_self_contact_share", "time touching itself", "of all", "on the servos, meant or not"),
+    Fact("tracked_self_contact_share", "time touching itself", "of all", "on the servos, intended or not"),
 )  # fmt: skip
 
 
 def headline(report: Report) -> str:
-    """What came of it, in a sentence for somebody who has never read a report."""
+    """Return the outcome in one sentence for a reader who is new to reports."""
     figures = report.figures
     if figures["unstable_s"] is not None:
         return f"The simulation broke down at {figures['unstable_s']:g} s of {figures['duration_s']:.1f} s."
@@ -63,7 +63,7 @@ def headline(report: Report) -> str:
 
 
 def judged_lines(report: Report) -> list[Line]:
-    """Everything that was judged, with the figure and the most that is let pass."""
+    """Return every judged figure with its limit."""
     figures = report.figures
     lines = [Line(figures["unstable_s"] is None, "the simulation runs to its end")]
     if "fall_s" in figures:
@@ -76,13 +76,13 @@ def judged_lines(report: Report) -> list[Line]:
 
 
 def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """(what, value, meaning) of every figure that is told and that the simulation has."""
-    told = ((fact, figures.get(fact.figure)) for fact in FACTS)
-    return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in told if value is not None]
+    """Return (what, value, meaning) of every reported figure of a simulation."""
+    found = ((fact, figures.get(fact.figure)) for fact in FACTS)
+    return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
 
 
 def shown(value: float | str, unit: str) -> str:
-    """Return a figure in a common unit: 0.2 rad as 11.5°; texts as they are."""
+    """Return a figure in a common unit: 0.2 rad as 11.5°. Texts are returned unchanged."""
     if isinstance(value, str):
         return value
     factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
@@ -96,4 +96,4 @@ def _pace(figures: Mapping[str, Any]) -> str:
 
 def _likeness(figures: Mapping[str, Any]) -> str:
     angle = figures.get("limb_rad")
-    return "" if angle is None else f", its limbs {shown(angle, 'rad')} off the human's on average"
+    return "" if angle is None else f", its limbs {shown(angle, 'rad')} from the human's on average"

@@ -1,4 +1,4 @@
-"""Play a trajectory in MuJoCo and judge it: first as pure kinematics, then on position servos."""
+"""Simulate a trajectory in MuJoCo and judge it: first as kinematics, then on position servos."""
 
 import os
 from collections.abc import Sequence
@@ -30,9 +30,9 @@ from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 COMPENSATION = 2
-"""Making up for lag and load takes about as long as playing so many times."""
+"""Duration of the compensation, in simulations of the trajectory."""
 SIMULATED = 2 + COMPENSATION
-"""Steps of the progress of a simulation without drawn worlds."""
+"""Steps of the progress of a simulation without drawn simulations."""
 
 
 def simulate(
@@ -53,7 +53,7 @@ def simulate(
 ) -> Report:
     """Play a trajectory and judge it.
 
-    It is replayed as it is (self-contacts, joint ranges, joint speeds) and then tracked by position servos under
+    It is first replayed without physics (self-contacts, joint ranges, joint speeds), then tracked by position servos under
     gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
@@ -61,21 +61,21 @@ def simulate(
             judged, and its sha256 that of its file (`fingerprint`): save both.
         mode: `pinned` carries the root along its path in the air: the limbs feel gravity as the root turns, but not
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
-        drives: the servos; `auto` takes those of the robot's servo map where it has one, None keeps the model's own
+        drives: the servos; `auto` takes those of the robot's servo map if it has one, None keeps the model's own
             actuators.
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
-            trajectory itself; the report then has the figures of plain playback beside.
+            trajectory itself; the report then has the figures of plain playback as well.
         others: judge on other servos than the modelled ones too (`judges`), and report the servos on which the motion does worst.
-        thresholds: what is still a pass (`thresholds.read_thresholds` reads them from TOML).
+        thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warn.warnings_of`); the report then says how they agree with the
             contacts that happened.
 
-        likeness: to the human's motion; the report then says in what it is unlike.
-        draws: in mode `free`, so many drawn worlds are tried as well (`domain.draws`), if it stays up in this one.
+        likeness: to the human's motion; the report then lists the differences.
+        draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map (mode `free`); None for where the map
             has a sensor.
-        progress: told (steps done, steps in all), a step for each time that it is played.
+        progress: called with (steps done, steps in all), a step for each simulation.
 
     Raises:
         UsageError: an unknown mode, `free` for a robot without a free root, or feedback without a sensor in the map.
@@ -110,7 +110,7 @@ def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
     """Whether feedback acts.
 
     Raises:
-        UsageError: it is asked for and cannot be had.
+        UsageError: feedback is on and cannot run.
     """
     able = mode == "free" and has_feedback(plant)
     if feedback and not able:
@@ -122,7 +122,7 @@ def _closes(plant: Plant, mode: str, feedback: bool | None) -> bool:
 def _fallen(
     plant: Plant, trajectory: Trajectory, playback: Playback | None, worlds: int, count: Count
 ) -> tuple[bool, ...]:
-    """Whether it falls in each of so many drawn worlds, told what was judged."""
+    """Return whether the robot falls in each of `worlds` drawn simulations."""
     command, draws = trajectory.goals, drawn_worlds(worlds)
     found = rollouts(plant, trajectory, draws, playback=playback, command=command, count=count)
     return tuple(_fell(world, plant.robot, trajectory) for world in found)
@@ -162,7 +162,7 @@ def rollouts(
     Args:
         plant: the world as it should be (`plant_of`); each draw alters it.
         draws: see `domain.draws`.
-        command: what the servos are told in place of the trajectory.
+        command: goals; by default the trajectory itself.
         threads: at once; by default one for each processor. The physics runs without Python's lock.
         count: of the progress, a step for each world.
     """

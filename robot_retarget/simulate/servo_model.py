@@ -1,4 +1,4 @@
-"""Position servos as they are: a DC motor on a battery, driven by the P and D of its registers.
+"""Model of position servos: a DC motor on a supply, driven by the P and D of its registers.
 
     duty  = clip(k_p (u − q) − k_d ω, ±1)
     τ     = τ_stall duty − k_e ω                       k_e = τ_stall / ω_0, the torque–speed line
@@ -6,7 +6,7 @@
     I     = I_stall duty − I_stall ω / ω_0             P_heat = I² R
 
 Speed takes its torque away outside the clip, so the whole is a position actuator with a force range and a damped joint: MuJoCo's
-`position` does it in every version, integrates the damping implicitly, and gives what its `dcmotor` gives.
+`position` exists in every version, integrates the damping implicitly, and agrees with its `dcmotor`.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ TICKS_PER_TURN = 4096
 FULL_PWM = 885
 """Of the register `goal_pwm`: full duty."""
 HEAT_RISE = 50.0
-"""A servo at its continuous current for ever ends so much warmer than the room [K]: 30 °C to the 80 °C that shut it down."""
+"""Final temperature rise at the continuous current [K]: from 30 °C to the shutdown at 80 °C."""
 HEAT_TIME = 300.0
 """Time constant of that warming [s]."""
 
@@ -52,12 +52,12 @@ PUBLISHED = {
 }
 """Identifications by servo and by the robot they were made on; the first is the nominal one.
 
-The OP3's is that of MuJoCo Menagerie, whose joint damping of 1.084 includes the back-EMF of 0.851. The XL430 has the gears of
+The identification of the OP3 is from MuJoCo Menagerie; its joint damping of 1.084 includes the back-EMF of 0.851. The XL430 has the gears of
 the 2XL430.
 """
 IDENTIFIED = {name: next(iter(sets.values())) for name, sets in PUBLISHED.items()}
 REFERENCE = "XM430-W350"
-"""Servos nobody identified are taken for this one, grown with their stall torque."""
+"""Servos without an identification have the mechanics of this one, scaled by the stall torque."""
 
 
 def mechanics_of(motor: Motor) -> Mechanics:
@@ -97,7 +97,7 @@ class Drives:
     """Of the supply [V]."""
     notes: tuple[str, ...] = ()
     models: tuple[str, ...] = ()
-    """n servo models, where they are known."""
+    """n servo models; empty if unknown."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -130,7 +130,7 @@ class Drives:
         return force / self.stall_torque
 
     def shaft_torque(self, force: Floats, speed: Floats) -> Floats:
-        """What the motors give (…, n) [N m] at actuator forces [N m] and joint speeds [rad/s]."""
+        """Return the torques at the shafts (…, n) [N m] for actuator forces [N m] and joint speeds [rad/s]."""
         return force - self.back_emf * speed
 
     def current(self, force: Floats, speed: Floats) -> Floats:
@@ -138,7 +138,7 @@ class Drives:
         return self.stall_current * self.shaft_torque(force, speed) / self.stall_torque
 
     def power(self, force: Floats, speed: Floats) -> Floats:
-        """Taken from the supply (…, n) [W]; what a braking motor gives back is burnt, not stored."""
+        """Return the power from the supply (…, n) [W]; the supply stores no power of a braking motor."""
         return np.maximum(self.voltage * self.duty(force) * self.current(force, speed), 0)
 
     def temperature_rise(self, force: Floats, speed: Floats, dt: float) -> Floats:
@@ -203,5 +203,8 @@ def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_g
         continuous_current=np.array([motor.continuous_current for motor in motors]),
         voltage=supply,
         models=tuple(motor.name for motor in motors),
-        notes=tuple(f"nobody identified the gears of {name}: {REFERENCE}'s grown with torque" for name in unknown),
+        notes=tuple(
+            f"the gears of {name} are not identified: those of {REFERENCE}, scaled by the stall torque"
+            for name in unknown
+        ),
     )

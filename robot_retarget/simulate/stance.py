@@ -117,7 +117,7 @@ def margins(places: Floats, corners: Floats, down: np.ndarray) -> Floats:
         down: (N, K).
 
     Returns:
-        (M, N) [m], negative beyond an edge, NaN where nothing is down.
+        (M, N) [m], negative beyond an edge, NaN without support.
     """
     found = np.full(places.shape[:2], np.nan)
     for k in np.flatnonzero(down.any(1)):

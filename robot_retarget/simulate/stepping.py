@@ -1,4 +1,4 @@
-"""Step the physics: the plant's servos follow a trajectory, everything is written down."""
+"""Step the physics: the plant's servos follow a trajectory, and every state is recorded."""
 
 import time
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
 from robot_retarget.trajectory import Trajectory
 
 SPEED_LIMIT = 1e3
-"""A coordinate faster than this [m/s, rad/s] is the integration failing, no motion of a robot."""
+"""The integration has failed if a coordinate is faster than this [m/s, rad/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Rollout:
     speeds: Floats
     """(N, n) [rad/s]."""
     torque: Floats
-    """(N, n) of the actuators [N m]; what speed takes from a motor is not yet off."""
+    """(N, n) of the actuators [N m], before the back-EMF is subtracted."""
     com: Floats
     """(N, 3) centre of mass [m]."""
     ground: Floats
@@ -51,7 +51,7 @@ class Rollout:
     steps_per_second: float
     """Of physics."""
     added: Floats | None = None
-    """(N, n) what the feedback added to the goals [rad]; None without feedback."""
+    """(N, n) correction of the goals by the feedback [rad]; None without feedback."""
     stopped: float | None = None
     """When the feedback gave up on a lean and let the robot crouch [s], or None."""
 
@@ -67,7 +67,7 @@ def roll_out(
 
     Args:
         playback: its delay counts, and where no goals are given its rate and settling.
-        command: what the servos are told (`compensate.compensated`); by default the trajectory as it is. Its feedback acts in
+        command: goals (`compensate.compensated`); by default the trajectory itself. Its feedback acts in
             mode `free`.
     """
     playback = playback or Playback()
@@ -137,7 +137,7 @@ def _steps(
 
 
 class _Log:
-    """What is written down while the physics goes by."""
+    """Records the states of a simulation."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, count: int):
         self.robot = robot
@@ -176,7 +176,7 @@ class _Log:
 
 
 def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Lift or lower the root until the lowest geom just touches what is solid in the scene."""
+    """Move the root vertically until the lowest geom touches the solid scene."""
     mujoco.mj_forward(model, data)
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     scene = np.flatnonzero(solid & (model.geom_bodyid == 0))
@@ -191,7 +191,7 @@ def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """MuJoCo's warnings would go to a file in the working folder; what they warn of is found by the step loop."""
+    """Suppress MuJoCo's warnings, which it writes to a file in the working folder; the step loop detects instability itself."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:

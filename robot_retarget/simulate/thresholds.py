@@ -1,4 +1,4 @@
-"""What is still a pass: one table, that a TOML file may override line by line."""
+"""Limits of a pass: one table, which a TOML file can override line by line."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,31 +10,31 @@ from robot_retarget.errors import UsageError, known
 
 @dataclass(frozen=True)
 class Thresholds:
-    """The most that is let pass. A simulation that breaks down fails in any case, and so does a fall in mode `free`."""
+    """Upper limits of a pass. An unstable simulation and a fall in mode `free` always fail."""
 
     tracking_rms: float = 0.2
-    """Of the worst joint [rad]: 11°, what a servo of 50 ms lag loses at 4 rad/s."""
+    """Of the worst joint [rad]: 11°, the error of a servo with 50 ms lag at 4 rad/s."""
     penetration: float = 0.001
     """Of the robot with itself in the replay [m]; no frame may be deeper."""
     between_frames: float = 0.01
-    """Of the robot with itself on the straight way from frame to frame [m]: at the end of an arm of 15 cm a servo gives way
-    so much for some 8 N, a brush; what a brush does to the motion, tracking shows."""
+    """Of the robot with itself on the straight way from frame to frame [m]: 8 N at the end of an arm of 15 cm move
+    a servo this far; the tracking error covers stronger contacts."""
     tracked_penetration: float = 0.002
     """Of the robot with itself on the servos [m]: the softness of the contact of a limb that is pressed on."""
     range_excess: float = 0.01
     """Beyond a joint's range in the replay [rad]."""
     speed_ratio: float = 2.0
-    """Of the fastest joint to what it can do; a servo asked for twice its speed is somewhere else."""
+    """Planned speed of the fastest joint over its speed limit; beyond twice the limit a servo does not follow."""
     saturated_share: float = 0.5
-    """Of the time that a servo may give all it has."""
+    """Share of the time at the torque limit."""
     temperature_rise: float = 40.0
     """Of the hottest servo over the trajectory [K]: room temperature to 70 °C."""
     foot_slip: float = 0.01
-    """How far a foot may slide while it stands [m], in mode `free`."""
+    """Slip of a standing foot [m], in mode `free`."""
     fallen_share: float = 0.1
-    """Of drawn worlds (mass, friction, stiffness, delay, tilt) in which it falls, in mode `free`."""
+    """Share of the drawn simulations (mass, friction, stiffness, delay, tilt) that end in a fall, in mode `free`."""
     unlike_arms: float = 0.45
-    """Mean angle of upper arms and forearms to the human's [rad]; what is more is unlike, not failed ..."""
+    """Mean angle of upper arms and forearms to the human's [rad]; a larger one is unlike, not a fail ..."""
     unlike_trunk: float = 0.2
     """... the same of the trunk ..."""
     unlike_legs: float = 0.4
@@ -42,11 +42,11 @@ class Thresholds:
     limbs_far: float = 0.05
     """Share of the frames in which the limbs are over 25° from the human's on average: a fall, a roll, a leap."""
     unlike_slowdown: float = 2.5
-    """Times as long as the human."""
+    """Duration over the human's."""
     contacts_lost: float = 0.3
-    """Share of the human's contacts of hands that the robot does not make."""
+    """Share of the human's hand contacts that the robot does not make."""
     steps_shortened: float = 0.6
-    """By which share of the scaled human's steps are shorter."""
+    """Share by which steps are shorter than the scaled human's."""
     path_off: float = 0.6
     """Mean error of the pelvis' place over the human's mean distance from its start, or a leg: steps of half their length make
     0.5, standing in place makes 1."""
@@ -55,7 +55,7 @@ class Thresholds:
     steps_lost: float = 0.5
     """Share of the human's steps that the robot does not take."""
     unfinished: float = 0.25
-    """Share of frames at which the solver was not done."""
+    """Share of the frames that the solver did not finish."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -71,7 +71,7 @@ class Thresholds:
 
 
 class Check(NamedTuple):
-    """Which figure a threshold bounds, and how to say so."""
+    """A threshold, the figure it bounds, and its name and unit for people."""
 
     threshold: str
     figure: str
@@ -93,23 +93,23 @@ CHECKS = (
 )
 
 UNLIKE = (
-    Check("unlike_arms", "limb_rad_arms", "arms off the human's, on the mean", "rad"),
-    Check("unlike_trunk", "limb_rad_trunk", "trunk off the human's, on the mean", "rad"),
-    Check("unlike_legs", "limb_rad_legs", "legs off the human's, on the mean", "rad"),
+    Check("unlike_arms", "limb_rad_arms", "mean angle of the arms to the human's", "rad"),
+    Check("unlike_trunk", "limb_rad_trunk", "mean angle of the trunk to the human's", "rad"),
+    Check("unlike_legs", "limb_rad_legs", "mean angle of the legs to the human's", "rad"),
     Check("limbs_far", "limbs_far_share", "frames with limbs over 25° from the human's", "of all"),
     Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
-    Check("contacts_lost", "contacts_lost", "contacts of hands that are lost", "of all"),
+    Check("contacts_lost", "contacts_lost", "hand contacts that are lost", "of all"),
     Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
     Check("path_off", "path_off", "root path deviation, over the path's extent", "of all"),
     Check("heading_off", "heading_off_rad", "heading error that lasts", "rad"),
     Check("steps_lost", "steps_lost", "steps of the human that are left out", "of all"),
-    Check("unfinished", "unfinished_share", "frames that were not solved to the end", "of all"),
+    Check("unfinished", "unfinished_share", "frames that the solver did not finish", "of all"),
 )
-"""What a motion that passes is compared with the human by."""
+"""Comparisons with the human of a motion that passes."""
 
 
 def read_thresholds(path: str | Path) -> Thresholds:
-    """Thresholds from TOML: `tracking_rms = 0.1`; what the file does not name keeps its default, `inf` switches one off.
+    """Read thresholds from TOML: `tracking_rms = 0.1`; others keep their defaults, `inf` switches one off.
 
     Raises:
         UsageError: The file is not TOML, names a threshold that is not known, or gives one that is not a number.

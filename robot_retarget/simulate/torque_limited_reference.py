@@ -1,9 +1,9 @@
-"""What a servo can follow of what it is asked: the nearest motion whose torque stays within its bound, seen ahead.
+"""The nearest motion that a servo can follow: its torque stays within the bound over the whole clip.
 
     minimise ½ ‖y‖²   subject to   −b − τ ≤ A y ≤ b − τ,      A = J D₂ + d D₁
 
-for the change y of one joint's angles over all samples; τ is the torque that the asked motion takes, A y what the change adds to
-it. A servo at its limit then leaves early and comes late, instead of late only.
+for the change y of one joint's angles over all samples; τ is the torque of the given motion, A y the torque added by the
+change. A servo at its limit then starts early and arrives late, instead of late only.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from robot_retarget.arrays import Floats
 ROUNDS = 400
 """Of the alternating directions; each is two banded multiplications and one banded solution."""
 PENALTY = 2e-3
-"""Of the alternating directions [rad²/(N m)²]: about what a joint of 20 N m/rad makes of it."""
+"""Of the alternating directions [rad²/(N m)²]: the square of the compliance of a joint of 20 N m/rad."""
 ENOUGH = 1e-5
 """A change that alters less from round to round is found [rad]."""
 
@@ -23,7 +23,7 @@ def torque_limited_reference(torque: Floats, bound: float, inertia: float, dampi
     """The change (N,) [rad] of a joint's motion that keeps its torque (N,) [N m] within ± `bound`, at best; 0 at both ends.
 
     Args:
-        inertia: J, what the joint accelerates [kg m²].
+        inertia: J, inertia at the joint [kg m²].
         damping: d [N m s/rad].
         dt: from sample to sample [s].
     """

@@ -10,7 +10,7 @@ from robot_retarget.simulate.feedback_figures import feedback_reasons
 from robot_retarget.simulate.thresholds import UNLIKE, Check, Thresholds
 
 NAMED_PAIRS = 3
-"""The number of overlapping pairs that get a sentence of their own."""
+"""The number of overlapping pairs that are listed one by one."""
 TRAVEL = ("path_off", "heading_off", "steps_lost")
 """The thresholds that a robot exceeds by standing in place."""
 
@@ -74,7 +74,7 @@ def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
 
 
 def stands_in_place(figures: Mapping[str, Any]) -> str:
-    """Return what the human does with the feet that a robot which stands in place leaves out."""
+    """Name the travel and the steps of the human that a robot with its feet in place leaves out."""
     turn, steps = np.degrees(figures["human_turn_rad"]), figures["human_steps"]
     stepping = f" in {steps} step{'s' if steps > 1 else ''}" if steps else ""
     return f"stands in place: the human moves {figures['human_distance_m']:.1f} m and turns {turn:.0f}°{stepping}"
@@ -94,7 +94,7 @@ def _difference(check: Check, figures: Mapping[str, Any], most: Thresholds) -> s
 
 
 def _standing(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
-    """Hits, falls in other worlds and slipping feet of a robot that stays up."""
+    """Hits, falls in drawn simulations and slipping feet of a robot that stays up."""
     planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
     hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
     reasons = _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")

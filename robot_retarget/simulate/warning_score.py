@@ -1,4 +1,4 @@
-"""Whether the contacts that happened on the servos are those that were warned of, and the other way round."""
+"""Score of the warnings: contacts on the servos that were predicted, and warnings that came true."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from robot_retarget.simulate.contacts import Contacts
 APART = 0.1
 """Touches of a pair this long after one another are two contacts [s]."""
 LATE = 0.25
-"""Servos lag, so a contact may come so much later than the warning ends [s]."""
+"""Largest delay of a contact after the end of its warning, because servos lag [s]."""
 
 
 def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""Pictures: the human beside the robot, as an image strip and as a film.
+"""Pictures of human and robot side by side: image strips and films.
 
-They need Pillow and, for films, imageio-ffmpeg: the extra `video`. Where there is no OpenGL off screen
-(EGL, OSMesa) figures are drawn instead of rendered; what cannot be shown at all comes back as `Unavailable`.
+They need Pillow and, for films, imageio-ffmpeg: the extra `video`. Without off-screen OpenGL
+(EGL, OSMesa) figures are drawn instead of rendered; a missing picture is returned as `Unavailable`.
 """
 
 from robot_retarget.view.gif import gif as gif

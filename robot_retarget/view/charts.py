@@ -35,9 +35,9 @@ STYLE: dict[Any, Any] = {
 WIDTH = 10.4
 """Of every chart [inches]."""
 JOINTS = 6
-"""So many joints get curves of their own, the worst first."""
+"""Number of joints with curves, the worst first."""
 PAIRS = 14
-"""So many pairs of links get a line in the timeline, the earliest first."""
+"""Number of pairs of links in the timeline, the earliest first."""
 
 
 def tracking(report: Report) -> str:
@@ -170,7 +170,7 @@ def _floor_plan(axes: Any, series: Any) -> None:
 
 
 def timeline(report: Report, warnings: Warnings | None) -> str:
-    """When which pair was warned of, when it touches in the plan, and when it began to touch on the servos."""
+    """Draw the warnings of each pair, its contacts in the plan, and the start of its contacts on the servos."""
     if warnings is None or not warnings.flagged.any():
         return ""
     shown = np.flatnonzero(warnings.flagged.any(axis=0))

@@ -1,4 +1,4 @@
-"""Pictures without OpenGL: every geom as the outline of its box, far ones first, shaded by what it faces."""
+"""Pictures without OpenGL: the outline of the box of every geom, far ones first."""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +19,7 @@ FINE = 2
 """Drawn this many times larger, then made smaller: smooth edges."""
 
 Shape = tuple[float, Callable[[], None]]
-"""How far away it is [m], and what draws it."""
+"""Its distance [m], and a function that draws it."""
 
 
 class Sketch:

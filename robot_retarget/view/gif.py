@@ -1,4 +1,4 @@
-"""A GIF of the human beside the robot: for places that show no film."""
+"""An animated GIF of human and robot side by side."""
 
 from collections.abc import Callable
 from pathlib import Path

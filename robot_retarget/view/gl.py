@@ -1,4 +1,4 @@
-"""OpenGL without a screen. Which way is taken is decided before PyOpenGL is loaded, for it can be told only once."""
+"""Off-screen OpenGL. The back end is chosen before PyOpenGL is loaded, because PyOpenGL reads the choice once."""
 
 import ctypes
 import ctypes.util
@@ -25,7 +25,7 @@ def open_context(width: int, height: int) -> Any:
         return way
     try:
         return importlib.import_module(f"mujoco.{way}").GLContext(width, height)
-    except Exception as error:  # every back end has errors of its own, and none may end a run that only wants a picture
+    except Exception as error:  # each back end raises its own errors, and no error may end a run because of a picture
         return Unavailable(
             f"no rendering: {way} does not start ({' '.join(str(error).split()) or type(error).__name__})"
         )
@@ -47,11 +47,11 @@ def _way() -> str | Unavailable:
         return "egl"
     if ctypes.util.find_library("OSMesa"):
         return "osmesa"
-    return Unavailable("no rendering: neither an EGL device nor OSMesa is there (Debian: libegl1 or libosmesa6)")
+    return Unavailable("no rendering: found no EGL device and no OSMesa (Debian: libegl1 or libosmesa6)")
 
 
 def _egl_answers() -> bool:
-    """Whether EGL finds a device that starts; asked of the library itself, so that PyOpenGL stays free to choose."""
+    """Return whether EGL finds a working device. The library is called directly, before PyOpenGL is loaded."""
     try:
         egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
         egl.eglGetProcAddress.restype = ctypes.c_void_p

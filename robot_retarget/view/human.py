@@ -22,7 +22,7 @@ ALONE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """What is drawn at each moment, from point to point; a sphere where both are one."""
+    """Limbs from point to point; a limb whose points are equal is a sphere."""
 
     limbs: Ints
     """(L, 2) indices of points."""

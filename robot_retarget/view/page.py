@@ -1,7 +1,7 @@
 """The report as one page: the verdict in a sentence, pictures, charts, then figures. No script, nothing from elsewhere: it opens offline.
 
 Charts are SVG from matplotlib rather than an interactive library: a plotting script of megabytes would be most of the
-file, and what a person wants here is to see at once what is wrong.
+file, and a static chart shows a fault at once.
 """
 
 import base64
@@ -39,9 +39,9 @@ def save_page(
     Args:
         trajectory: that the report is of, or the path of its file.
         warnings: of the trajectory, for the timeline.
-        strip: a picture (PNG) to embed, where there is one.
-        film: an mp4 to embed, where there is one.
-        viewer: the viewer's page to link to, in the same folder, where there is one.
+        strip: a picture (PNG) to embed.
+        film: an mp4 to embed.
+        viewer: the viewer's page in the same folder, to link to.
 
     Raises:
         TrajectoryError: the report is of another trajectory.
@@ -79,8 +79,8 @@ def save_page(
 
 def _how(report: Report) -> str:
     f = report.figures
-    mode = "standing free on a floor" if f["mode"] == "free" else "held by the pelvis"
-    goals = "goals make up for lag and load" if f["compensated"] else "goals as they are"
+    mode = "standing free on a floor" if f["mode"] == "free" else "pelvis held"
+    goals = "goals compensate lag and load" if f["compensated"] else "goals without compensation"
     return f"{f['duration_s']:.3g} s, {f['frames']} frames at {f['fps']:g} fps · {mode} · {goals}"
 
 
@@ -93,15 +93,13 @@ def _reasons(report: Report) -> str:
 
 
 def _advice(f: Any) -> list[str]:
-    """What to try, a sentence for each thing that a choice of the user's may mend."""
+    """Return advice on failures that an option can prevent, a sentence each."""
     told = []
     if f.get("fall_s") is not None:
-        told.append(
-            "To stay upright: keep both feet where they are (--legs stand), or ask for balance (--balance static)."
-        )
+        told.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
     if f["speed_ratio"] > 1:
         told.append(
-            f"{f['speed_ratio_joint']} is asked for more than its speed: play the clip slower, or a part without the quick move."
+            f"{f['speed_ratio_joint']} exceeds its speed limit in the plan: slow the clip, or leave the quick move out."
         )
     if f["self_contact_share"] > 0 or f["tracked_self_contact_share"] > 0:
         told.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
@@ -109,12 +107,12 @@ def _advice(f: Any) -> list[str]:
 
 
 def _facts(f: Any) -> str:
-    """Every figure that is told, with what it means."""
+    """Return every reported figure with its meaning."""
     rows = [
         f"<tr><td>{html.escape(what)}</td><td><b>{html.escape(value)}</b></td><td>{html.escape(meaning)}</td></tr>"
         for what, value, meaning in (*facts(f), *_foreseen(f))
     ]
-    return _table(("figure", "value", "what it means"), rows)
+    return _table(("figure", "value", "meaning"), rows)
 
 
 def _foreseen(f: Any) -> list[tuple[str, str, str]]:
@@ -143,13 +141,13 @@ def _encoded(path: Path) -> str:
 def _charts(report: Report, warnings: Warnings | None) -> str:
     planned = "" if report.figures["mode"] == "free" else ", as planned"
     drawn = (
-        ("Tracking", "the joints that plain playback follows worst", lambda: charts.tracking(report)),
+        ("Tracking", "the joints with the largest error in plain playback", lambda: charts.tracking(report)),
         ("Error by joint", "", lambda: charts.errors(report)),
         ("Torque against its limit", "", lambda: charts.torques(report)),
         ("Balance" + planned, "over the soles, and how far inside them", lambda: charts.balance(report)),
         (
             "Warnings of self-contact",
-            "bars: warned of; red: touches in the plan; triangles: began to touch on the servos",
+            "bars: warnings; red: contacts in the plan; triangles: start of contacts on the servos",
             lambda: charts.timeline(report, warnings),
         ),
     )

@@ -12,7 +12,7 @@ from robot_retarget.view.staging import Staging
 def painter(
     staging: Staging, width: int, height: int, finish: Finish = STILL
 ) -> Iterator[tuple[Callable[[int], Pixels], str]]:
-    """What paints the k-th moment of a staging, and a sentence where it is not what one would wish."""
+    """Return a function that paints the k-th moment of a staging, and a note if it is drawn without OpenGL."""
     stage = open_stage(staging, width, height, finish)
     if isinstance(stage, Unavailable):
         from robot_retarget.view.draw import Sketch

@@ -1,4 +1,4 @@
-"""Images, and the plain answer when there is none."""
+"""Images, and the value that explains a missing image."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -20,14 +20,14 @@ NEEDS_PILLOW = f"pictures need Pillow: {install_line('video')}"
 
 @dataclass(frozen=True)
 class Unavailable:
-    """There is no picture, and why."""
+    """A missing picture, with the reason."""
 
     reason: str
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """An image, and what there is to say about how it came about."""
+    """An image with a note on how it was made."""
 
     pixels: Pixels
     note: str = ""

@@ -15,7 +15,7 @@ MAX_GEOMS = 10_000
 SKY = ((0.97, 0.98, 1.0), (0.80, 0.86, 0.93))
 TILES = ((0.84, 0.86, 0.88), (0.79, 0.81, 0.84))
 PALEST = 0.3
-"""Least opacity of what is seen: collision shapes may be stored as fully transparent."""
+"""Smallest opacity of visible geoms: collision shapes may be stored as fully transparent."""
 TILE = 0.5
 """A floor tile's side as a part of the robot's height."""
 
@@ -83,7 +83,7 @@ class Stage:
 
 
 def open_stage(staging: Staging, width: int, height: int, finish: Finish = STILL) -> Stage | Unavailable:
-    """A renderer of pictures of that size, or why there is none."""
+    """Return a renderer of pictures of that size, or the reason why it is unavailable."""
     context = open_context(width, height)
     if isinstance(context, Unavailable):
         return context
@@ -95,7 +95,7 @@ def open_stage(staging: Staging, width: int, height: int, finish: Finish = STILL
 
 
 def _scenery(staging: Staging, width: int, height: int, finish: Finish) -> mujoco.MjModel:
-    """The robot's model with a floor, lights and sky of ours in place of its own."""
+    """Return the robot's model with the floor, lights and sky of pictures."""
     robot = staging.robot
     spec = robot.spec()
     planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]

@@ -1,4 +1,4 @@
-"""Where everything stands in a picture: the robot on the right, the human at its height on the left, the camera."""
+"""Layout of a picture: the robot on the right, the human at the same height on the left, and the camera."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ MARGIN = 1.1
 ROOMINESS = (0.6, 1.8)
 """Bounds of a picture's width over its height."""
 PROBES = 40
-"""Extents are taken from so many moments."""
+"""Number of moments from which extents are taken."""
 FLESH = 0.03
 """Joints stand this far under the skin, as a part of the height."""
 LINK = 0.02
@@ -43,7 +43,7 @@ _CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (
 
 @dataclass(frozen=True, eq=False)
 class Staging:
-    """F moments of a robot and, beside it, of a human: J points joined by B bones, both 0 without a human."""
+    """F moments of a robot and a human of J points and B bones, both 0 without a human."""
 
     robot: Robot
     times: Floats
@@ -55,11 +55,11 @@ class Staging:
     bones: Ints
     """(B, 2) indices of points."""
     aside: float
-    """The human stands so far rightward of where the robot is [m]."""
+    """Distance from the robot rightward to the human [m]."""
     targets: Floats
     """(F, 3) where the camera looks [m]."""
     azimuth: float
-    """Where the camera looks to, from x towards y [degrees]."""
+    """Azimuth of the camera, from x towards y [degrees]."""
     distance: float
     """From the camera to its target [m]."""
     height: float
@@ -124,7 +124,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
 
 
 def visible(model: mujoco.MjModel) -> Ints:
-    """The robot's geoms that are seen: those of the groups MuJoCo shows; all of a body that would show none."""
+    """Return the visible geoms of the robot: those of the groups that MuJoCo shows, or all geoms of a body without such."""
     own = model.geom_bodyid > 0
     shown = own & (model.geom_group < VISIBLE_GROUPS) & ((model.geom_rgba[:, 3] > 0) | (model.geom_matid >= 0))
     bare = np.bincount(model.geom_bodyid[shown], minlength=model.nbody) == 0
@@ -190,7 +190,7 @@ def _checked(human: Floats | None, bones: Ints | None) -> tuple[Floats, Ints]:
 
 
 def _heading(robot: Robot, qpos: Floats) -> float:
-    """Where the robot looks, from x towards y [degrees]."""
+    """Heading of the robot, from x towards y [degrees]."""
     try:
         forward = recognise(robot).forward
     except MatchError:

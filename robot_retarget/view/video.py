@@ -1,4 +1,4 @@
-"""A film of the human beside the robot."""
+"""A film of human and robot side by side."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ NEEDS_FFMPEG = f"films need imageio-ffmpeg: {install_line('video')}"
 
 @dataclass(frozen=True)
 class Film:
-    """A film that was written, and what there is to say about how it came about."""
+    """A film that was written, with a note on how it was made."""
 
     path: Path
     frames: int

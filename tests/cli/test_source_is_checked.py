@@ -31,7 +31,7 @@ def test_another_clip_is_refused_with_both_names_and_the_way_out(command: str, m
     given = [command, made, "-r", "op3", "--motion", SAMPLES / "wave.bvh", *ways]
     done = subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, given)], capture_output=True, text=True)
     assert done.returncode == 2 and not written.exists()
-    assert "made of walk.bvh, not of wave.bvh" in done.stderr and "--force" in done.stderr
+    assert "comes from walk.bvh, not from wave.bvh" in done.stderr and "--force" in done.stderr
 
 
 def test_a_clip_is_known_by_its_content_and_without_a_hash_by_its_name(made: Path, tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.Graph) -> None:
     ("given", "told"),
     [
         ({"stride": 0.3}, "steps shorter than the human's, scaled, by: 70 %, more than 60 %"),
-        ({"unfinished": 0.4}, "frames that were not solved to the end: 40 %, more than 25 %"),
+        ({"unfinished": 0.4}, "frames that the solver did not finish: 40 %, more than 25 %"),
         ({"slowdown": 3.0}, "it takes 3.0 times as long as the human"),
     ],
 )

@@ -1,6 +1,6 @@
-"""The web viewer: robots, the human, and what was foreseen, asked and simulated, on one page that needs no network.
+"""The web viewer: robots, human, warnings, edges and simulation on one page that needs no network.
 
-The same page is a file (`Viewer.save`), is served (`serve`) and stands in a notebook's cell. It was built once, with three.js
+The same page is a file (`Viewer.save`), is served (`serve`) or is shown in a notebook's cell. It was built once, with three.js
 for the scene and uPlot for the curves, rather than a second time on a viewer's library for the served case.
 """
 

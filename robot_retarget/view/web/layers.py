@@ -1,4 +1,4 @@
-"""What is laid over a robot in motion, frame by frame: keypoints, joints, footholds and support, pairs that come near."""
+"""Layers over a robot in motion: keypoints, joints, footholds and support, near pairs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from robot_retarget.robot.recognise import recognise
 from robot_retarget.simulate.stance import Stance
 
 PAIRS = 12
-"""So many pairs of links are followed, the nearest ones."""
+"""Number of pairs of links that are shown, the nearest first."""
 NEAR = 0.05
 """Pairs whose interaction distance is under this part of the robot's height are near."""
 
@@ -58,7 +58,7 @@ def anchors(robot: Robot, qpos: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Foothold:
-    """A foot that stands where it is for a while."""
+    """A stance of one foot."""
 
     foot: str
     first: int
@@ -69,7 +69,7 @@ class Foothold:
 
 
 def outline(corners: Floats) -> Floats:
-    """The convex hull (N, 2) of points (M, 2), anticlockwise; points without an inside as they are [m]."""
+    """The convex hull (N, 2) of points (M, 2), anticlockwise; points without an interior are returned unchanged [m]."""
     try:
         return corners[ConvexHull(corners).vertices]
     except (QhullError, ValueError):
@@ -102,13 +102,13 @@ class Near:
     columns: Ints
     """(P,) their places in the warnings."""
     ends: Floats
-    """(T, P, 2, 3) the nearest points of their surfaces, NaN where they are far from each other [m]."""
+    """(T, P, 2, 3) the nearest points of their surfaces, NaN if they are far apart [m]."""
 
 
 def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) -> Near:
     """Where the surfaces of pairs that come near are nearest to each other, by MuJoCo's distance of geoms.
 
-    Pairs that are near for most of the time are neighbours by construction: they are shown where they are warned of.
+    Pairs that are near most of the time are neighbours by construction; they are shown during warnings only.
 
     Args:
         height: of the robot [m].

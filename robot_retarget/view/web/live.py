@@ -15,7 +15,7 @@ from robot_retarget.view.web.take import Take
 
 
 class LiveRobot:
-    """The latest pose, and who waits for it. Poses that nobody asked for in time are not kept."""
+    """The latest pose, shared with waiting pages. Older poses are dropped."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._shapes = robot, shapes_of(robot)

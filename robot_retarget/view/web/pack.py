@@ -2,7 +2,7 @@
 
 A file is the length of a JSON header (uint32, little endian), the header, and the arrays. In the header an array is
 {"type", "step", "shape", "offset"}; its value is step × the running sum over the first axis, wrapped to its type, and the
-least number of the type stands for "no value". `assets/data.js` reads it.
+smallest number of the type means "no value". `assets/data.js` reads it.
 """
 
 import gzip
@@ -20,14 +20,14 @@ ANGLE = 1e-4
 
 
 class Packer:
-    """Collects arrays; what `add` returns stands for them in the header."""
+    """Collects arrays; `add` returns their entry for the header."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
 
     def add(self, values: Any, step: float = 1.0) -> dict[str, Any]:
-        """Take in an array of any shape, rounded to multiples of a step; what is not finite is none."""
+        """Add an array of any shape, rounded to multiples of a step; values that are not finite are stored as "no value"."""
         array = np.asarray(values, dtype=float)
         finite = np.isfinite(array)
         whole = np.rint(np.where(finite, array, 0) / step)

@@ -31,7 +31,7 @@ class Viewer:
 
     @cached_property
     def data(self) -> bytes:
-        """What the page draws, as `pack` has it."""
+        """The packed data of the page."""
         return self.packed({})
 
     def packed(self, more: dict[str, Any]) -> bytes:
@@ -45,7 +45,7 @@ class Viewer:
         return self.page_with()
 
     def page_with(self, touchable: bool = False, live: bool = False) -> str:
-        """The HTML, with what a touch-up or live poses need where a server answers."""
+        """The HTML, with the controls for touch-ups or live poses if a server answers."""
         title = " · ".join(take.title for take in self.takes)
         return Template(_asset("page.html")).substitute(
             title=html.escape(title),
@@ -76,7 +76,7 @@ def view(*shown: "Take | Result", report: "Report | None" = None) -> Viewer:
     """Look at results of `retarget`, or at takes, side by side: `.save("page.html")`, or the cell of a notebook.
 
     Args:
-        report: of the first (`simulate`), for its verdict and for what the servos made of it.
+        report: of the first (`simulate`), for its badge and its simulated motion.
     """
     takes = tuple(
         what if isinstance(what, Take) else _take(what, report if k == 0 else None) for k, what in enumerate(shown)

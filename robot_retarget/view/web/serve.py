@@ -19,18 +19,18 @@ from robot_retarget.view.web.page import Viewer
 from robot_retarget.view.web.take import Take
 
 HOST = "127.0.0.1"
-"""Only this machine is served: who is elsewhere comes through ssh."""
+"""Only this machine is served; other machines connect through ssh."""
 PORT = 8410
 WAIT = 1.0
-"""After so long without a pose a page is asked whether it is still there [s]."""
+"""Interval of keep-alive messages to a page without new poses [s]."""
 LONGEST = 10_000
-"""Of what a page may send [bytes]."""
+"""Longest message from a page [bytes]."""
 OWN = {"localhost", "127.0.0.1", "::1"}
-"""Names of this machine. A page of another name, or one whose name was bound anew to this address, gets no answer."""
+"""Names of this machine. Requests under another host name are refused, which stops DNS rebinding."""
 
 
 class Editor(Protocol):
-    """What touches up the first take."""
+    """Edits the first take."""
 
     @property
     def trajectory(self) -> Trajectory:
@@ -59,7 +59,7 @@ class Editor(Protocol):
         ...
 
     def told(self) -> dict[str, Any]:
-        """How it stands."""
+        """Return the state of the edits for the page."""
         ...
 
 
@@ -89,7 +89,7 @@ class Served:
 
 
 class Following(Protocol):
-    """What tells the latest pose."""
+    """Source of the latest pose."""
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
         """The latest pose and its number, once that is not the one seen last; None after a while [s]."""
@@ -97,7 +97,7 @@ class Following(Protocol):
 
 
 class Desk:
-    """What is answered to a page: itself, and takes that were touched up. One request at a time."""
+    """Answers requests for the page and for touch-ups, one at a time."""
 
     def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False):
         self._viewer, self._editor, self._lock = viewer, editor, Lock()
@@ -112,7 +112,7 @@ class Desk:
                 return self._done(what, self._editor, content)
             except (RobotRetargetError, ValueError) as error:
                 return _refused(HTTPStatus.BAD_REQUEST, str(error))
-            except Exception as error:  # a defect reaches the page as a sentence, and the server goes on
+            except Exception as error:  # a defect reaches the page as an error message, and the server continues
                 reason = f"a defect of robot-retarget: {type(error).__name__}: {error}"
                 return _refused(HTTPStatus.INTERNAL_SERVER_ERROR, reason)
 
@@ -138,7 +138,7 @@ def _refused(status: HTTPStatus, reason: str) -> tuple[HTTPStatus, str, bytes]:
 
 
 def _host_of(url: str) -> str:
-    """Return the name of the machine in a URL, empty where there is none."""
+    """Return the host name of a URL, or an empty text."""
     try:
         return urlsplit(url).hostname or ""
     except ValueError:
@@ -146,7 +146,7 @@ def _host_of(url: str) -> str:
 
 
 def _bounded(table: Any) -> dict[str, Any]:
-    """An edge as a page asks for it: JSON has no infinity, which stands there as a word."""
+    """Return an edge from a page. JSON has no infinity, so the page sends it as a text."""
     if not isinstance(table, dict):
         raise ValueError("an edit is a table of keys and values")
     at = table.get("at")
@@ -162,7 +162,7 @@ def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, follow
     Args:
         port: 0 takes one that is free.
         editor: of the first take.
-        following: where the first take, of one frame, is to stand as it goes on.
+        following: source of live poses for the first take, which has one frame.
 
     Raises:
         UsageError: the port is taken, or may not be used.
@@ -219,7 +219,7 @@ def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, follow
             self.wfile.write(content)
 
         def log_message(self, format: str, *args: object) -> None:
-            pass  # a person at a terminal is told the address, not every request
+            pass  # the terminal shows the address, not every request
 
     try:
         return Served(ThreadingHTTPServer((HOST, port), Handler))

@@ -19,16 +19,16 @@ KINDS = {
     int(_GEOM.mjGEOM_MESH): "mesh",
 }
 TRIANGLES = 60_000
-"""A robot's meshes have at most so many triangles together: about one for each pixel that it covers."""
+"""Largest number of triangles of all meshes of a robot: about one for each pixel that it covers."""
 FEWEST = 40
-"""No mesh is brought under so many triangles."""
+"""Smallest number of triangles of a simplified mesh."""
 PLAIN = (0.5, 0.5, 0.5, 1.0)
 """MuJoCo's colour of a geom that was given none; its material's counts then."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geom: a kind, its size as MuJoCo has it, and where it is in its body's frame."""
+    """A geom: kind, size as in MuJoCo, and pose in its body's frame."""
 
     body: int
     kind: str
@@ -48,8 +48,8 @@ def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
     """The visible geoms of a robot, its collision geoms where none is visible.
 
     Args:
-        triangles: all meshes together are brought under so many, evenly, where the extra `view` is installed; else
-            they stay as fine as they are.
+        triangles: limit of all meshes together; meshes are simplified evenly if the extra `view` is installed, else
+            they are unchanged.
     """
     model = robot.model
     geoms = [int(geom) for geom in visible(model) if int(model.geom_type[geom]) in KINDS]
@@ -81,7 +81,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Floats, Ints]:
 
 
 def _thinned(vertices: Floats, triangles: Ints, most: int) -> tuple[Floats, Ints]:
-    """A mesh with at most so many triangles, by quadric edge collapse."""
+    """Simplify a mesh to a number of triangles, by quadric edge collapse."""
     if len(triangles) <= most:
         return vertices, triangles
     try:

@@ -1,4 +1,4 @@
-"""What the page is told of a take: names and numbers in a header, everything else as packed arrays."""
+"""Data of a take for the page: names and numbers in a header, everything else as packed arrays."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from robot_retarget.view.web.stress import stress_of
 from robot_retarget.view.web.take import Take
 
 COARSE = 1e-3
-"""Step of what is only read off a chart: degrees, centimetres, newton metres."""
+"""Resolution of charts: degrees, centimetres, newton metres."""
 
 
 def told(take: Take, packer: Packer) -> dict[str, Any]:
@@ -182,7 +182,7 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
 
 
 def _report(robot: Robot, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
-    """The verdict, and what the servos made of the trajectory."""
+    """Return the badge, the reasons and the simulated motion."""
     series = report.series
     simulated = series.get("simulated", np.zeros((0, robot.model.nq)))
     return {

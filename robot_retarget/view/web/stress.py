@@ -1,4 +1,4 @@
-"""What the solver could not have both ways: stress by kind of edge, and the edges between keypoints that cost most."""
+"""Stress by kind of edge, and the edges between keypoints with the largest cost."""
 
 from typing import Any
 
@@ -9,13 +9,13 @@ from robot_retarget.solve.solution import Solution
 from robot_retarget.view.web.pack import Packer
 
 EDGES = 60
-"""So many edges are drawn, those that cost most over the clip."""
+"""Number of edges drawn, by their cost over the clip."""
 FINE = 1e-3
-"""Step of what is told of edges: metres, and shares of the largest."""
+"""Resolution of edges: metres, and shares of the largest."""
 
 
 def stress_of(solution: Solution, packer: Packer) -> dict[str, Any]:
-    """The cost of every kind by frame, and the edges: kind, ends, wished interval and measured distance, π, stress."""
+    """The cost of every kind by frame, and the edges: kind, ends, target interval, measured distance, π, stress."""
     kinds = {name: values for name, values in solution.stress.items() if np.any(values > 0)}
     cost = np.stack(list(kinds.values()), axis=1) if kinds else np.zeros((len(solution.cost), 0))
     return {"kinds": list(kinds), "cost": packer.add(cost, _step(cost)), "edges": _edges(solution, packer)}

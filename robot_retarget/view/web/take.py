@@ -1,4 +1,4 @@
-"""What is looked at: a robot's trajectory, and everything known of it."""
+"""A take: a robot's trajectory with its human, warnings, report and solution."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +43,7 @@ class Take:
     report: Report | None = None
     """Of the trajectory (`simulate`)."""
     solution: Solution | None = None
-    """What the trajectory was solved from, for the stress of its edges."""
+    """The solution of the trajectory, for the stress of its edges."""
     before: Trajectory | None = None
     """As it was before the latest touch-up, frame by frame."""
 
@@ -52,7 +52,7 @@ class Take:
 
     @property
     def title(self) -> str:
-        """What it is, for a person."""
+        """Its title."""
         return f"{self.trajectory.source or 'a trajectory'} on {self.robot.name}"
 
 
