@@ -58,7 +58,7 @@ def test_an_override_replaces_lines_on_either_side(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[humans]\nl_hand = "LeftHand"', r"unknown table \[humans\]; known: human, robot"),
+        ('[humans]\nl_hand = "LeftHand"', r"unknown table \[humans\]; did you mean 'human'\? known: human, robot"),
         ('[human]\nl_hand = "Paw"', "'Paw'"),
         ('[human]\npaw = "LeftElbow"', "'paw'"),
     ],
