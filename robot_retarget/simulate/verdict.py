@@ -83,9 +83,8 @@ def stands_in_place(figures: Mapping[str, Any]) -> str:
 def _difference(check: Check, figures: Mapping[str, Any], most: Thresholds) -> str:
     value, bound = figures[check.figure], getattr(most, check.threshold)
     if check.figure.startswith("limb_rad"):
-        part, worst = check.figure.rsplit("_", 1)[-1], np.degrees(figures["limb_rad_worst"])
-        verb = "is" if part == "trunk" else "are"
-        return f"{part} {verb} {np.degrees(value):.0f}° from the human's on average, {figures['limb_worst']} most ({worst:.0f}°)"
+        part = check.figure.rsplit("_", 1)[-1]
+        return f"{part} {'is' if part == 'trunk' else 'are'} {np.degrees(value):.0f}° from the human's on average"
     if check.figure == "slowdown":
         return f"it takes {value:.1f} times as long as the human"
     if check.unit == "rad":
