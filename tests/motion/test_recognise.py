@@ -325,7 +325,9 @@ def test_an_override_sets_a_keypoint_and_unknown_words_are_refused_with_the_know
     assert changed.marks["chest"] == Mark((skeleton.names.index("Spine1"),), 1.0, "set by hand")
     assert len(changed.marks["l_toe"].joints) == 2
     assert changed.marks["r_toe"] == found.marks["r_toe"]
-    with pytest.raises(MatchError, match=re.escape("unknown keypoint 'l_paw'; did you mean 'l_hip'? known: pelvis, chest")):
+    with pytest.raises(
+        MatchError, match=re.escape("unknown keypoint 'l_paw'; did you mean 'l_hip'? known: pelvis, chest")
+    ):
         apply_override(found, skeleton, {"l_paw": "LeftHand"})
     with pytest.raises(MatchError, match=re.escape("l_hand: unknown joint 'LHand'; known: Hips, LeftUpLeg")):
         apply_override(found, skeleton, {"l_hand": "LHand"})

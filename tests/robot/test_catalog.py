@@ -25,7 +25,9 @@ def test_a_shipped_robot_is_loaded_by_name() -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(RobotError, match=rf"unknown robot 'op4'; did you mean 'op3'\? known: {', '.join(shipped_robots())}"):
+    with pytest.raises(
+        RobotError, match=rf"unknown robot 'op4'; did you mean 'op3'\? known: {', '.join(shipped_robots())}"
+    ):
         load_robot("op4")
 
 
@@ -84,7 +86,10 @@ def test_a_side_file_fills_missing_ranges(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("[range]\nelbow = [0, 1]", "limits name the joint 'elbow'; known: shoulder"),
-        ("[ranges]\nshoulder = [0, 1]", r"unknown table \[ranges\]; did you mean 'range'\? known: range, speed, torque"),
+        (
+            "[ranges]\nshoulder = [0, 1]",
+            r"unknown table \[ranges\]; did you mean 'range'\? known: range, speed, torque",
+        ),
         ("[range]\nshoulder = 1", r"\[range\] shoulder must be \[lower, upper\], got 1"),
         ("[range]\nshoulder = [1, 0]", "lower above upper"),
         ("[range", "not TOML"),
