@@ -97,7 +97,8 @@ def read_feedback(values: Mapping[str, Any]) -> Feedback | None:
         raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
     found = {key.removeprefix(PREFIX): np.asarray(values[key], dtype=float) for key in KEYS}
     plain: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in found.items()}
-    return Feedback(**plain | {"lag": int(plain["lag"])})
+    plain["lag"] = int(plain["lag"])
+    return Feedback(**plain)
 
 
 class Law:

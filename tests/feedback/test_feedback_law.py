@@ -59,7 +59,7 @@ def test_a_perfect_reading_is_that_of_mujoco_sensors() -> None:
 
 def test_fusion_follows_a_tilt_at_once_and_forgets_a_wrong_start() -> None:
     rate, fusion = 0.8, Fusion(0.5)
-    fusion.step(STILL, DT)
+    found = fusion.step(STILL, DT)
     for k in range(1, 51):
         reading = leaning(0.0, rate * k * DT)
         found = fusion.step(Reading(np.array([0.0, rate, 0.0]), reading.accel), DT)
@@ -73,7 +73,7 @@ def test_fusion_follows_a_tilt_at_once_and_forgets_a_wrong_start() -> None:
 
 def test_fusion_does_not_take_a_push_for_a_tilt() -> None:
     fusion = Fusion(1.0)
-    fusion.step(STILL, DT)
+    found = fusion.step(STILL, DT)
     for _ in range(12):  # a tenth of a second at 2 g ahead
         found = fusion.step(Reading(np.zeros(3), np.array([2.0, 0.0, 1.0]) * STANDARD_GRAVITY), DT)
     assert np.abs(found).max() < 0.01
@@ -133,9 +133,8 @@ def test_without_trust_additions_fade_out_and_stay_out() -> None:
         law.step(row, np.zeros(3), leaning(0.1, 0.1))
     assert np.abs(law.added).max() > 0.05
     law.trusted = False
-    for row in range(round(0.2 / DT) + 2):
-        goal = law.step(row, np.zeros(3), None)
-    assert np.allclose(goal, 0.0)
+    goals = [law.step(row, np.zeros(3), None) for row in range(round(0.2 / DT) + 2)]
+    assert np.allclose(goals[-1], 0.0)
 
 
 def test_a_fall_goes_to_the_crouch_no_faster_than_additions() -> None:
