@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robot_retarget.describe.graph import Graph, graph_of
+from robot_retarget.describe.kinds.kind import frame_costs
 from robot_retarget.describe.weights import Weights
 from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import Motion, Skeleton, read_motion
@@ -86,9 +87,10 @@ def test_its_own_motion_comes_back(smoothing: Smoothing) -> None:
     graph, qpos = own_motion()
     for kind in ("foothold", "orientation", "rest"):
         graph = graph.without(kind)
-    problem, tracks, first = build_problem(graph.robot, graph.match, graph.tracks), [], 0
+    problem, costs, first = build_problem(graph.robot, graph.match, graph.tracks), frame_costs(graph.tracks), 0
     measured = np.array([problem.values(q) for q in qpos])
-    for track in graph.tracks:
+    tracks = [track for track in graph.tracks if all(track is not cost for cost in costs)]
+    for track in costs:
         own = measured[:, first : first + len(track)]
         tracks, first = [*tracks, replace(track, lower=own, upper=own)], first + len(track)
     solution = solve_graph(replace(graph, tracks=tuple(tracks)), smoothing=smoothing)
