@@ -1,4 +1,4 @@
-"""Warnings as events: who, since when, and what came of it."""
+"""Warnings as events: pair of links, time and outcome."""
 
 import csv
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ COLUMNS = ("link_a", "link_b", "first_warning", "predicted_contact", "contact", 
 
 @dataclass(frozen=True)
 class Event:
-    """One stretch of warning of one pair of links."""
+    """One interval of warning of one pair of links."""
 
     pair: tuple[str, str]
     first_warning: int
-    """The frame in which the warning is raised."""
+    """Frame in which the warning is raised."""
     predicted_contact: int
-    """The frame in which contact was then expected."""
+    """Frame of the predicted contact."""
     contact: int | None
-    """The frame in which the geoms first touch, None where they do not."""
+    """First frame in which the geoms touch, or None."""
     lead_s: float
-    """From the warning to the contact, or to the expected one where none came [s]."""
+    """From the warning to the contact, or to the predicted one if no contact came [s]."""
     depth_m: float
-    """The deepest overlap that was foreseen [m]."""
+    """Deepest predicted overlap [m]."""
     last: int
     """The last frame of the warning."""
 
     def contract(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the event as JSON fields."""
         return {**asdict(self), "pair": list(self.pair)}
 
 
@@ -45,7 +45,7 @@ def events_of(
     depth: Floats,
     fps: float,
 ) -> list[Event]:
-    """Every stretch of flagged frames, in order of time; all arrays (T, P)."""
+    """Return the intervals of flagged frames, in order of time; all arrays are (T, P)."""
     edge = np.diff(flagged.astype(np.int8), axis=0, prepend=0, append=0)
     starts, stops = np.argwhere(edge.T == 1), np.argwhere(edge.T == -1)
     found = []
@@ -61,7 +61,7 @@ def events_of(
 
 
 def figures_of(events: Sequence[Event], frames: int, fps: float) -> dict[str, Any]:
-    """The events in numbers."""
+    """Return counts and the median lead of the events."""
     hits = [event for event in events if event.contact is not None]
     return {
         "frames": frames,

@@ -128,7 +128,7 @@ def warnings_of(
 
 
 class Warner:
-    """Warnings of a stream: takes every configuration as it comes."""
+    """Causal warnings of a stream."""
 
     def __init__(
         self, robot: Robot, fps: float, options: WarnOptions | None = None, links: LinkDistances | None = None
@@ -192,7 +192,7 @@ class Warner:
         return path
 
     def _time_to_zero(self, along: Floats, otherwise: Floats) -> Floats:
-        """Return when distances (1 + H, P) first reach zero, linear between steps [s]; `otherwise` where they do not."""
+        """Return the times at which distances (1 + H, P) first reach zero, linear between steps [s], else `otherwise`."""
         after = (along <= 0).argmax(axis=0)
         pairs = np.flatnonzero((along <= 0).any(axis=0))
         time = otherwise.copy()

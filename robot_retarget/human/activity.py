@@ -1,4 +1,4 @@
-"""What the human does with the feet: stays in place, steps, jumps, or is held up by something the robot does not have."""
+"""Activity of the feet: in place, stepping, flight, or supported by an object that the robot does not have."""
 
 from dataclasses import dataclass
 
@@ -18,37 +18,37 @@ IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "suppo
 
 @dataclass(frozen=True)
 class ActivityRule:
-    """What counts as which; lengths in units of the human's leg."""
+    """Thresholds; lengths in leg lengths of the human."""
 
     planted: float = 0.95
-    """Share of the time that both feet of a human who stays in place stand."""
+    """A human in place stands on both feet for this share of the time [-]."""
     flight: float = 0.12
-    """No foot on the floor for longer [s] ..."""
+    """A flight has no foot on the floor for longer [s] ..."""
     high: float = 0.12
-    """... both higher than this: a jump."""
+    """... and both feet higher than this."""
     drift: float = 0.6
-    """The lowest within this time to either side is the floor: captures lose their height [s]."""
+    """The floor is the lowest point within this time to either side: heights of captures drift [s]."""
     held: float = 0.1
-    """Share of the time with the pelvis lower ..."""
+    """A supported human spends this share of the time with the pelvis lower [-] ..."""
     low: float = 0.62
-    """... than this share of its height and farther beside the middle of the feet ..."""
+    """... than this share of its usual height [-], and farther from the middle of the feet along the floor ..."""
     beside: float = 0.3
-    """... than this: held up by a chair, by hands."""
+    """... than this: on a chair, or on hands."""
 
 
 @dataclass(frozen=True)
 class Activity:
-    """What a human does, and where it is most of all so."""
+    """Activity of a human, and its longest interval."""
 
     kind: str
     """`in place`, `stepping`, `flight` or `supported`."""
     since: float = 0.0
     until: float = 0.0
-    """Of the longest flight or support [s]."""
+    """Longest flight or support [s]."""
 
 
 def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) -> Activity:
-    """Tell by feet and pelvis what the human does; a match without legs stays in place."""
+    """Classify the activity from feet and pelvis; a match without legs is in place."""
     chosen, fps = rule or ActivityRule(), motion.fps
     if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
         return Activity(IN_PLACE)
@@ -66,7 +66,7 @@ def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) 
 
 
 def require_own_feet(activity: Activity) -> None:
-    """Refuse what only something that is not there makes possible.
+    """Refuse a motion that needs a support the robot does not have.
 
     Raises:
         BalanceError: the human is supported.

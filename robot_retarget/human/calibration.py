@@ -15,7 +15,7 @@ from robot_retarget.motion import Motion
 from robot_retarget.robot.kinematics import matrices
 
 _CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
-"""Keypoint whose joint turns a segment, where it has another name."""
+"""Keypoint whose joint turns a segment of another name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Features of a stream, frame by frame: what `features.features_of` reads off a clip, from the frames so far."""
+"""Features of a stream: the causal version of `features.features_of`."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from robot_retarget.human.ground import DRIFT, WINDOW
 from robot_retarget.human.segments import facing
 
 LEAP = 12.0
-"""A faster body was moved by the tracker, not by its legs: the path goes on from its last place [m/s]."""
+"""A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]."""
 FOLLOWED = 0.5
 """Speed at which a drift of the floor is followed [m/s]."""
 

@@ -1,7 +1,7 @@
 """The contact schedule: when toe and heel of each foot stand, for a clip and for a stream.
 
-Both use the detector of `motion.stance`. A clip smooths with what comes later; a stream keeps a change for half of the
-shortest stance instead. The ankle stands for the heel.
+Both use the detector of `motion.stance`. A clip is smoothed over time; a stream holds a change for half of the
+shortest stance instead. The ankle represents the heel.
 """
 
 import numpy as np
@@ -46,7 +46,7 @@ def contact_schedule(
 
 
 class CausalContacts:
-    """Detects the contacts of a stream, from the frames so far."""
+    """Causal contact detector of a stream."""
 
     def __init__(self, match: Match, x: Floats, rule: StanceRule | None = None):
         """Start with the floor of calibration frames.

@@ -1,4 +1,4 @@
-"""What the human does, in the words of the match: the one input of every kind of edge."""
+"""Features of a human motion: the input of every kind of edge."""
 
 from dataclasses import dataclass, replace
 
@@ -13,32 +13,32 @@ from robot_retarget.human.segments import facing, human_frames
 from robot_retarget.motion import Motion
 
 LOW = 0.05
-"""An ankle is lower than it ever stands in this share of the frames at most."""
+"""Quantile of the ankle heights that is the height of a standing ankle [-]: lower ones are outliers."""
 
 
 @dataclass(frozen=True, eq=False)
 class HumanFeatures:
-    """A motion of T frames over level ground, described by the K keypoints that human and robot share."""
+    """Features of T frames over level ground, at the K keypoints that human and robot share."""
 
     positions: Floats
     """(T, K, 3) keypoints, the floor under them at z = 0 [m]."""
     segments: dict[str, Floats]
     """Per segment (T, 3, 3): its forward, left and up as columns."""
     facing: Floats
-    """(T, 3, 3) how the whole body is turned."""
+    """(T, 3, 3) orientation of the whole body."""
     contacts: dict[str, np.ndarray]
     """The contact schedule: per foot (`l`, `r`) (T, 2), whether toe and heel stand."""
     closeness: Floats
     """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
     fps: float
     ankle_height: float = 0.0
-    """Of the lowest ankle over the floor, where the clip has it lowest [m]."""
+    """Height of the lowest ankle above the floor while it stands [m]."""
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def at(self, frames: slice | np.ndarray) -> "HumanFeatures":
-        """Some of the frames."""
+        """Return the features of some of the frames."""
         return replace(
             self,
             positions=self.positions[frames],
@@ -50,7 +50,7 @@ class HumanFeatures:
 
 
 def features_of(motion: Motion, match: Match) -> HumanFeatures:
-    """Read off a motion what edges are made of; a part of a clip is read off the clip."""
+    """Return the features of a motion; a part of a clip uses the whole clip for its constants."""
     clip, span = motion.clip, motion.span
     x = grounded(match.human_positions(clip), match, clip.fps)
     segments = human_frames(clip, match)

@@ -1,7 +1,7 @@
-"""How the human's feet are turned: flat where they bear who stands upright, with their ankles lowest.
+"""Orientation of the human's feet: level in the frames in which an upright human stands on them with the ankles lowest.
 
-Their roll is seen in no position; where the source has rotations, the ankle's own is used, turned by the constant that
-fits where the foot is flat.
+Positions do not show the roll of a foot. A source with rotations gives the rotation of the ankle, times the constant that
+makes the foot level in those frames.
 """
 
 import numpy as np
@@ -16,17 +16,17 @@ from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT
 
 FLAT_SHARE = 0.1
-"""A foot that stands is taken to be flat in this share of the frames, those with the lowest ankle: on tiptoe it is higher."""
+"""Share of the frames, those with the lowest ankle, in which a standing foot is flat [-]: on tiptoe the ankle is higher."""
 UPRIGHT = 0.9
-"""The head of who stands upright is over the floor by this share of the most it is."""
+"""A human is upright while the head is above this share of its largest height [-]."""
 ANKLE_TURN = 1.3
-"""An ankle and a shin turn the left of a foot no further from the axis of the bent knee [rad]."""
+"""Largest angle between the left of a foot and the axis of the bent knee that ankle and shin allow [rad]."""
 ON_TOES = 0.25
-"""It stands on its toes when these lie further under the ankle than those of the other one where that is flat [rad]."""
+"""A foot is on its toes if they are lower under the ankle, by this angle, than those of the other foot when it is flat [rad]."""
 
 
 def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
-    """(T, 3, 3) of the feet, by side; one that stands on its toes throughout is known by how the toes of the other lie."""
+    """Return the axes (T, 3, 3) of both feet; the flat foot corrects one that is on its toes throughout."""
     level = grounded(match.human_positions(motion), match, motion.fps)
     top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
     stands, upright = (
@@ -50,7 +50,7 @@ def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str,
 
 
 def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats:
-    """A foot's frames; where no ankle could turn it so far from the way the knee bends, its left is the knee's axis.
+    """Return the axes of a foot, with the axis of the knee as its left where no ankle could turn that far from it.
 
     Captures lose the roll of a foot that points along its shin, and some turn it right over.
     """
@@ -63,9 +63,9 @@ def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats
 
 
 def _flat(height: Floats, stands: np.ndarray, upright: np.ndarray) -> np.ndarray:
-    """(T,) when a foot is taken to be flat: with its ankle lowest, if its toes mostly bear who is upright then.
+    """Return (T,) the frames in which a foot is flat: its ankle is lowest, and mostly an upright human stands on its toes.
 
-    Who lies may have the ankles lowest of all, with the toes up; then those frames tell in which toes bear who is upright.
+    A lying human may have the lowest ankles, with the toes up. Then the frames are chosen among those of an upright stance.
     """
     low, bears = height <= np.quantile(height, FLAT_SHARE), stands & upright
     if bears[low].mean() > 0.5:
@@ -75,14 +75,14 @@ def _flat(height: Floats, stands: np.ndarray, upright: np.ndarray) -> np.ndarray
 
 
 def _drop(along: Floats) -> float:
-    """How far the toes are under the ankle, along (N, 3) from this to those, in the middle [rad]."""
+    """Return the median angle by which the toes are below the ankle, from ankle-to-toe vectors (N, 3) [rad]."""
     return float(np.median(np.arcsin(-unit(along)[:, 2])))
 
 
 def _foot(
     motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats, flat: np.ndarray
 ) -> Floats:
-    """A foot's frame; it is level, and its toes lie straight ahead, in the frames (T,) in which it is flat."""
+    """Return the axes of a foot that is level, with its toes straight ahead, in the frames (T,) in which it is flat."""
     along = toe - ankle
     ahead = unit(along[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)

@@ -1,4 +1,4 @@
-"""The floor under the human: where it is, and its drift in captures that have no fixed reference."""
+"""The floor under the human, and its drift in captures without a fixed reference."""
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
@@ -8,16 +8,16 @@ from robot_retarget.human.match import Match
 from robot_retarget.motion.stance import StanceRule
 
 WINDOW = 0.6
-"""A body touches the floor at least once in twice this time: no jump lasts longer [s]."""
+"""A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""
 DRIFT = 0.1
-"""A floor that stays within this share of a leg is taken as level."""
+"""A floor whose height varies by less is level [leg lengths]."""
 
 
 def grounded(positions: Floats, match: Match, fps: float) -> Floats:
-    """Keypoints (T, K, 3) with the floor under them brought to z = 0 [m].
+    """Return keypoints (T, K, 3) over a floor at z = 0 [m].
 
-    The floor is the lowest foot over the clip. Inertial captures lose their height: there the lowest point of the body
-    within `WINDOW` to either side, smoothed, is the floor of each moment. It also makes steps and stairs level.
+    The floor is the lowest foot of the clip. Heights of inertial captures drift: there the floor of each frame is the lowest
+    point of the body within `WINDOW` to either side, smoothed. This also removes steps and stairs.
     """
     z = positions[:, :, 2]
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]

@@ -1,4 +1,4 @@
-"""Human and robot in the same words: the keypoints both have, the tree over them, and both bodies' bone lengths."""
+"""Match of human and robot: shared keypoints, their tree, and the bone lengths of both bodies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Match:
     rest: Floats
     """(K, 3) where the robot's keypoints are in its reference pose [m]."""
     ankle_height: float
-    """Of the robot's ankles over its soles where they are level, 0 without legs [m]."""
+    """Height of the robot's ankles above its level soles [m]; 0 for a robot without legs."""
 
     @property
     def points(self) -> Points:
@@ -42,7 +42,7 @@ class Match:
         return self.anatomy.points_of(self.keypoints)
 
     def index(self, keypoint: str) -> int:
-        """Where a keypoint stands in the arrays."""
+        """Return the index of a keypoint in the arrays."""
         return self.keypoints.index(keypoint)
 
     def human_positions(self, motion: Motion) -> Floats:
@@ -50,7 +50,7 @@ class Match:
         return _human_positions(motion, self.recognition, self.keypoints)
 
     def figure(self, motion: Motion) -> tuple[Floats, Ints]:
-        """The human to be drawn, with what the robot lacks too: (T, H, 3) all its keypoints [m], (B, 2) which a bone joins."""
+        """Return all keypoints of the human (T, H, 3) [m] and the pairs (B, 2) that a bone joins, for drawing."""
         own = self.recognition.keypoints
         bones = [(own.index(child), own.index(parent)) for child, parent in parents_within(own).items()]
         return self.recognition.place(motion.positions), np.array(bones)
@@ -79,7 +79,7 @@ class Match:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was doubtful on either side."""
+        """Notes about doubtful keypoints of both bodies."""
         return (*self.recognition.notes, *self.anatomy.notes)
 
 
@@ -91,8 +91,8 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
             (keypoint = ["body", x, y, z], forward = [x, y, z]) that replace any line of the map.
 
     Raises:
-        MatchError: the motion is not human, the robot is no humanoid, an override names what is not there, or the two
-            share too little.
+        MatchError: the motion is not human, the robot is no humanoid, an override names an unknown joint or
+            body, or the two share too few keypoints.
     """
     tables = read_map(Path(overrides)) if overrides is not None else {}
     recognition = recognise_with(motion.skeleton, motion.clip.positions, tables.get("human", {}))
@@ -142,7 +142,7 @@ def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[
 
 
 def _ankle_height(anatomy: Anatomy) -> float:
-    """The mean of both feet, over what is lowest where the sole is level [m]."""
+    """Return the mean height of both ankles above their level soles [m]."""
     heights = []
     for side, sole in anatomy.soles.items():
         up = anatomy.frames[f"{side}_foot"][1][:, 2]

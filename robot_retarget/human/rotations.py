@@ -1,4 +1,4 @@
-"""How a source's joints are turned, and the constant between their axes and those of a segment."""
+"""Rotations of the source's joints, and the constant between a joint and its segment."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,7 +11,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
-    """(T, 3, 3) of the joint that stands for a keypoint, where the source has rotations."""
+    """Return the rotations (T, 3, 3) of the joint of a keypoint, or None for a source without rotations."""
     if motion.rotations is None:
         return None
     joint = own_joint(motion, match, keypoint)
@@ -19,13 +19,13 @@ def own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:
 
 
 def own_joint(motion: Motion, match: Match, keypoint: str) -> int:
-    """The joint that stands for a keypoint, or carries those that do."""
+    """Return the joint of a keypoint, or the joint that carries all its joints."""
     joints = match.recognition.marks[keypoint].joints
     carriers = [set(motion.skeleton.above(joint)[1:]) for joint in joints]
     return joints[0] if len(joints) == 1 else max(set.intersection(*carriers), default=0)
 
 
 def constant_between(own: Floats, wanted: Floats) -> Floats:
-    """The rotation C that minimises Σ ‖own C − wanted‖² over the frames (orthogonal Procrustes). (3, 3)"""
+    """Return the rotation C (3, 3) that minimises Σ ‖own C − wanted‖² over the frames (orthogonal Procrustes)."""
     u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", own, wanted))
     return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt

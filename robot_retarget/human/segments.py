@@ -1,11 +1,11 @@
-"""How the human's pelvis, chest, head, feet and hands are turned: what joint centres alone cannot tell.
+"""Orientation of the human's pelvis, chest, head, feet and hands.
 
 A segment's frame has its forward, left and up as columns. Those of pelvis, chest and head are built of two directions
-between keypoints, in the same way on both bodies. A head's yaw and a foot's roll are seen in no position, nor is how a
-pelvis tilts under the trunk: where the source has rotations, the joint's own is used, turned by the constant that fits
-over the clip (that of feet is found in `feet.py`). A head may hang and a hand be bent throughout: for these the file's
-rest pose tells, where the motion bears it out, for many exporters' rest poses are nonsense. A head of positions alone is
-levelled where its neck is built otherwise than the robot's.
+between keypoints, in the same way on both bodies. Positions show neither the yaw of a head, the roll of a foot, nor the
+tilt of a pelvis. A source with rotations gives the rotation of the joint, times the constant that fits best over the clip
+(`feet.py` has that of feet). A head may hang and a hand may be bent throughout a clip: their constants come from the rest
+pose of the file, if the motion agrees with it, because many exporters write arbitrary rest poses. A head without rotations
+is levelled if its neck leans otherwise than the robot's.
 """
 
 import numpy as np
@@ -21,13 +21,13 @@ from robot_retarget.robot.axes import BENT, levelled
 from robot_retarget.robot.hands import hand_frames
 
 LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
-"""The axes of a joint are taken for those of an upright segment when they are no further from them [rad]."""
+"""Axes of a joint within this angle of those of an upright segment are replaced by them [rad]."""
 STRAIGHT = 1.0
-"""Fingers further from where a hand points on the whole are a placeholder of the file [rad]."""
+"""Fingers that differ by more from the mean direction of the hand are a placeholder of the file [rad]."""
 LIKELY = {"head": 1.2, "hand": np.pi / 2}
-"""A rest pose further from how a segment is turned on the whole is none [rad]."""
+"""A rest pose that differs by more from the mean orientation of a segment is arbitrary [rad]."""
 LEANT = 0.2
-"""A head of which positions alone are known leans by no more on the whole [rad]: more is how its neck is built."""
+"""Largest mean lean of a head without rotations [rad]; a larger one is the shape of its neck."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:

@@ -11,7 +11,7 @@ BENT = 0.2
 
 
 def levelled(turn: Floats, most: float) -> Floats:
-    """The nearest of the 24 rotations (3, 3) that take axes to axes, where that is within `most` [rad]; else `turn` itself."""
+    """The nearest of the 24 rotations (3, 3) that take axes to axes, if it is within `most` [rad] of `turn`; else `turn` itself."""
     turns = CUBE.inv() * Rotation.from_matrix(turn)
     nearest = int(np.argmin(turns.magnitude()))
     return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else turn

@@ -1,9 +1,9 @@
-"""Where two boxes come near each other: every place that counts, whichever box is named first.
+"""Places where two boxes are near each other: nearest points and corners, independent of the order of the boxes.
 
 MuJoCo's own contacts of boxes that do not touch yet miss pairs, are off by up to a centimetre, and change when the
-boxes are mirrored. Here the nearest two points are those of `mj_geomDistance`. As one point lets boxes roll into each
-other about it, the corners near the other box's surface are added, ‖max(|p| − h, 0)‖ away for a point p and a box of half
-sizes h; not for boxes that overlap, where a corner does not tell which way is out.
+boxes are mirrored. Here the nearest two points come from `mj_geomDistance`. One point alone lets boxes roll about it, so
+the corners near the other box are added: a point p is ‖max(|p| − h, 0)‖ away from a box of half sizes h. Boxes that overlap
+get no corners, because a corner inside a box has no direction out of it.
 """
 
 import itertools
@@ -49,7 +49,7 @@ class Near:
 
 
 class Boxes:
-    """The pairs of boxes that may collide, and where they are near each other."""
+    """Pairs of boxes that may collide, and the places at which they are near each other."""
 
     def __init__(self, model: mujoco.MjModel, pairs: Ints, reach: float):
         """Watch pairs of box geoms (N, 2) within `reach` [m]."""
@@ -62,7 +62,7 @@ class Boxes:
         self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
 
     def near(self, data: mujoco.MjData) -> Near:
-        """The places where boxes are near each other, as the geoms of `data` stand."""
+        """Return the places at which boxes are near each other, at the poses of `data`."""
         pairs, turn, offset = self._candidates(data)
         nearest = self._nearest(data, pairs)
         apart = np.flatnonzero(nearest.distance > TOUCHING)

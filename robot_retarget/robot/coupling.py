@@ -49,7 +49,7 @@ class Coupling:
         return np.concatenate([self.data.efc_pos[:rows], mesh]), np.concatenate([slope, self.turns])
 
     def closed(self, qpos: Floats, steps: int = 8) -> Floats:
-        """The configuration nearby that holds every constraint: Newton steps that move what nothing hangs on.
+        """Return a nearby configuration that satisfies all constraints, by Newton steps that move mostly joints without children.
 
         Steps are short, so that a rod near its dead centre is not thrown onto another branch.
         """

@@ -1,4 +1,4 @@
-"""What floor and servos must do for a motion to happen: the zero moment point by MuJoCo's momenta, torques by its inverse."""
+"""Ground reaction and joint torques of a motion: the zero moment point from momenta, torques by inverse dynamics."""
 
 import copy
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from robot_retarget.robot.model import Robot
 PLANTED = 0.006
 """Corners this near to the lowest one carry the robot [m]."""
 NEAR = 0.002
-"""A corner so much higher than another has e⁻² of the load they share [m]: a foot bears nothing before it is set down."""
+"""Height at which a corner carries e⁻² of the load of a corner on the floor [m]: a foot in the air carries nothing."""
 EVENNESS = 1e-3
-"""Weight of a force [N] against what the root lacks [N, N m]."""
+"""Weight of contact forces [N] against the residual wrench of the root [N, N m]."""
 GRIP = 0.8
 """Friction that the planted soles may use."""
 
 
 def root_dofs(robot: Robot) -> Ints:
-    """Where the root stands in qvel."""
+    """Return the indices of the root in qvel."""
     return np.flatnonzero(np.isin(robot.model.dof_jntid, robot.root_joints))
 
 
@@ -69,13 +69,13 @@ class Tread:
 
 
 def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Tread:
-    """What the floor must do for a motion (T, nq) to happen.
+    """Return the ground reaction that a motion (T, nq) needs.
 
         p_x = c_x − (c_z F_x + L̇_y)/F_z,   p_y = c_y − (c_z F_y − L̇_x)/F_z,   F = Ṗ + m g e_z
         M_z = L̇_z + (c_x − p_x) F_y − (c_y − p_y) F_x
 
     Args:
-        smooth: standard deviation of a Gaussian over the momenta [s]; servos cannot follow what is quicker.
+        smooth: standard deviation of a Gaussian over the momenta [s]; servos cannot follow faster changes.
     """
     centre, linear, angular = momenta(robot, qpos, velocities(robot, qpos, fps))
     if len(qpos) < 3:
@@ -97,9 +97,9 @@ def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0
 
 
 def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0) -> tuple[Floats, Floats]:
-    """What the hinges must give (T, n) [N m] for a motion (T, nq) on planted soles: in all, and at rest in its poses.
+    """Return the joint torques (T, n) [N m] of a motion (T, nq) on planted soles, and those at rest in its poses.
 
-    Without damping and dry friction: those are the servos' own. `smooth` as in `tread`, over velocities.
+    Damping and dry friction are not included: the servo model adds them. `smooth` as in `tread`, over velocities.
     """
     moving = required_forces(robot, qpos, fps, soles, smooth)
     resting = _inverse(robot, (qpos, *np.zeros((2, *moving.shape))), soles, np.ones(len(qpos), dtype=bool))
@@ -109,7 +109,7 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
 def required_forces(
     robot: Robot, qpos: Floats, fps: float, soles: Points, smooth: float = 0.0, standing: Bools | None = None
 ) -> Floats:
-    """Generalised forces that a motion needs besides what the floor gives through the soles.
+    """Return the generalised forces of a motion without the contact forces on the soles.
 
     Inverse dynamics less contact forces within friction pyramids at the soles, chosen by non-negative least squares to carry
     the root. Entries of hinges are motor torques without damping and friction; entries of the root are its residual wrench,

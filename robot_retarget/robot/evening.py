@@ -1,8 +1,8 @@
-"""What should be alike on both sides of a robot, and is not quite as its meshes tell.
+"""Symmetrize points measured on meshes.
 
-Joint axes of most robots mirror each other to the last digit; the surfaces that were drawn for them do not, by tenths of
-a millimetre and more. What is read off surfaces (toes, hands, the head, soles) is therefore the mean of both sides, lest
-a motion and its mirror image be different problems. Sides that really differ stay as they are.
+The joint axes of most robots mirror each other exactly; their meshes differ by tenths of a millimetre and more. Toes, hands,
+head and soles are measured on meshes, so each is replaced by the mean of itself and its mirror image. A motion and its
+mirror image then pose the same problem. Sides that differ by more stay as they are.
 """
 
 from collections.abc import Mapping
@@ -12,16 +12,16 @@ import numpy as np
 from robot_retarget.arrays import Floats
 
 SLIGHT = 0.02
-"""Sides that differ by less than this share of the body, or of the foot, should be alike."""
+"""Sides that differ by less than this share of the body, or of the foot, are symmetrized [-]."""
 
 
 def other_side(keypoint: str) -> str:
-    """`r_hand` for `l_hand` and the other way round; what is in the middle is its own counterpart."""
+    """Return `r_hand` for `l_hand` and `l_hand` for `r_hand`; a keypoint in the middle is its own counterpart."""
     return {"l_": "r_", "r_": "l_"}.get(keypoint[:2], keypoint[:2]) + keypoint[2:]
 
 
 def evened(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
-    """Keypoints by name (3,) [m], each the mean of itself and of the mirror image of its counterpart.
+    """Return keypoints (3,) [m], each the mean of itself and of the mirror image of its counterpart.
 
     Args:
         left: (3,) unit vector from the right to the left.
@@ -40,11 +40,11 @@ def evened(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
 
 
 def both_soles(clouds: Mapping[str, Floats], ankles: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
-    """Surfaces of feet (P, 3) [m], each with the mirror image of the other foot's beside its own.
+    """Return the points of both feet (P, 3) [m], each joined with the mirror image of the other foot.
 
     Args:
-        clouds: per foot `l`, `r` its surface where the robot stands.
-        ankles: (3,) about which each is seen.
+        clouds: per foot `l`, `r` points of its surface in the standing pose.
+        ankles: per foot (3,), the origin of its mirror image [m].
     """
     if len(clouds) < 2:
         return dict(clouds)

@@ -1,8 +1,7 @@
-"""The floor z = 0 under links that are no feet: their lowest places near it.
+"""Distances between the floor z = 0 and links other than feet.
 
-Feet roll, tilt and stand, and have rows of their own for it; anything else that comes down, a hand, a knee or a back,
-must only stay over it. A link that lies flat rests on several places, so each geom is seen from below and from a little
-aside, all around.
+Feet have rows of their own. Hands, knees and the back must stay above the floor. A link that lies flat rests on several
+points, so each geom gives its extreme points straight down and in four directions slightly to the side.
 """
 
 import mujoco
@@ -16,31 +15,31 @@ from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
 
 FLOOR = -1
-"""Stands for the floor where geoms are told by their numbers."""
+"""Geom id of the floor."""
 _ASIDE = 0.3
 _BELOW = np.array([[0, 0, -1], [_ASIDE, 0, -1], [-_ASIDE, 0, -1], [0, _ASIDE, -1], [0, -_ASIDE, -1]], dtype=float)
 _UP = np.array([0.0, 0.0, 1.0])
 _GEOM = mujoco.mjtGeom
 _AROUND = np.arange(64) * np.pi / 32
-"""So many points on the rim of a cylinder are within 0.0012 of its radius of the lowest."""
+"""Angles of points on the rim of a cylinder; the lowest of them is within 0.0012 radii of the lowest point of the rim."""
 
 
 class Floor:
-    """The geoms that must stay over the floor, and where they are near it."""
+    """Geoms that must stay above the floor, and the points at which they are near it."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
-        """Watch what is solid to the eye of all links but the `feet`, within `reach` [m], as the model stands in `data`."""
+        """Watch the solid geoms of all links but the `feet` within `reach` [m], at the poses of `data`."""
         solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
         middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 2, 0)
         self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
-        # A walk asks for this at every step and finds nothing: views and buffers are kept.
+        # Most steps find nothing near the floor: views and buffers are allocated once.
         self._turns, self._origins = data.geom_xmat, data.geom_xpos
         self._box, self._up = np.concatenate([middle, -half]), np.empty((6, len(self.geoms)))
         self._where = 9 * self.geoms + np.array([[6], [7], [8]]), 3 * self.geoms + 2
 
     def near(self) -> Near | None:
-        """Where geoms are within reach of the floor, None where none is."""
+        """Return the points within reach of the floor, or None."""
         found = [(k, self._places(k)) for k in self._below(self.reach)]
         if not found:
             return None
@@ -50,7 +49,7 @@ class Floor:
         return near[np.flatnonzero(near.distance < self.reach)]
 
     def depth(self) -> float:
-        """How deep the deepest of them is under the floor [m], 0 when none is."""
+        """Return the depth of the deepest point under the floor [m], 0 if all points are above it."""
         return -min([0.0, *(float(self._places(k)[:, 2].min()) for k in self._below(0.0))])
 
     def _below(self, height: float) -> list[int]:

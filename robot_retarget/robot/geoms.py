@@ -13,9 +13,9 @@ Table = dict[tuple[int, int], list[tuple[int, int]]]
 
 
 def collision_geoms(robot: Robot) -> dict[int, list[int]]:
-    """Geoms that take part in contacts, by type or as one of an explicit pair, by link; the world has no part in it.
+    """Return the colliding geoms of every link: by contact type, or from an explicit pair.
 
-    Of a model that lets no two links touch, all that is seen (`shapes_stand_in`).
+    A model in which no two links can touch uses its visual geoms (`shapes_stand_in`).
     """
     model = robot.model
     touching = (model.geom_contype | model.geom_conaffinity) != 0
@@ -24,12 +24,12 @@ def collision_geoms(robot: Robot) -> dict[int, list[int]]:
 
 
 def solid_geoms(robot: Robot) -> dict[int, list[int]]:
-    """Geoms that are solid to the eye, by link: those that take part in contacts, all of a link that has none of these."""
+    """Return the solid geoms of every link: the colliding ones, or all geoms of a link without any."""
     return _by_link(robot.model, np.ones(robot.model.ngeom, dtype=bool)) | collision_geoms(robot)
 
 
 def shapes_stand_in(robot: Robot) -> bool:
-    """Whether what is seen of links stands in for collision shapes: the model has none by type, and no pair of links."""
+    """Return whether visual geoms replace collision geoms: the model has no colliding types and no explicit pair of links."""
     model = robot.model
     link = np.asarray(model.body_weldid)[model.geom_bodyid]
     by_type = ((model.geom_contype | model.geom_conaffinity) != 0) & (link > 0)
@@ -38,7 +38,7 @@ def shapes_stand_in(robot: Robot) -> bool:
 
 
 def touchable(robot: Robot) -> mujoco.MjModel:
-    """The robot's model, in a copy where shapes stand in for collision shapes."""
+    """Return the model, or a copy in which visual geoms collide if they replace collision geoms."""
     if not shapes_stand_in(robot):
         return robot.model
     model = copy.deepcopy(robot.model)
@@ -46,7 +46,7 @@ def touchable(robot: Robot) -> mujoco.MjModel:
     model.geom_contype[own] = model.geom_conaffinity[own] = 1
     model.body_contype[:] = model.body_conaffinity[:] = (
         np.asarray(model.body_weldid) > 0
-    )  # the broad phase goes by bodies
+    )  # the broad phase uses the types of bodies
     return model
 
 
@@ -58,7 +58,7 @@ def _by_link(model: mujoco.MjModel, chosen: np.ndarray) -> dict[int, list[int]]:
 
 
 def allowed(robot: Robot) -> Table:
-    """Geom pairs (a < b) by link pair, as the model's contact filter lets them through."""
+    """Return the pairs of geoms (a < b) of every pair of links that pass the model's contact filter."""
     model = robot.model
     link = np.asarray(model.body_weldid)
     carrier = link[model.body_parentid[link]]

@@ -1,4 +1,4 @@
-"""The robot as rigid links in one pose: who hangs on whom, around which axes, and with what surface.
+"""The tree of rigid links of a robot in one pose: parents, hinge axes and surfaces.
 
 A link is a body together with everything welded to it. All positions are in the world frame.
 """
@@ -20,7 +20,7 @@ _SPHERE = _GRID[np.abs(_GRID).max(1) == 1]
 _SPHERE = _SPHERE / np.linalg.norm(_SPHERE, axis=1, keepdims=True)
 _DISC = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8), np.zeros(16)], 1)
 PARALLEL = 0.95
-"""Axes with a larger cosine between them do not tell each other where to be anchored."""
+"""Axes with a larger cosine between them are parallel: they define no anchor [-]."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ class Links:
     def axes(self, link: int) -> list[Axis]:
         """The hinges that carry a link, from the parent's side on.
 
-        A joint turns alike wherever on its axis the model has it. The anchor is therefore the point nearest to the axes
-        of the next hinges that are not parallel, of those before where there are none after.
+        The place of a joint along its axis is arbitrary. The anchor is therefore the point nearest to the axes of the
+        next hinges that are not parallel, or of the previous ones at the end of a chain.
         """
         return [self._settled(axis, k) for k, axis in enumerate(self._lines(link))]
 
@@ -131,7 +131,7 @@ class Links:
         return [Axis(j, link, self.data.xanchor[j].copy(), self.data.xaxis[j].copy()) for j in hinges]
 
     def _settled(self, axis: Axis, place: int) -> Axis:
-        """An axis, that of so many on its link, anchored near its neighbours, or near the surface it carries."""
+        """Return an axis anchored near its neighbours, or near the surface of its link; `place` is its index on the link."""
         own = self._lines(axis.link)
         after, before = own[place + 1 :], [a for link in self.path(axis.link)[:-1] for a in self._lines(link)]
         groups = [[a] for a in after] + self._below(axis.link) + [[a] for a in reversed(before + own[:place])]

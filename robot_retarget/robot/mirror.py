@@ -1,4 +1,4 @@
-"""Which hinge stands for which when a robot is seen in a mirror, and which way it then turns."""
+"""Reflection of a robot in its sagittal plane: counterpart and sign of every hinge."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +22,7 @@ class Mirror:
     """The reflection in the sagittal plane, hinge by hinge."""
 
     partner: Ints
-    """(n,) the hinge on the other side, itself in the middle, −1 where there is none."""
+    """(n,) counterpart on the other side; a hinge in the middle is its own, −1 marks a hinge without a counterpart."""
     sign: Floats
     """(n,) mirrored angle of the partner = sign · angle."""
     left: Floats
@@ -34,19 +34,19 @@ class Mirror:
         return bool((self.partner >= 0).all())
 
     def angles(self, angles: Floats) -> Floats:
-        """Hinge angles (…, n) as the mirrored robot has them [rad]; hinges without a counterpart stay at zero."""
+        """Return the hinge angles (…, n) of the mirrored robot [rad]; hinges without a counterpart are 0."""
         other, sign = self._seen
         return angles[..., other] * sign
 
     @cached_property
     def _seen(self) -> tuple[Ints, Floats]:
-        """Per hinge the one it takes its mirrored angle from, and the sign: 0 where there is none."""
+        """Return the source of every mirrored angle, and its sign: 0 for a hinge without a counterpart."""
         other = np.maximum(self.partner, 0)
         return other, np.where(self.partner >= 0, self.sign[other], 0.0)
 
 
 def mirror_of(robot: Robot, left: Floats) -> Mirror:
-    """Find each hinge's counterpart by where it is and how it turns at the reference pose.
+    """Find the counterpart of each hinge from its line and direction in the reference pose.
 
     A rotation by θ about the axis a through p becomes, in the mirror M = 1 − 2 ℓℓᵀ, one by θ about −M a through M p.
 

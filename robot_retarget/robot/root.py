@@ -1,4 +1,4 @@
-"""A robot put somewhere as a whole: by a free joint, or by any sequence of slides and hinges that carries it."""
+"""Placement of a robot by its root: a free joint, or any sequence of slides and hinges."""
 
 import mujoco
 import numpy as np
@@ -12,19 +12,19 @@ from robot_retarget.robot.model import SLIDE, Robot
 STEPS = 30
 """Newton steps at most; a free joint takes two, three hinges about five."""
 ARRIVED = 1e-9
-"""A shorter step is the last one [m, rad]."""
+"""Newton stops after a shorter step [m, rad]."""
 
 
 def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
-    """A configuration moved by its root alone, so that a body is turned so and a point fixed to it is there.
+    """Move the root so that a body has a given rotation and a point fixed to it a given place.
 
-    A free joint takes the rest of the body along as it is. Else Newton's method on  [x(q) − place, log(R turnᵀ)] = 0, least
-    squares where the root has fewer than six ways to move.
+    A free joint has a closed form. Other roots take Newton steps on  [x(q) − place, log(R turnᵀ)] = 0, in the least-squares
+    sense if the root has fewer than six degrees of freedom.
 
     Args:
         offset: (3,) of the point in the body's frame [m].
-        place: (3,) wished for the point [m].
-        turn: (3, 3) wished for the body.
+        place: (3,) target of the point [m].
+        turn: (3, 3) target rotation of the body.
     """
     if robot.floating:
         return _carried(robot, qpos, body, offset, place, turn)

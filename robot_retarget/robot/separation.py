@@ -1,8 +1,8 @@
-"""Surfaces of links that come near each other: their distances and how a step changes them.
+"""Distances between near links, and their Jacobians.
 
-MuJoCo finds the pairs, by the model's own contact filter, with margins widened to the reach (it adds those of two geoms),
-and how their distances change, as rows of its constraints; but for two boxes and the floor, which have ways of their own.
-Pairs that overlap where the robot rests are left out: they do so by construction.
+MuJoCo finds the pairs by the model's own contact filter, with margins widened to the reach (it adds the margins of two
+geoms), and gives the Jacobians as rows of its constraints. Pairs of boxes and the floor have their own modules. Pairs that
+overlap where the robot rests are left out: they overlap by construction.
 """
 
 import copy
@@ -18,11 +18,11 @@ from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 
 OVERLAP = 1e-6
-"""Links that rest deeper in each other are left out [m]; one touch must not be told from another by rounding."""
+"""Links whose overlap at rest is deeper than this are left out [m]; it is far above rounding."""
 STILL = 0.4
-"""The floor, which does not move, is looked for within this share of the reach."""
+"""Share of the reach within which the floor is watched [-]: it does not move."""
 TIE = 1e-7
-"""Surfaces are as near as each other within this [m]."""
+"""Distances that differ by less are equal [m]."""
 _YZX = [1, 2, 0]
 
 
@@ -37,16 +37,17 @@ class Separation:
         most: int = 24,
         feet: frozenset[int] | None = None,
     ):
-        """Look for geoms within `reach` [m] of each other and keep at most so many contacts.
+        """Watch geoms within `reach` [m] of each other.
 
         Args:
-            margin: how far apart links are to be that do not rest nearer [m]: it tells which contacts come first.
-            feet: links that the floor is not looked for under: soles have rows of their own. None where there is no floor.
+            margin: distance that links keep, unless they rest nearer [m]; it orders the contacts.
+            most: number of contacts that are kept.
+            feet: links without rows for the floor, because soles have their own; None for a scene without a floor.
         """
         self.plain = touchable(robot)
         self.model, self.reach = copy.deepcopy(self.plain), reach
         self.model.geom_margin[:] = reach / 2
-        self.model.body_margin[:] = reach / 2  # the broad phase goes by bodies
+        self.model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
         self.model.pair_margin[:] = reach
         _one_row_a_contact(self.model)
         self.data = mujoco.MjData(self.model)
@@ -103,7 +104,7 @@ class Separation:
     def foremost(self, distance: Floats, rest: Floats) -> Ints:
         """At most `most` of many places, those with the least room to the margin, the nearest first.
 
-        What has as little room as what must go goes too, lest left be kept and right not.
+        Contacts with equal room are kept or dropped together, so that left and right are treated alike.
         """
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:
@@ -120,7 +121,7 @@ class Separation:
     def overlaps(self, qpos: Floats) -> tuple[Floats, Ints]:
         """Return depths (C,) [m] and bodies (C, 2) of overlapping links, by MuJoCo's contacts.
 
-        The model has no margins here: contacts take a third of the time then, a twentieth where there are many boxes.
+        This model has no margins: contacts take a third of the time, and a twentieth for robots of many boxes.
         """
         self.touching.qpos[:] = qpos
         mujoco.mj_kinematics(self.plain, self.touching)
@@ -133,7 +134,7 @@ class Separation:
         return -found.dist[counted], self.bodies[found.geom[counted]]
 
     def sunk(self, qpos: Floats) -> float:
-        """How deep links that are no feet are under the floor [m], 0 when none is."""
+        """Return the depth of links other than feet under the floor [m], 0 if all are above it."""
         if self.floor is None:
             return 0.0
         self.data.qpos[:] = qpos
@@ -168,7 +169,7 @@ class Separation:
         return np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
 
     def _collide(self, qpos: Floats) -> tuple[Ints, Near | None]:
-        """Return MuJoCo's contacts (S,) that count, and the places of boxes, None where there are no boxes."""
+        """Return the contacts (S,) of MuJoCo that count, and the places of boxes, or None for a robot without boxes."""
         data = self.data
         data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, data)
@@ -192,7 +193,7 @@ class Separation:
 
 
 def _one_row_a_contact(model: mujoco.MjModel) -> None:
-    """Let a contact be one row of the constraints' Jacobian, along its normal, and let nothing else be one."""
+    """Give each contact one row in the Jacobian of the constraints, along its normal, and disable all other rows."""
     model.geom_condim[:] = model.pair_dim[:] = 1
     model.geom_gap[:] = model.pair_gap[:] = 0.0
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

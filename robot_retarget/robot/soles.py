@@ -1,4 +1,4 @@
-"""The points of a foot that matter to the floor: those that can be its lowest, and those that carry it."""
+"""Contact points of a foot: those that can be its lowest, and those that carry it."""
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -13,20 +13,20 @@ SOLE_DIRECTIONS = 8
 SOLE_TILTS = (0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
 TREAD = 0.0005
-"""What is solid of a foot and this near to its lowest carries it where it stands flat [m]."""
+"""Solid points within this height above the lowest one carry a flat foot [m]."""
 FLAT = 0.2
-"""A face of a foot's hull is its sole where it has this share of the hull's area: 0.23 … 0.43 for soles of plates and meshes."""
+"""Least share of the hull's area of a face that is the sole [-]: 0.23 … 0.43 for soles of plates and meshes."""
 STEEP = 0.8
-"""It looks down by at least this cosine."""
+"""Least cosine between the normal of that face and down [-]."""
 EVEN = 0.9986
-"""Facets whose normals have this cosine (3°) are one face; a sole this level is left as it is."""
+"""Least cosine (3°) between the normals of facets of one face, and between a level sole and the floor [-]."""
 
 
 def flat_footed(links: Links, feet: list[int]) -> Links:
-    """The robot in its reference pose, but for ankles that are turned so that soles with a flat face are level.
+    """Return the robot in its reference pose, with its ankles turned so that flat soles are level.
 
     Args:
-        feet: the links that carry them.
+        feet: links of the feet.
     """
     robot = links.robot
     qpos = np.array(robot.model.qpos0)
