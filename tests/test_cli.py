@@ -100,6 +100,9 @@ def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
         "format_version",
         "unlike",
         "badge",
+        "mode",
+        "thresholds",
+        "report_sha256",
     } == {*report}
     assert done.returncode == (0 if report["verdict"] == "pass" else 1)
 
