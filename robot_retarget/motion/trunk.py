@@ -10,7 +10,8 @@ from robot_retarget.motion.limbs import Body, Pair
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
 LEVEL = 0.1
-"""A joint of the spine that is no higher over the shoulders is level with them [leg lengths]."""
+"""Joints of the spine that differ by no more in height are level with each other, and so are joints and shoulders [leg
+lengths]."""
 _LEAST = -5.0
 """A joint that scores less is no head."""
 _APART = 0.03
@@ -63,12 +64,15 @@ def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
 def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None:
     """The arms' hub, or the first spine joint below where the arms hang from the neck or from above the shoulders.
 
-    A hub whose name speaks of the spine (`Thorax`, `torso_7`) is the chest although it is level with the shoulders.
+    A hub that is level with the shoulders is the chest if its name speaks of the spine (`Thorax`) and no other joint of
+    the spine is near below it.
     """
     hips = float(np.mean([height[limb.joints[0]] for limb in legs.sides]))
-    for joint in body.skeleton.above(arms.hub):
+    spine = list(body.skeleton.above(arms.hub))
+    for joint, below in zip(spine, [*spine[1:], legs.hub], strict=True):
         parts = body.senses[joint].parts
-        neck = "neck" in parts or height[joint] > (LEVEL if "spine" in parts else 0.0)
+        lone = "spine" in parts and height[joint] - height[below] > LEVEL
+        neck = "neck" in parts or height[joint] > (LEVEL if lone else 0.0)
         if not neck and height[joint] > hips + 0.1:
             return joint
         if joint == legs.hub:

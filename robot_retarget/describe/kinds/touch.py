@@ -48,8 +48,8 @@ class Touch:
     """A hand this near to a head, a knee, the other hand or another part touches it, over the path between them [-]."""
     feet: float = 0.045
     """The same for two feet: nearer than they pass each other in a walk [-]."""
-    faint: float = 0.05
-    """A pair of no more strength than this does not touch [-]: a hand that swings past a hip has up to 0.044."""
+    faint: float = 0.02
+    """A pair of no more strength than this does not touch [-]: a hand that swings past a hip."""
     lead: float = 0.1
     """A touch comes on and goes over so long [s]."""
 
