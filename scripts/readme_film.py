@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 import robot_retarget as rr
-from robot_retarget.arrays import Floats
 from robot_retarget.files import replacing
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.view.painter import painter
+from robot_retarget.view.picture import Pixels
 from robot_retarget.view.staging import arrange
 
 FPS = 12.5
@@ -20,7 +20,7 @@ FPS = 12.5
 COLOURS = 96
 
 
-def pictures(robot: rr.Robot, motion: rr.Motion, height: int, with_human: bool) -> list[Floats]:
+def pictures(robot: rr.Robot, motion: rr.Motion, height: int, with_human: bool) -> list[Pixels]:
     """Render the motion on one robot, with or without the human beside it."""
     result = rr.retarget(motion, robot)
     points, bones = result.match.figure(result.motion) if with_human else (None, None)

@@ -102,7 +102,8 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
     Damping and dry friction are not included: the servo model adds them. `smooth` as in `tread`, over velocities.
     """
     moving = required_forces(robot, qpos, fps, soles, smooth)
-    resting = _inverse(robot, (qpos, *np.zeros((2, *moving.shape))), soles, np.ones(len(qpos), dtype=bool))
+    still = np.zeros_like(moving)
+    resting = _inverse(robot, (qpos, still, still), soles, np.ones(len(qpos), dtype=bool))
     return moving[:, robot.dof_index], resting[:, robot.dof_index]
 
 

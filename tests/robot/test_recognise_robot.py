@@ -141,7 +141,7 @@ def test_an_override_replaces_one_line_and_lists_what_is_known_otherwise() -> No
     anatomy = override(recognise(robot), robot, {"l_hand": ["l_el_link", 0, 0.1, 0]})
     assert anatomy.spots["l_hand"].offset.tolist() == [0, 0.1, 0]
     for table, message in (
-        ({"l_paw": ["l_el_link", 0, 0, 0]}, "keypoint 'l_paw'; did you mean 'l_hip'\? known: pelvis"),
+        ({"l_paw": ["l_el_link", 0, 0, 0]}, "keypoint 'l_paw'; did you mean 'l_hip'\\? known: pelvis"),
         ({"l_hand": ["paw", 0, 0, 0]}, "no body 'paw'; known: body_link"),
         ({"l_hand": "l_el_link"}, 'must be \\["body", x, y, z\\]'),
     ):

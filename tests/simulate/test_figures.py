@@ -194,7 +194,7 @@ def test_thresholds_come_from_a_file_line_by_line(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("slip = 1", "no threshold 'slip'; did you mean 'foot_slip'\? known: tracking_rms, penetration"),
+        ("slip = 1", "no threshold 'slip'; did you mean 'foot_slip'\\? known: tracking_rms, penetration"),
         ("foot_slip = 'far'", "the threshold foot_slip must be a number"),
         ("foot_slip = -1", "must be a number, 0 or more"),
         ("foot_slip", "not TOML"),

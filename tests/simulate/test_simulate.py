@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -263,6 +264,7 @@ def test_a_floor_is_laid_where_the_scene_has_none():
 
 
 def test_a_playback_out_of_reason_is_refused():
-    for wrong in ({"rate": 0}, {"delay": -0.1}, {"settle_before": float("nan")}):
+    wrongs: tuple[dict[str, Any], ...] = ({"rate": 0}, {"delay": -0.1}, {"settle_before": float("nan")})
+    for wrong in wrongs:
         with pytest.raises(UsageError, match="must be a number of at least"):
             Playback(**wrong)
