@@ -138,7 +138,7 @@ class Tracker:
     """A policy and its robot."""
 
     def __init__(self, policy: Path, model: Path):
-        import onnxruntime
+        import onnxruntime  # pyright: ignore[reportMissingImports]
 
         self.robot = rr.load_robot(str(model))
         self.model = mujoco.MjModel.from_xml_path(str(model))
