@@ -1,4 +1,4 @@
-"""The way from one frame to the next, on which links are not to pass through each other either."""
+"""The motion from one frame to the next, on which links must not pass through each other either."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
 TURN = 0.07
-"""Links are looked at once on the way, and once more for every so far that a hinge turns [rad]."""
+"""Links are checked once between two frames, and once more for every multiple of this hinge angle [rad]."""
 
 
 @dataclass(frozen=True)
 class Between:
-    """A configuration on the way from this frame to a neighbour in time, at which links are kept apart as well."""
+    """A configuration between this frame and a neighbour in time, at which links are kept apart as well."""
 
     neighbour: Floats
     share: float
-    """How far from the neighbour it is: 0 there, 1 at this frame."""
+    """Position between the two: 0 at the neighbour, 1 at this frame."""
 
     def at(self, robot: Robot, q: Floats) -> Floats:
-        """The configuration (nq,) when the frame's is q."""
+        """Return the configuration (nq,) for a frame at q."""
         return integrate(robot, self.neighbour, self.share * difference(robot, self.neighbour, q))
 
 
 def on_the_way(robot: Robot, neighbour: Floats, q: Floats) -> tuple[Between, ...]:
-    """Where links are looked at between a frame's configuration and a neighbour's (nq,): evenly, no hinge past `TURN`."""
+    """Return even checks between a neighbour (nq,) and a frame (nq,); no hinge turns further than `TURN`."""
     hinges = robot.qpos_index
     looks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
     return tuple(Between(neighbour, k / (looks + 1)) for k in range(1, looks + 1))

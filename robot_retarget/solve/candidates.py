@@ -1,9 +1,10 @@
 """The candidate set: poses of a clip in several basins of attraction, and the cheapest path through them.
 
-An arm of three joints can follow a human arm in more ways than one, and a solver that goes frame by frame stays in the
-basin it began in. Here candidates are sought from several starts at moments spread over the clip, each is followed
-forward and backward at a low frame rate until it meets another, and the path of least cost is chosen by dynamic
-programming. Where the path costs more than a candidate beside it, single limbs of the two are recombined.
+An arm of three joints can follow a human arm in several ways, and a solver that works frame by frame stays in the basin
+in which it began. This module descends from several starts at moments spread over the clip. It follows each pose
+forward and backward at a low frame rate until it meets another pose, and chooses the path of least cost by dynamic
+programming. Where the path costs more than another candidate of the same moment, single limbs of the two are
+recombined.
 """
 
 from collections.abc import Iterator
@@ -32,14 +33,14 @@ from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 def coarse_path(
     solver: FrameSolver, graph: Graph, wishes: Wishes, search: Search, known: list[Floats] | None = None
 ) -> list[Floats]:
-    """A configuration (nq,) for every frame: the cheapest path through the candidates, on splines between moments.
+    """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments.
 
     Args:
-        known: configurations of the first frames, from the last of which the path sets out.
+        known: configurations of the first frames; the path starts from the last of them.
     """
     first, fps = known or [], graph.fps
     step, start = max(1, round(fps / search.rate)), max(len(first) - 1, 0)
-    beats = np.arange(0, len(graph), step)  # whatever is known: another window seeks at the same frames
+    beats = np.arange(0, len(graph), step)  # independent of known frames: every window seeks at the same ones
     frames = np.unique([start, *beats[beats > start], len(graph) - 1])
     found = Candidates(solver, graph, wishes, frames, search)
     stride = max(1, round(search.every * fps / step))
@@ -59,7 +60,7 @@ def coarse_path(
 
 
 class Candidates:
-    """The poses found so far, per moment."""
+    """Poses found until now, per moment."""
 
     def __init__(self, solver: FrameSolver, graph: Graph, wishes: Wishes, frames: np.ndarray, search: Search):
         self.solver, self.graph, self.wishes, self.search = solver, graph, wishes, search
@@ -68,21 +69,21 @@ class Candidates:
         self.hinges, self.first = solver.robot.qpos_index, 0
 
     def set_out(self, qpos: Floats) -> None:
-        """Begin with a pose that is not in question, and follow it."""
+        """Start with a given pose, which stays the only one of the first moment, and follow it."""
         pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
         self._follow(pose, 0, range(1, len(self.frames)))
 
     def seek(self, moment: int) -> None:
-        """Find candidates at a moment and follow each to both sides, to the ends if it meets no other."""
+        """Find candidates at a moment; follow each to both sides until it meets another pose or the clip ends."""
         found = seek(self.solver, self.graph, self.wishes, int(self.frames[moment]), self.search)
         for pose in found[: self.search.candidates]:
             if pose.cost < self.search.worth * found[0].cost:
                 self._go_on(pose, moment)
 
     def bridge(self) -> None:
-        """Where the path would leap to a cheaper basin, find poses on the way that the joints can follow."""
+        """Add poses that the joints can reach in time where the path would jump to a cheaper basin."""
         path = self.cheapest(beyond_speed=0.0)
         angles = np.array([pose.qpos[self.hinges] for pose in path])
         reach = self.solver.speed * np.diff(self.times).max(initial=0.0)
@@ -96,10 +97,10 @@ class Candidates:
             self.poses[k].append(pose)
 
     def recombine(self, path: list[Pose], stride: int) -> bool:
-        """Exchange limbs between a path and what is cheaper beside it, and follow what comes of it; whether anything did.
+        """Recombine limbs of the path and of cheaper candidates; follow the results; return whether a pose was added.
 
-        Arms and head change basins apart from each other, and poses that are followed whole hold few of the combinations.
-        Of every `stride` moments the one is looked at where the path exceeds the cheapest candidate most.
+        Arms and head change basins independently, and poses that are followed whole cover few of the combinations. Of
+        every `stride` moments, the moment where the path exceeds the cheapest candidate most is examined.
         """
         least = np.array([min(pose.cost for pose in poses) for poses in self.poses])
         excess, found = np.array([pose.cost for pose in path]) - least, False
@@ -111,7 +112,7 @@ class Candidates:
         return found
 
     def cheapest(self, beyond_speed: float | None = None) -> list[Pose]:
-        """Viterbi's path: least sum of the moments' costs and of the changes between them."""
+        """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
         beyond = self.search.beyond_speed if beyond_speed is None else beyond_speed
         total = np.array([p.cost for p in self.poses[0]])
         back: list[np.ndarray] = []
@@ -125,7 +126,7 @@ class Candidates:
         return [poses[k] for poses, k in zip(self.poses, reversed(path), strict=True)]
 
     def _changes(self, k: int, beyond_speed: float) -> Floats:
-        """(A, B) what it costs to go from every pose of the moment before to every one of a moment."""
+        """Return (A, B) the cost of the change from every pose of the previous moment to every pose of this moment."""
         robot, before, here = self.solver.robot, self.poses[k - 1], self.poses[k]
         turned = np.array([[difference(robot, a.qpos, b.qpos) for b in here] for a in before])
         reach = self.solver.speed * (self.times[k] - self.times[k - 1])
@@ -134,11 +135,11 @@ class Candidates:
 
     @cached_property
     def _limbs(self) -> list[Ints]:
-        """Where the angles of arms and head stand in a configuration."""
+        """Indices in a configuration of the angles of arms and head, per limb."""
         return [self.hinges[list(limb)] for limb in drawn_limbs(self.solver, self.search)]
 
     def _recombined(self, here: Pose, moment: int) -> Iterator[Pose]:
-        """Where descents end from a pose with one limb of the cheapest candidates, and from those with one limb of it."""
+        """Descend from a pose with a limb of each of the two cheapest candidates, and from these with a limb of it."""
         cheaper = sorted((pose for pose in self.poses[moment] if pose.cost < here.cost), key=lambda pose: pose.cost)
         for other, limb in product(cheaper[:2], self._limbs):
             if np.abs(here.qpos[limb] - other.qpos[limb]).max(initial=0.0) < self.search.same:
@@ -149,7 +150,7 @@ class Candidates:
                 yield self._descend(start, moment)
 
     def _go_on(self, pose: Pose, moment: int) -> bool:
-        """Keep a pose and follow it to both sides, unless it is there already."""
+        """Keep a pose and follow it to both sides, unless the moment has it already."""
         if not self._add(moment, pose):
             return False
         self._follow(pose, moment, range(moment + 1, len(self.frames)))
@@ -157,7 +158,7 @@ class Candidates:
         return True
 
     def _follow(self, pose: Pose, here: int, moments: range) -> None:
-        """Descend at one moment after the other, each time no further than the joints turn from one to the next."""
+        """Descend at one moment after the other, within the angles that the joints can reach from one to the next."""
         for moment in moments:
             reach = self.solver.speed * abs(self.times[moment] - self.times[here])
             pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
@@ -166,14 +167,14 @@ class Candidates:
             here = moment
 
     def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
-        """Where a rough descent ends whose hinges stay in a box."""
+        """Return the end of a rough descent whose hinges stay in a box."""
         wish = self.wishes.at(int(self.frames[moment]))
         return self.solver.descend(
             qpos, wish, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
         )
 
     def _add(self, moment: int, pose: Pose) -> bool:
-        """Keep a pose unless it is there already."""
+        """Keep a pose unless the moment has it already."""
         angles = pose.qpos[self.hinges]
         if any(np.abs(angles - p.qpos[self.hinges]).max() < self.search.same for p in self.poses[moment]):
             return False
@@ -182,10 +183,11 @@ class Candidates:
 
 
 def seek(solver: FrameSolver, graph: Graph, wishes: Wishes, frame: int, search: Search) -> list[Pose]:
-    """Where descents from several starts end, the cheapest first.
+    """Descend from several starts and return the ends, the cheapest first.
 
-    The starts are the reference pose, the standing pose, and standing poses whose limbs are each as they cost little
-    among many drawn within their ranges: the best of each limb together, the second best, and so on.
+    The starts are the reference pose, the standing pose, and standing poses with drawn limbs. Each limb is drawn many
+    times within its ranges, and the draws are sorted by cost: the first start has the best draw of each limb, the
+    second start the second best, and so on.
     """
     wish, robot = wishes.at(frame), solver.robot
     placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
@@ -208,7 +210,7 @@ def _limbs_drawn(solver: FrameSolver, base: Floats, wish: Wish, search: Search) 
 
 
 def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
-    """Per limb the angles (drawn, n) to try [rad]; what one side tries, the other tries mirrored."""
+    """Return per limb the angles (drawn, n) to try [rad]; the right side tries the mirror images of the left side's."""
     robot, anatomy = solver.robot, solver.problem.match.anatomy
     every = np.random.default_rng(0).uniform(robot.lower, robot.upper, (search.drawn, len(robot.lower)))
     mirror = mirror_of(robot, _left(robot, anatomy.forward))
@@ -223,17 +225,17 @@ def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Fl
 
 
 def _left(robot: Robot, forward: Floats) -> Floats:
-    """The robot's left in its reference pose."""
+    """Return the direction of the robot's left in its reference pose."""
     return np.cross([0.0, 0.0, 1.0], forward)
 
 
 def place_root(graph: Graph, qpos: Floats, frame: int) -> Floats:
-    """A pose with its root turned and moved so that the pelvis is where and as it is wished."""
+    """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
     return rooted(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
 
 
 def rooted(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
-    """A pose with its root moved so that the pelvis is at a place (3,) [m] and turned so (3, 3)."""
+    """Return a pose with its root moved so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
     spot = anatomy.spots.get("pelvis")
     offset = spot.offset if spot is not None and spot.body == body else np.zeros(3)
@@ -241,10 +243,11 @@ def rooted(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing:
 
 
 def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:
-    """Configurations at every frame, on cubic splines through some.
+    """Return configurations at every frame, on cubic splines through the given ones.
 
     Args:
-        frames: from 0 on, of the `poses`; those `before` are at frames −1, −2, … and the splines go on from there.
+        frames: of the `poses`, from 0 on; the poses in `before` are at frames −1, −2, … and are knots of the splines
+            too.
     """
     known, wanted = np.array([*before, *poses]), np.arange(frames[-1] + 1)
     if len(known) == 1:

@@ -1,4 +1,4 @@
-"""Frame by frame, each solved to its end from where the last two lead to."""
+"""Solve frame by frame, each to its end from the prediction of the frames before."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
 def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count) -> list[Pose]:
-    """Each frame from the ones before, no farther than joints turn; the first from several starts."""
+    """Solve each frame from the ones before, within the joints' speeds; solve the first from several starts."""
     wishes, poses = wishes_of(graph.tracks), []
     before = seek(solver, graph, wishes, 0, search)[0].qpos
     for t in range(len(graph)):
@@ -34,10 +34,10 @@ def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count
 
 
 def predicted(robot: Robot, poses: list[Pose], box: Box) -> Floats:
-    """Where the last three poses lead to by the next frame, as far as the box allows.
+    """Predict the next frame from the last three poses, as far as the box allows.
 
-    By the smaller of the last two steps where they agree in their sense, else not at all: what a pose is off its optimum
-    goes to and fro, and would grow from frame to frame.
+    Each direction continues by the smaller of the last two steps if both have the same sign, else it stays: the
+    distance of a pose from its optimum alternates in sign, and extrapolation would amplify it from frame to frame.
     """
     first, before, last = (pose.qpos for pose in poses[-3:])
     earlier, later = difference(robot, first, before), difference(robot, before, last)

@@ -26,18 +26,19 @@ from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.solve.windows import Part
 
 ROUNDS = 3
-"""So often frames whose links interpenetrate are solved anew: what makes way at one side may meet another link."""
+"""Rounds in which frames with interpenetrating links are solved again: a frame that clears one link may meet
+another."""
 
 COARSE = 4
-"""The coarse path takes about as long as so many passes: steps of the progress that it counts for."""
+"""The coarse path takes about as long as this number of passes; the progress counts it as such."""
 
 LOOSE = 5e-4
-"""A hard edge that misses its interval by more is sought again [m]."""
+"""A hard edge that misses its interval by more is solved again [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """What is asked of some frames of a graph, the first of which are `fixed`."""
+    """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
 
     solver: FrameSolver
     wishes: Wishes
@@ -61,7 +62,7 @@ def clip_poses(
     count: Count,
     part: Part | None = None,
 ) -> tuple[list[Pose], Graph]:
-    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.Renewable`).
+    """Solve the windows in order; return the poses, and the graph with renewed tracks (`kinds.kind.Renewable`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
@@ -86,12 +87,12 @@ def clip_poses(
 
 
 def coarse_tracks(graph: Graph) -> list[Track]:
-    """What is asked of the coarse path."""
+    """Return the tracks that are the targets of the coarse path."""
     return [track.kind.coarse(track) if isinstance(track.kind, Renewable) else track for track in graph.tracks]
 
 
 def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
-    """The tracks, those that depend on where the robot goes by itself renewed."""
+    """Return the tracks; those that depend on the robot's own path are renewed."""
     measured = measured_by(solver.problem, graph, np.array(coarse))
     return [
         track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, Renewable) else track
@@ -100,14 +101,14 @@ def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixe
 
 
 def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Floats]:
-    """Per kind of symbolic cost (T, E) the values of its edges at configurations (T, nq)."""
+    """Return per kind of symbolic cost (T, E) the values of its edges at configurations (T, nq)."""
     every = np.array([problem.values(q) for q in qpos])
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
     return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
 
 
 def clip_of(solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0) -> Clip:
-    """Frames with the targets of tracks (T frames) and the temporal costs among them."""
+    """Return the clip with the targets of tracks (T frames) and their temporal costs."""
     smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
     return Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, fps, fixed)
 
@@ -115,11 +116,12 @@ def clip_of(solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, 
 def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
-    The alternating direction method of multipliers on  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to q_t = s_t:
-    every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the multipliers y. Frames
-    whose cost still falls after the last pass take more steps (`Smoothing.extra`). The frames are returned, not the path: they
-    keep all limits. Joint speeds are kept between the frames: the start is slowed down to them, and no step leads further from a
-    neighbour. The first `fixed` frames stay.
+    The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
+    q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
+    multipliers y. Frames whose cost still falls after the last pass take more steps (`Smoothing.extra`). The function
+    returns the frames, not the path, because the frames satisfy all limits. Joint speeds hold between the frames: the
+    start is slowed down to them, and no step exceeds them relative to a neighbour. The first `fixed` frames stay
+    unchanged.
     """
     solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
     path = _at_speeds(clip, start)
@@ -147,19 +149,19 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
 
 
 def _moving(poses: list[Pose], fixed: int) -> list[int]:
-    """The frames, after the fixed ones, whose cost still falls."""
+    """Return the frames after the fixed ones whose cost still falls."""
     return [t for t in range(fixed, len(poses)) if poses[t].status is Status.OUT_OF_ITERATIONS]
 
 
 def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
-    """The start slowed down to the joints' speeds: whatever a pass does within the boxes then keeps them."""
+    """Return the start slowed down to the joints' speeds; the boxes of each pass keep these speeds afterwards."""
     hinges, paced = clip.solver.robot.qpos_index, np.array(start)
     paced[:, hinges] = within_speeds(paced[:, hinges], clip.solver.speed / clip.fps, clip.fixed)
     return list(paced)
 
 
 def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
-    """A frame after one more step: within reach of its neighbours, and links apart on the way to them where they met."""
+    """Take one step at a frame, within reach of its neighbours; links that met on the way to them are kept apart."""
     solver = clip.solver
     after = solver.descend(
         poses[t],
@@ -178,7 +180,7 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set
 
 
 def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
-    """The smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
+    """Return the smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
     robot = clip.solver.robot
     speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
     offsets = smooth_offsets(speed, stiffness, clip.fixed)
@@ -186,25 +188,25 @@ def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
 
 
 def _beside(poses: list[Pose], t: int) -> list[Floats]:
-    """The configurations before and after a frame."""
+    """Return the configurations before and after a frame."""
     return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
 
 def _between(clip: Clip, poses: list[Pose], t: int, met: set[int]) -> tuple[Between, ...]:
-    """Where links are kept apart between a frame and its neighbours: after the frames in `met`."""
+    """Return the checks of links between a frame and its neighbours, for the steps after the frames in `met`."""
     neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in met)
     return tuple(way for q in neighbours for way in on_the_way(clip.solver.robot, q, poses[t].qpos))
 
 
 def _interpenetrating(clip: Clip, poses: list[Pose]) -> set[int]:
-    """The frames t between which and t + 1 links come inside each other."""
+    """Return the frames t with links inside each other between t and t + 1."""
     first, last, solver = max(clip.fixed - 1, 0), len(poses) - 1, clip.solver
     depth = {t: solver.depth_between(poses[t].qpos, poses[t + 1].qpos) for t in range(first, last)}
     return {t for t, deep in depth.items() if deep > solver.options.overlap}
 
 
 def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
-    """The poses, those that miss a hard edge solved to the end: one step a pass may not have brought them there."""
+    """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few."""
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
         missing = [
@@ -219,10 +221,10 @@ def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]
 
 
 def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
-    """The poses with links apart, at frames and between them, as far as that is found.
+    """Return the poses with links apart, at frames and between them, if such poses are found.
 
-    If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with the rows of separation
-    of the way between; a frame that stays inside is held back on the way from the frame before.
+    If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with separation rows on
+    the way between them. A frame whose links still interpenetrate moves back towards the frame before.
     """
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
@@ -239,7 +241,7 @@ def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose
 
 
 def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
-    """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
+    """Solve a frame again with links apart on the way; if needed, without the smooth path, from the frame before."""
     solver, box = clip.solver, clip.solver.reachable(_beside(poses, t), 1 / clip.fps)
     ways, wish = _between(clip, poses, t, met), clip.wishes.at(t)
     again = solver.descend(poses[t].qpos, wish, proximal=proximal, box=box, between=ways)

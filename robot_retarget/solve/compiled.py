@@ -1,4 +1,4 @@
-"""CasADi functions called through their buffers: no conversion, no allocation but of the answers."""
+"""CasADi functions called through their buffers: no conversion, and no allocation except for the results."""
 
 from threading import Thread
 
@@ -9,11 +9,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.solve.native import machine_code
 
 WITHIN = 1e-5
-"""A bound or row is kept when it is missed by no more: the solver's own millionth is of rows scaled by the Hessian."""
+"""A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
+Hessian."""
 
 
 class Compiled:
-    """A CasADi function of dense arrays. Calls cost what the arithmetic costs: a fifth of a plain call."""
+    """A CasADi function of dense arrays. A call costs only the arithmetic: a fifth of a plain call."""
 
     def __init__(self, function: ca.Function):
         self.buffer, self.trigger = function.buffer()
@@ -26,7 +27,7 @@ class Compiled:
             self.buffer.set_res(k, array.data)
 
     def __call__(self, *values: Floats) -> list[Floats]:
-        """Vectors come back flat, matrices as (rows, columns). Missing trailing arguments keep their last values."""
+        """Return vectors flat and matrices as (rows, columns). Missing trailing arguments keep their last values."""
         for argument, value in zip(self.arguments, values, strict=False):
             argument[:] = value if value.ndim < 2 else value.ravel(order="F")
         self.trigger()
@@ -37,21 +38,21 @@ class Compiled:
 
 
 class Upgraded:
-    """A function that CasADi's virtual machine serves until its machine code is there; the results are the same."""
+    """A function that runs on CasADi's virtual machine until its machine code is ready; the results are the same."""
 
     def __init__(self, function: ca.Function, native: bool):
-        """Compile in the background, where that is asked for."""
+        """Compile in the background if `native` is set."""
         self._serves, self.native = Compiled(function), False
         self._compiling = Thread(target=self._compile, args=(function,)) if native else None
         if self._compiling:
             self._compiling.start()
 
     def __call__(self, *values: Floats) -> list[Floats]:
-        """As `Compiled`."""
+        """Evaluate as `Compiled` does."""
         return self._serves(*values)
 
     def wait(self) -> None:
-        """Until the machine code is there, or cannot be had."""
+        """Wait until the machine code is ready or cannot be compiled."""
         if self._compiling:
             self._compiling.join()
 
@@ -62,14 +63,14 @@ class Upgraded:
 
 
 def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Compiled:
-    """Compile expressions with every output filled in."""
+    """Compile expressions with dense outputs."""
     return Compiled(ca.Function(name, inputs, [ca.densify(o) for o in outputs]))
 
 
 class QuadraticProgram:
     """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set.
 
-    H, g and the bounds are written where they stand (`hessian`, `gradient`, `lower`, `upper`), 0 at first.
+    H, g and the bounds are written in place (`hessian`, `gradient`, `lower`, `upper`); they start at 0.
     """
 
     def __init__(self, variables: int, rows: int):
@@ -83,7 +84,7 @@ class QuadraticProgram:
         given["uba"][:] = np.inf
 
     def solve(self, rows: Floats, least: Floats) -> Floats | None:
-        """The minimiser, within its bounds, or None when rows A x ≥ least cannot be kept within `WITHIN`."""
+        """Return the minimiser within its bounds, or None if rows A x ≥ least cannot be met within `WITHIN`."""
         self.rows[:], self.least[:] = rows, least
         found = self.run()[0]
         x = np.clip(found, self.lower, self.upper)

@@ -1,7 +1,7 @@
-"""A clip of any length, piece by piece: memory is that of one piece, time grows with the number of frames.
+"""A clip of any length, solved piece by piece: memory is that of one piece, time grows with the number of frames.
 
-Windows are those of the whole clip (`windows.py`). A piece describes and solves a few of them and passes the configurations that the next
-window keeps to the next piece: pieces join as windows do.
+Windows are those of the whole clip (`windows.py`). A piece describes and solves a few of them. It passes the
+configurations that the next window keeps to the next piece, so pieces join as windows do.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,8 @@ from robot_retarget.solve.windows import Part, Window
 from robot_retarget.trajectory import Trajectory
 
 PIECE = 6
-"""Windows of a piece. Features of the human are read off the whole clip for every piece: fewer pieces read them less often."""
+"""Number of windows of a piece. Every piece computes the human's features from the whole clip, so fewer pieces compute
+them less often."""
 
 
 def solve_long(
@@ -35,9 +36,10 @@ def solve_long(
     weights: Weights | None = None,
     smoothing: Smoothing | None = None,
 ) -> Trajectory:
-    """The trajectory of `retarget` without balance, in the memory of one piece.
+    """Return the trajectory of `retarget` without balance, in the memory of one piece.
 
-    Footholds of a stance that spans two pieces are placed by either piece: there it may differ from `retarget` by as much as a foothold may.
+    Either piece places the footholds of a stance that spans two pieces. There the result may differ from `retarget` by
+    as much as a foothold may.
 
     Raises:
         MatchError: as `retarget`.
@@ -67,7 +69,7 @@ def _pieces(windows: tuple[Window, ...]) -> Iterator[tuple[Window, ...]]:
 
 
 def _origin(graph: Graph, motion: Motion) -> Floats:
-    """(2,) where the path of a piece begins on the path of the clip, each of which begins above its own origin [m]."""
+    """Return (2,) the start of a piece's path on the clip's path [m]; each path starts above its own origin."""
     found, frames = graph.match, (motion.frames(0, 1), graph.motion.frames(0, 1))
     column = found.index("pelvis") if "pelvis" in found.keypoints else slice(None)
     start, begun = (found.human_positions(one)[0, column].reshape(-1, 3).mean(axis=0) for one in frames)
@@ -75,7 +77,7 @@ def _origin(graph: Graph, motion: Motion) -> Floats:
 
 
 def _moved(qpos: Floats, robot: Robot, way: Floats) -> Floats:
-    """Configurations (T, nq) moved along the floor by (2,) [m]; a robot whose root is not free stays."""
+    """Return configurations (T, nq) moved along the floor by (2,) [m]; a robot with a fixed root stays."""
     moved = qpos.copy()
     if robot.floating:
         moved[:, robot.root_address : robot.root_address + 2] += way

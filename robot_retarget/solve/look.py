@@ -1,7 +1,8 @@
-"""A look at what was solved, as a person would: does the robot do what the human does, or its mirror image, or on its head?
+"""Compare the solved motion with the human's as an observer would: same motion, mirrored or upside down.
 
-The solver can only follow the map of both bodies. Where that is wrong (a heel taken for a toe, a front for a back) it
-follows faithfully, and what comes of it is seen on the robot: it faces elsewhere, its knees bend the other way.
+The solver can only follow the map of both bodies. Where the map is wrong (a heel in place of a toe, a front in place of
+a back), the solver follows it faithfully, and the error shows on the robot: it faces elsewhere, or its knees bend the
+other way.
 """
 
 from collections.abc import Iterator
@@ -16,47 +17,48 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import body_frames, world_points
 
 AGAINST = -0.5
-"""A direction with a smaller cosine with the human's goes the other way: it is more than 120° off."""
+"""The robot's direction opposes the human's if the cosine between them is smaller: more than 120° apart."""
 BENT = 0.4
-"""Knees and elbows of a human are seen to bend where the sine of the angle is larger: 24° and more."""
+"""Knees and elbows of a human count as bent if the sine of the angle is larger: 24° and more."""
 STRAIGHT = {"knee": 0.5, "elbow": -0.2}
-"""Of that bend the robot has less than such a share: a knee comes to its stop, for it is the back of it that is bent, an
-elbow bends away. Arms of few hinges leave an elbow straight where a human bends it aside."""
+"""The robot's limb opposes the human's if it has a smaller share of this bend. A reversed knee stops at its limit,
+because it bends backwards; a reversed elbow bends away. Arms of few hinges leave an elbow straight where a human bends
+it sideways."""
 LEVEL = 0.5
-"""A left that points up or down by a larger cosine has no heading."""
+"""A left direction that points up or down by a larger cosine has no heading."""
 APART = 0.5
-"""Hands that are this far aside of each other, in widths of the shoulders, are on two sides."""
+"""Hands at least this far apart sideways, in shoulder widths, are on two sides."""
 SHOWN = 0.2
-"""A look needs this share of the frames to show something ..."""
+"""A check needs this share of the frames to show its feature ..."""
 FEWEST = 10
-"""... and so many of them ..."""
+"""... and at least this number of frames ..."""
 MOST = 0.6
-"""... and is a mismatch where this share of those go the other way."""
+"""... and reports a mismatch if the robot opposes the human in this share of them."""
 LIMBS = {"knee": ("hip", "ankle"), "elbow": ("shoulder", "hand")}
 
 
 @dataclass(frozen=True)
 class Glance:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     what: str
     frames: int
-    """So many frames show it."""
+    """Number of frames that show the feature."""
     shown: float
-    """Share of the frames that do."""
+    """Share of the frames that show it."""
     against: float
-    """Share of those in which the robot goes the other way."""
+    """Share of these frames in which the robot opposes the human."""
     cause: str
-    """What is likely wrong, and the line of a map file that mends it."""
+    """The likely error, and the line of a map file that corrects it."""
 
     @property
     def wrong(self) -> bool:
-        """Whether the robot goes the other way over most of what is shown."""
+        """Whether the robot opposes the human in most of the frames that show the feature."""
         return self.frames >= FEWEST and self.shown > SHOWN and self.against > MOST
 
 
 def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
-    """In what a robot does not do what the human does over most of the clip, and what mends it; empty where it does.
+    """Describe the features in which a robot opposes the human over most of the clip; empty without any.
 
     Args:
         qpos: (T, nq), a configuration for every frame of the motion.
@@ -69,7 +71,7 @@ def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
 
 
 def glances(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[Glance]:
-    """All that is looked at."""
+    """Return the results of all checks."""
     human = _named(match, match.human_positions(motion))
     own = _named(match, world_points(robot, match.points, qpos))
     return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human, own)]
@@ -80,7 +82,7 @@ def _named(match: Match, places: Floats) -> dict[str, Floats]:
 
 
 def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
-    """Knees and elbows bend the human's way."""
+    """Check that knees and elbows bend in the human's direction."""
     for side, called in (("l", "left"), ("r", "right")):
         for joint, ends in LIMBS.items():
             keys = [f"{side}_{k}" for k in (ends[0], joint, ends[1])]
@@ -97,12 +99,12 @@ def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]
 
 
 def _fold(start: Floats, middle: Floats, end: Floats) -> Floats:
-    """The axis about which a limb is bent, as long as the sine of the angle (T, 3)."""
+    """Return the axis (T, 3) about which a limb bends, with the sine of the angle as its length."""
     return np.cross(unit(middle - start), unit(end - middle))
 
 
 def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
-    """The head is over the pelvis, or under it, as the human's is."""
+    """Check that the head is above or below the pelvis, as the human's is."""
     top = next((k for k in ("head", "neck", "chest") if k in human), None)
     if top and "pelvis" in human:
         there, here = (unit(body[top] - body["pelvis"]) for body in (human, own))
@@ -113,7 +115,7 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glanc
 def _sides(
     robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats], own: dict[str, Floats]
 ) -> Iterator[Glance]:
-    """Pelvis and chest face where the human's do; hands are on their own sides."""
+    """Check that pelvis and chest face as the human's do, and that hands are on their own sides."""
     rotations = body_frames(robot, qpos)[1]
     cause = (
         "Left and right of one of the two are likely taken for each other: `forward = [x, y, z]` in [robot], or lines "
@@ -131,7 +133,10 @@ def _sides(
 
 
 def _hands(human: dict[str, Floats], own: dict[str, Floats], there: Floats, here: Floats, cause: str) -> Glance:
-    """The left hand is to the left of the right one, seen from the chests with such lefts (T, 3), or arms are crossed."""
+    """Check that the left hand is to the left of the right one, as seen from chests with these left directions (T, 3).
+
+    Arms that the human crosses must be crossed.
+    """
     apart = [
         ((body["l_hand"] - body["r_hand"]) * left).sum(axis=1)
         / np.linalg.norm(body["l_shoulder"] - body["r_shoulder"], axis=1)
@@ -144,12 +149,12 @@ def _hands(human: dict[str, Floats], own: dict[str, Floats], there: Floats, here
 
 
 def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> Glance:
-    """Directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
+    """Compare directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
     return _share(what, shown, (unit(there) * unit(here)).sum(axis=1) < AGAINST, cause)
 
 
 def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> Glance:
-    """In which frames (T,) something shows, and in which the robot goes the other way."""
+    """Count the frames (T,) that show a feature, and those in which the robot opposes the human."""
     return Glance(
         what, int(shown.sum()), float(shown.mean()), float(against[shown].mean()) if shown.any() else 0.0, cause
     )

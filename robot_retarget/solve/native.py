@@ -1,11 +1,11 @@
-"""Machine code for CasADi functions: compiled once, kept in the user's cache, never needed.
+"""Machine code for CasADi functions: compiled once, kept in the user's cache, always optional.
 
-The C code does what CasADi's virtual machine does, operation by operation, so that results agree to the last bit.
-Where there is no compiler, or no place to keep what it makes, the virtual machine serves.
+The C code performs the operations of CasADi's virtual machine in the same order, so results agree to the last bit.
+Without a compiler or a writable cache, the virtual machine evaluates the functions.
 
-A library is loaded into this process, so it is checked first: the folder and the files belong to the user and nobody
-else may write them, and the library has the SHA-256 that stands beside it, in the format of `sha256sum`. What fails is
-compiled anew.
+A library is loaded into this process, so it is checked first. The folder and the files must belong to the user, and
+other users must not have write permission. The library must have the SHA-256 in the file next to it, in the format of
+`sha256sum`. A library that fails a check is compiled again.
 """
 
 import hashlib
@@ -22,16 +22,16 @@ from robot_retarget.errors import OutputError
 from robot_retarget.files import folder, replacing
 
 FLAGS = ("-Og", "-fPIC", "-shared", "-ffp-contract=off")
-"""Higher levels take longer to compile and run no faster; contracted products would round otherwise."""
+"""Higher levels take longer to compile and run no faster; contracted products would change the rounding."""
 PATIENCE = 60.0
-"""A compiler that takes longer is given up [s]."""
+"""Time limit of the compiler [s]."""
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 PRIVATE = stat.S_IRUSR | stat.S_IWUSR
-"""Permissions of what is kept."""
+"""Permissions of the kept files."""
 
 
 def machine_code(function: ca.Function) -> ca.Function | None:
-    """The function compiled by the C compiler `cc`, or what an earlier call made of it; None where that fails."""
+    """Compile the function with the C compiler `cc`, or load the cached library; return None if that fails."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
@@ -45,13 +45,13 @@ def machine_code(function: ca.Function) -> ca.Function | None:
 
 
 def _cache() -> Path:
-    """Where libraries are kept: `$XDG_CACHE_HOME`, which counts only if it is absolute, else `~/.cache`."""
+    """Return the folder of the libraries: `$XDG_CACHE_HOME` if it is an absolute path, else `~/.cache`."""
     wished = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (wished if wished.is_absolute() else Path("~/.cache").expanduser()) / "robot-retarget"
 
 
 def _private(path: Path) -> Path:
-    """The folder, made where it is not there, and closed to others.
+    """Create the folder if it is absent, and close it to other users.
 
     Raises:
         OSError: it belongs to another user.
@@ -63,7 +63,7 @@ def _private(path: Path) -> Path:
 
 
 def _sound(library: Path) -> bool:
-    """Whether a library is there as it was compiled: the user's own, with the checksum that stands beside it."""
+    """Whether a library exists unchanged: the user owns it, and it matches the checksum in the file next to it."""
     checksum = _beside(library)
     if not all(path.exists() and _ours(path) for path in (library, checksum)):
         return False
@@ -71,34 +71,34 @@ def _sound(library: Path) -> bool:
 
 
 def _ours(path: Path) -> bool:
-    """Whether a plain file, and no link, belongs to this user and nobody else may write it."""
+    """Whether this is a regular file, not a link, that belongs to this user and that other users cannot write."""
     found = path.lstat()
     return found.st_uid == _user() and stat.S_ISREG(found.st_mode) and not found.st_mode & OTHERS_WRITE
 
 
 def _user() -> int:
-    """Whose the files are that this process makes; 0 where files have no owner."""
+    """Return the user id that owns the files of this process; 0 on systems without file owners."""
     return getattr(os, "geteuid", int)()
 
 
 def _beside(library: Path) -> Path:
-    """The file that holds a library's checksum."""
+    """Return the file that holds a library's checksum."""
     return library.with_suffix(".so.sha256")
 
 
 def _checksum(content: bytes, library: Path) -> str:
-    """The line that `sha256sum` prints of a library."""
+    """Return the line that `sha256sum` prints for a library."""
     return f"{hashlib.sha256(content).hexdigest()}  {library.name}\n"
 
 
 def _digest(function: ca.Function, compiler: str) -> str:
-    """What the machine code depends on."""
+    """Return a hash of everything that determines the machine code."""
     made_by = (compiler, *FLAGS, platform.machine(), *platform.libc_ver(), ca.__version__)
     return hashlib.sha256("\n".join((function.serialize(), *made_by)).encode()).hexdigest()
 
 
 def _compile(function: ca.Function, compiler: str, library: Path) -> None:
-    """Write the library beside its place and move it there whole: others may be compiling the same."""
+    """Write the library to a temporary file and rename it, because other processes may compile the same function."""
     code = ca.CodeGenerator(function.name())
     code.add(function)
     with replacing(library, mode=PRIVATE) as scratch:

@@ -2,9 +2,9 @@
 
     minimise  Σ π ϱ((d(q ⊕ v) − y)/scale)    subject to    z_sole(q ⊕ v) ≥ 0
 
-over the edges of all kinds (`describe.track`), y being the point of [lower, upper] nearest to d. With the Jacobian J of
-what is measured, residuals r = d − y and weights w = π/scale² · ϱ'(e)/2e (iteratively reweighted least squares, whose
-model lies above ϱ everywhere) the model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
+over the edges of all kinds (`describe.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
+the measures, r = d − y the residuals and w = π/scale² · ϱ'(e)/2e the weights (iteratively reweighted least squares,
+whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
 
 @dataclass(frozen=True, eq=False)
 class Wish:
-    """What is asked of one frame: one number an edge, kind after kind."""
+    """The targets of one frame: one number per edge, kind after kind."""
 
     lower: Floats
     upper: Floats
@@ -36,7 +36,7 @@ class Wish:
 
 @dataclass(frozen=True, eq=False)
 class Wishes:
-    """What is asked of T frames, (T, E) each."""
+    """The targets of T frames, (T, E) each."""
 
     lower: Floats
     upper: Floats
@@ -46,12 +46,12 @@ class Wishes:
         return len(self.lower)
 
     def at(self, frame: int) -> Wish:
-        """Of one frame."""
+        """Return the targets of one frame."""
         return Wish(self.lower[frame], self.upper[frame], self.priority[frame])
 
 
 def wishes_of(tracks: Sequence[Track]) -> Wishes:
-    """The symbolic costs of a graph's tracks side by side."""
+    """Return the targets of the symbolic costs of a graph's tracks, side by side."""
     costs = frame_costs(tracks)
     return Wishes(
         *(np.concatenate([getattr(track, name) for track in costs], axis=1) for name in ("lower", "upper", "priority"))
@@ -62,7 +62,7 @@ class Part:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
-        """Assemble the functions of tracks whose edges begin with the graph's `first`."""
+        """Assemble the functions of tracks whose edges start at index `first` of the graph's edges."""
         body = Measured(robot, match)
         found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in tracks])
         self.terms = _Terms(tracks, found.rows)
@@ -82,55 +82,55 @@ class Part:
         return ca.Function("model", [q, *asked], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
 
     def asked(self, wish: Wish) -> tuple[Floats, Floats, Floats]:
-        """What is asked of these edges."""
+        """Return the targets of these edges."""
         return wish.lower[self.edges], wish.upper[self.edges], wish.priority[self.edges]
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The compiled problem of one robot and the edges of a graph; it holds no frame and no state."""
+    """The compiled problem of one robot and the edges of a graph; it holds neither frames nor state."""
 
     robot: Robot
     match: Match
     tracks: tuple[Track, ...]
-    """All of the graph, as they were when the problem was built: limits and temporal costs are read here."""
+    """All tracks of the graph, at the time when the problem was built: limits and temporal costs are read here."""
     parts: tuple[Part, ...]
     inequalities: "Inequalities"
 
     @property
     def leg(self) -> float:
-        """The robot's leg [m]."""
+        """Length of the robot's leg [m]."""
         return self.match.robot_leg
 
     @property
     def native(self) -> bool:
-        """Whether machine code serves."""
+        """Whether machine code evaluates every part."""
         return all(part.model.native for part in self.parts)
 
     def wait(self) -> None:
-        """Until the machine code is there, or cannot be had."""
+        """Wait until the machine code is ready or cannot be compiled."""
         for part in self.parts:
             part.model.wait()
             part.cost.wait()
 
     def model(self, q: Floats, wish: Wish) -> tuple[float, Floats, Floats]:
-        """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
+        """Return the cost at a configuration, its gradient (nv) and the normal matrix (nv, nv)."""
         (cost, gradient, normal), *others = [part.model(q, *part.asked(wish)) for part in self.parts]
         for more in others:
             cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
         return float(cost[0]), gradient, normal
 
     def cost(self, q: Floats, wish: Wish) -> float:
-        """The first of these alone."""
+        """Return the cost at a configuration."""
         return float(sum(part.cost(q, *part.asked(wish))[0][0] for part in self.parts))
 
     def missed(self, q: Floats, wish: Wish) -> float:
-        """By how much the worst hard edge misses its interval [m]; 0 where there is none."""
+        """Return the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
         d, hard = self.values(q), wish.priority >= HARD
         return float(np.abs(d - np.clip(d, wish.lower, wish.upper))[hard].max(initial=0.0))
 
     def values(self, q: Floats) -> Floats:
-        """(E,) what the edges measure."""
+        """Return the measures (E,) of the edges."""
         return np.concatenate([part.values(q)[0] for part in self.parts])
 
 
@@ -155,7 +155,7 @@ class Inequalities:
         return len(self._below) + len(self._above)
 
     def rows(self, q: Floats) -> tuple[Floats, Floats]:
-        """Slopes (R, nv) and deficits (R,) at a configuration: bound minus value."""
+        """Return slopes (R, nv) and deficits (R,), bound minus value, at a configuration."""
         values, slopes = self._measure(q)
         slopes = slopes.reshape(len(values), self._nv)
         if not self._above.size:
@@ -164,21 +164,21 @@ class Inequalities:
         return np.concatenate([slopes[self._below], -slopes[self._above]]), deficit
 
     def depth(self, q: Floats) -> float:
-        """How deep the robot is under the floor [m], by the kinds that know."""
+        """Return the robot's largest depth under the floor [m], over the kinds that measure it."""
         values = np.split(self._measure(q)[0], self._ends)
         tracks = zip(self.tracks, values, strict=True) if self.tracks else ()
         return max((t.kind.depth(t, own) for t, own in tracks if isinstance(t.kind, Grounded)), default=0.0)
 
 
 def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False) -> Problem:
-    """Assemble the functions for a robot; wished values stay parameters.
+    """Assemble the functions for a robot; targets stay parameters.
 
-    The kinds that every motion is described by are one part, each other kind is a part of its own: an edge that a user adds
-    leaves the rest compiled as it is.
+    The kinds that describe every motion are one part. Each other kind is a separate part, so an edge that a user adds
+    leaves the compiled rest unchanged.
 
     Args:
-        native: take machine code as soon as it can be had (`native.py`); until then, and elsewhere, CasADi's virtual
-            machine serves, with the same results.
+        native: use machine code as soon as it is ready (`native.py`); before that, and without a compiler, CasADi's
+            virtual machine gives the same results.
     """
     common, costs = {kind.name for kind in KINDS}, frame_costs(tracks)
     groups = [[track for track in costs if track.name in common]]
@@ -193,7 +193,7 @@ def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: b
 
 
 class _Terms:
-    """What is summed, as expressions of what is measured."""
+    """The summed cost terms, as expressions of the measures."""
 
     def __init__(self, tracks: Sequence[Track], rows: Ints):
         self.edges, self.rows = len(rows), rows
@@ -201,10 +201,10 @@ class _Terms:
         self.give = np.concatenate([np.full(len(track), track.give) for track in tracks])
         self.open = np.flatnonzero(np.concatenate([np.full(len(track), not track.exact) for track in tracks])).tolist()
         self.gather = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
-        """(M, E) that sums edges up over the rows they share."""
+        """(M, E) matrix that sums edges over the rows they share."""
 
     def around(self, values: ca.MX, lower: ca.MX, upper: ca.MX, priority: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """The cost, and per row the sum of weighted residuals and the sum of weights."""
+        """Return the cost, and per row the sum of weighted residuals and the sum of weights."""
         d = ca.vec(values[self.rows.tolist()])  # of a single row, indexing makes a row vector
         residual, weight = d - lower, priority / self.scale**2
         if self.open:

@@ -27,15 +27,15 @@ class Proximal:
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """Links near each other, as measured at a configuration."""
+    """Distances of links near each other, measured at a configuration."""
 
     qpos: Floats
     distance: Floats
     """(C,) [m]."""
     slope: Floats
-    """(C, nv) by the tangent vector."""
+    """(C, nv) derivative by the tangent vector."""
     rest: Floats
-    """(C,) how far apart the pairs rest [m]."""
+    """(C,) rest distance of the pairs [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +51,18 @@ class Quadratic:
     """(rows, nv + 1)."""
     least: Floats
     missing: float
-    """How much more than the tolerance the nearest links lack to their margin, over the leg."""
+    """How much the nearest links lack to their margin beyond the tolerance, over the leg."""
     sunk: bool
     """Whether a sole is under the floor."""
     near: Near | None = None
-    """The links near each other, where they were last measured."""
+    """The links near each other, at their last measurement."""
 
     def with_rows_met(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
-        """The model with the rows of links that a step (nv) brought too near, as they are there: J v ≥ least + J step.
+        """Return the model with the rows of links that a step (nv) brought too near: J v ≥ least + J step.
 
-        Where the nearest places of two links change on the way, rows of the beginning alone lead into the same wall again.
-        They stand in for those of the farthest links, and demand no more than to stay: here these links are apart.
+        If the nearest points of two links change along a step, rows from its start alone lead to the same contact
+        again. The new rows replace those of the farthest links, and a step of zero satisfies them, because these
+        links are apart at the present configuration.
         """
         hit = soles + np.flatnonzero(there.least[soles:] > 0)
         least, rows = self.least.copy(), self.rows.copy(order="F")
@@ -72,14 +73,14 @@ class Quadratic:
 
 
 class NumericCost:
-    """The cost of a track that is evaluated numerically."""
+    """The cost of a track with a numeric evaluator."""
 
     def __init__(self, track: Track, robot: Robot):
         self.name, self.stencil, self.track = track.name, track.stencil, track
         self.evaluate = cast(Numeric, track.kind).evaluator(track, robot)
 
     def terms(self, q: Floats, past: Past | None, contacts: Contacts | None) -> tuple[float, Floats, Floats] | None:
-        """Σ π r²/scale² with its half gradient (nv,) and normal matrix (nv, nv); None where no edge costs."""
+        """Return Σ π r²/scale², its half gradient (nv,) and normal matrix (nv, nv); None if no edge has a cost."""
         rows = self.evaluate(q, past, contacts)
         if rows is None:
             return None
@@ -99,7 +100,7 @@ class CostModel:
         self.numeric = [NumericCost(track, self.robot) for track in costs]
         near = [t for t in problem.tracks if isinstance(t.kind, Nearby)]
         self.proximity = near[0].name if near else ""
-        """The kind of the surfaces' inequality."""
+        """Name of the kind that keeps surfaces apart."""
         reach = options.reach * self.leg
         self.separation = (
             cast(Nearby, near[0].kind).proximity(near[0], self.robot, problem.match, reach) if near else None
@@ -109,10 +110,10 @@ class CostModel:
     def linearize(
         self, q: Floats, wish: Wish, between: tuple[Between, ...] = (), known: Near | None = None
     ) -> Quadratic:
-        """Costs and inequality rows at a configuration, and those of links `between` it and its neighbours.
+        """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
 
         Args:
-            known: distances of links measured nearby: less than `glance` away they are extrapolated along their slopes.
+            known: distances of links measured nearby; within `glance` they are extrapolated along their slopes.
         """
         total, gradient, normal = self.problem.model(q, wish)
         for cost in self.numeric:
@@ -129,11 +130,11 @@ class CostModel:
         return Quadratic(total, gradient, normal, rows, least, missing, sunk, near)
 
     def cost(self, q: Floats, wish: Wish, past: Past | None = None) -> float:
-        """The minimised cost of a frame at a configuration."""
+        """Return the minimised cost of a frame at a configuration."""
         return self.problem.cost(q, wish) + sum(self.parts(q, past).values())
 
     def parts(self, q: Floats, past: Past | None = None) -> dict[str, float]:
-        """Per numeric kind its part of the cost; that of surfaces is the cost of their slack."""
+        """Return the cost of each numeric kind; that of surfaces is the cost of their slack."""
         found = {self.proximity: self.separation_cost(q)} if self.separation else {}
         contacts = self._contacts(q) if past is not None else None
         for cost in self.numeric:
@@ -142,14 +143,14 @@ class CostModel:
         return found
 
     def separation_cost(self, q: Floats) -> float:
-        """The cost of links that lack more of their margin than is tolerated."""
+        """Return the cost of links that lack more of their margin than the tolerance."""
         if self.separation is None:
             return 0.0
         distance, _, rest = self.separation.near(q)
         return self.options.overlap_cost * self._missing(self.separation.lacking(distance, rest)) ** 2
 
     def _contacts(self, q: Floats) -> Contacts | None:
-        """The rows of surfaces near each other at a configuration."""
+        """Return the rows of surfaces near each other at a configuration."""
         near = self._near(q, None)
         if near is None or self.separation is None:
             return None
@@ -158,16 +159,16 @@ class CostModel:
         return Contacts(rows[:, :-1], least)
 
     def _missing(self, wanted: Floats) -> float:
-        """How much more than what is tolerated the nearest links lack, over the leg."""
+        """Return how much the nearest links lack beyond the tolerance, over the leg."""
         return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
 
     def decrease(self, here: Quadratic, step: Floats, slack: float) -> float:
-        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
+        """Return the predicted decrease of the cost for a step (nv), if links then lack `slack` over the leg."""
         edges = -float(step @ (2 * here.gradient + here.normal @ step))
         return edges + self.options.overlap_cost * (here.missing**2 - slack**2)
 
     def _near(self, q: Floats, known: Near | None) -> Near | None:
-        """The links near each other: measured, or as known nearby."""
+        """Return the links near each other: measured here, or the known ones if measured nearby."""
         if self.separation is None:
             return None
         if known is not None and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.glance:
@@ -175,7 +176,7 @@ class CostModel:
         return Near(np.array(q), *self.separation.near(q))
 
     def _apart(self, q: Floats, near: Near, between: tuple[Between, ...], rows: Floats, least: Floats) -> float:
-        """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
+        """Fill in the rows of near links; return how much the nearest lack beyond the tolerance, over the leg."""
         distance, slope, rest = self._with_ways(q, near, between)
         assert self.separation is not None
         wanted = self.separation.lacking(distance, rest)
@@ -185,9 +186,10 @@ class CostModel:
         return self._missing(wanted)
 
     def _with_ways(self, q: Floats, near: Near, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
-        """Distances, slopes and rests at a configuration, and between it and its neighbours, which a share of a step moves.
+        """Return distances, slopes and rests at a configuration and between it and its neighbours.
 
-        There links may touch: a margin would bend the frames more than the passage asks.
+        A share of the step moves the configurations between frames. Links may touch there: a margin there would bend
+        the frames more than the passage needs.
         """
         assert self.separation is not None
         here = near.distance
@@ -204,7 +206,7 @@ class CostModel:
         return distance[kept], slope[kept], rest[kept]
 
     def with_proximal(self, here: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
-        """The model with a proximal term on top."""
+        """Return the model with an added proximal term."""
         if proximal is None:
             return here
         change = difference(self.robot, proximal.anchor, q) - proximal.offset
@@ -216,7 +218,7 @@ class CostModel:
         )
 
     def with_past(self, here: Quadratic, q: Floats, past: Past | None) -> Quadratic:
-        """The model with the numeric costs that join the frame before on top."""
+        """Return the model with the added numeric costs that join the frame before."""
         joining = [cost for cost in self.numeric if cost.stencil == STEP] if past is not None else []
         if not joining:
             return here
@@ -231,7 +233,7 @@ class CostModel:
         return here
 
     def projected(self, q: Floats) -> Floats:
-        """The configuration with closed chains and meshed gears."""
+        """Return the configuration with closed chains and meshed gears."""
         for cost in self.numeric:
             if isinstance(cost.evaluate, Projecting):
                 q = cost.evaluate.projected(q)
@@ -239,5 +241,5 @@ class CostModel:
 
     @property
     def projects(self) -> bool:
-        """Whether a cost is closed exactly."""
+        """Whether a numeric cost projects configurations exactly."""
         return any(isinstance(cost.evaluate, Projecting) for cost in self.numeric)

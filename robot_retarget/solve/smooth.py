@@ -10,14 +10,14 @@ DECIMALS = 9
 
 
 def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> Floats:
-    """What to add to each frame so that second differences shrink.
+    """Return the offset of each frame that reduces second differences.
 
     minimise  Σ_t ‖δ_t‖² + κ Σ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
 
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
         stiffness: κ, for all columns or each (n,).
-        fixed: so many frames at the beginning keep δ = 0.
+        fixed: number of frames at the start that keep δ = 0.
 
     Returns:
         (T, n) offsets δ.
@@ -38,7 +38,7 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> 
 
 
 def _bands(frames: int, stiffness: float) -> Floats:
-    """Upper bands of I + κ DᵀD, D the second difference."""
+    """Return the upper bands of I + κ DᵀD, D the second difference."""
     diagonals = np.zeros((3, frames))
     for first in range(3):
         for second in range(first, 3):

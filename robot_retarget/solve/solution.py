@@ -1,4 +1,4 @@
-"""What a solver returns: the trajectory, and how well each frame and each edge was solved."""
+"""The result of a solver: the trajectory, and the quality of each frame and each edge."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from robot_retarget.dgp.stress import Objective, edge_terms
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0
-"""A hinge that turns faster is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos turn at up to 10."""
+"""A faster hinge is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos reach up to 10."""
 PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
 """The papers' objectives."""
 
@@ -37,20 +37,20 @@ class UnmetEdge:
     kind: str
     name: str
     frames: tuple[int, ...]
-    """That miss."""
+    """The frames that miss it."""
     frame: int
-    """Of the largest miss."""
+    """The frame of the largest miss."""
     measured: float
-    """There [m]."""
+    """The measure there [m]."""
     lower: float
     upper: float
     """The interval there [m]."""
     reasons: tuple[str, ...]
-    """Limits that are active there; empty where none is."""
+    """Limits that are active there; may be empty."""
 
     @property
     def sentence(self) -> str:
-        """For a person."""
+        """Return the finding as a sentence."""
         asked = f"{self.lower:.3g} m" if self.lower == self.upper else f"{self.lower:.3g} … {self.upper:.3g} m"
         first, last, count = self.frames[0], self.frames[-1], len(self.frames)
         when = f"frame {first}" if count == 1 else f"{count} frames of {first} … {last}"
@@ -60,39 +60,39 @@ class UnmetEdge:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A trajectory that can judge itself: how each frame ended, what each edge costs, and where."""
+    """A trajectory with its quality: the end of each frame, the cost of each edge, and the place of that cost."""
 
     trajectory: Trajectory
     graph: Graph
     status: tuple[Status, ...]
     cost: Floats
-    """(T,) what was minimised at the returned configurations: Σ over kinds of `stress`."""
+    """(T,) the minimised cost at the returned configurations: Σ over kinds of `stress`."""
     stress: Mapping[str, Floats]
     """Per kind (T,) its part of the cost."""
     measured: Mapping[str, Floats]
-    """Per kind with edges (T, E) what they measure [m], or [rad]."""
+    """Per kind with edges (T, E) the measures [m] or [rad]."""
     iterations: Ints
     """(T,) steps of the quadratic program."""
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds spent, by stage."""
     native: bool = False
-    """Whether machine code served, not CasADi's virtual machine; the results are the same."""
+    """Whether machine code evaluated the problem, not CasADi's virtual machine; the results are the same."""
     unmet: tuple[UnmetEdge, ...] = ()
-    """The hard edges that miss their interval, with the limits that keep them from it."""
+    """The hard edges that miss their interval, with the limits that prevent it."""
 
     def errors(self, kind: str) -> Floats:
-        """(T, E) signed errors (d − y)/scale of a kind's edges [-]."""
+        """Return (T, E) signed errors (d − y)/scale of a kind's edges [-]."""
         track, found = self.graph.kinds[kind], self.measured[kind]
         return (found - np.clip(found, track.lower, track.upper)) / track.scale
 
     @property
     def posture_error(self) -> Floats:
-        """(T,) mean of |d − δ|/τ over the posture edges."""
+        """Return (T,) the mean of |d − δ|/τ over the posture edges."""
         return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))
 
     @cached_property
     def sigma(self) -> dict[Objective, Floats]:
-        """(T,) σ by each of the papers' objectives (`dgp.stress`) of the edges of `graph.expanded()`, bones aside: they hold."""
+        """Return (T,) σ per objective of the papers (`dgp.stress`); over edges of `graph.expanded()` without bones."""
         vertices = (*self.graph.match.keypoints, *places_of(self.graph))
         found = {objective: np.zeros(len(self.cost)) for objective in PRINTED}
         for kind, measured in self.measured.items():
@@ -106,16 +106,16 @@ class Solution:
         return found
 
     def unsolved(self) -> list[int]:
-        """Frames that did not converge."""
+        """Return the frames that did not converge."""
         return [t for t, s in enumerate(self.status) if s is not Status.CONVERGED]
 
     def largest_step(self) -> float:
-        """The largest change of one hinge between two frames [rad]; a jump is seen here."""
+        """Return the largest change of one hinge between two frames [rad]; it shows a jump."""
         hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
         return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
 
     def jumps(self) -> list[tuple[str, int, float]]:
-        """Changes of a hinge faster than `JUMP`, largest first: joint, the frame it ends at, step [rad]."""
+        """Return changes of a hinge faster than `JUMP`, largest first: joint, the frame at its end, step [rad]."""
         names = self.trajectory.joint_names
         steps = np.diff(self.trajectory.qpos[:, -len(names) :], axis=0)
         frames, joints = np.nonzero(np.abs(steps) > JUMP / self.trajectory.fps)
@@ -123,7 +123,7 @@ class Solution:
         return [(names[joints[k]], int(frames[k]) + 1, float(steps[frames[k], joints[k]])) for k in order]
 
     def costliest(self, count: int = 8) -> list["EdgeError"]:
-        """The edges that cost most over the clip, each at its worst frame."""
+        """Return the edges with the largest cost over the clip, each at its worst frame."""
         found = []
         for kind in self.measured:
             track, errors = self.graph.kinds[kind], self.errors(kind)
@@ -136,7 +136,7 @@ class Solution:
         return [edge for _, edge in sorted(found, key=lambda item: -item[0])[:count]]
 
     def edge_stress(self, kind: str) -> Floats:
-        """(T, E) π ϱ(e) of a kind's edges."""
+        """Return (T, E) π ϱ(e) of a kind's edges."""
         track = self.graph.kinds[kind]
         return track.priority * track.loss(self.errors(kind))
 

@@ -25,7 +25,8 @@ from robot_retarget.solve.windows import Part
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
-"""Clips of as many frames are worth the seconds that a C compiler takes, once per robot (`native.py`): others follow."""
+"""Number of frames from which a clip is worth the compile time of a C compiler, once per robot (`native.py`), for later
+clips."""
 
 
 def solve_graph(
@@ -38,12 +39,12 @@ def solve_graph(
     progress: Progress | None = None,
     part: Part | None = None,
 ) -> Solution:
-    """The configurations that minimise the graph's edges, within its limits.
+    """Return the configurations that minimise the graph's edges within its limits.
 
     Args:
-        problem: as `problem_of` builds it, if it is there already.
-        smoothing: of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
-        progress: told how far it has come (`progress.Progress`).
+        problem: the result of `problem_of`, if it exists already.
+        smoothing: options of the whole clip; `Smoothing(passes=0)` solves frame by frame, each from the one before.
+        progress: receives the progress (`progress.Progress`).
         part: the windows of a piece of a longer clip (`long.py`); by default the graph is a whole clip.
     """
     began = time.perf_counter()
@@ -74,7 +75,7 @@ def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
 
 
 def problem_of(graph: Graph) -> Problem:
-    """The graph's edges as compiled functions."""
+    """Compile the graph's edges as functions."""
     return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
 
 
@@ -96,14 +97,14 @@ def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: d
 
 
 def _numeric_stress(solver: FrameSolver, qpos: Floats, fps: float) -> dict[str, Floats]:
-    """Per numeric kind (T,) its cost."""
+    """Return per numeric kind (T,) its cost."""
     past = [None, *(Past(before, 1 / fps) for before in qpos[:-1])]
     parts = [solver.costs.parts(q, before) for q, before in zip(qpos, past, strict=True)]
     return {name: np.array([part[name] for part in parts]) for name in parts[0]}
 
 
 def _temporal_stress(graph: Graph, qpos: Floats) -> dict[str, Floats]:
-    """Per kind of second differences (T,) its cost about every frame; 0 at both ends."""
+    """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
     tracks = [t for t in graph.tracks if t.role is Role.COST and t.stencil == SECOND_DIFFERENCE]
     speed = np.array([difference(graph.robot, a, b) for a, b in pairwise(qpos)])
     found = {track.name: np.zeros(len(qpos)) for track in tracks}

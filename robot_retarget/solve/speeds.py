@@ -6,10 +6,11 @@ from robot_retarget.arrays import Floats
 
 
 def within_speeds(angles: Floats, reach: Floats, fixed: int = 0) -> Floats:
-    """(T, n) angles that change by no more than `reach` (n,) from frame to frame, and are themselves where they did not.
+    """Return (T, n) angles that change by at most `reach` (n,) per frame; a path that does so already stays unchanged.
 
-    Halfway between the highest such path under them and the lowest over them: both keep the speeds, and so does their mean.
-    The first `fixed` frames stay, and what follows is what can be reached from them.
+    The result is halfway between the highest such path below the angles and the lowest above them: both keep the
+    speeds, and so does their mean. The first `fixed` frames stay, and the frames after them are limited to angles
+    within reach of them.
     """
     over, under = _bounded(angles, reach, np.maximum), _bounded(angles, reach, np.minimum)
     path = (over + under) / 2
@@ -21,7 +22,7 @@ def within_speeds(angles: Floats, reach: Floats, fixed: int = 0) -> Floats:
 
 
 def _bounded(angles: Floats, reach: Floats, extreme: np.ufunc) -> Floats:
-    """The least path over the angles (the greatest under them) that changes by no more than `reach` between frames."""
+    """Return the lowest path over the angles, or the highest under them, that changes by at most `reach` per frame."""
     path, way = angles.copy(), -reach if extreme is np.maximum else reach
     for t in range(1, len(path)):
         path[t] = extreme(path[t], path[t - 1] + way)

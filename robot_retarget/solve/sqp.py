@@ -18,23 +18,24 @@ from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
 from robot_retarget.solve.solution import Status
 
 SHORT = 0.1
-"""What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
-nothing here."""
+"""A refused step longer than this adds no separation rows to the next one [rad, m]: slopes at a distant configuration
+do not apply."""
 UNSEEN = 0.03
-"""The last step of a descent, which gains little, is taken without looking back when no hinge turns farther [rad]."""
+"""The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
 
 
 @dataclass(frozen=True)
 class Box:
-    """What the hinges may be at a frame: their ranges, cut to what their neighbours in time can reach. (n,) each."""
+    """The interval of each hinge at a frame: its range, cut to the reach of its neighbours in time. (n,) each."""
 
     lower: Floats
     upper: Floats
     root: tuple[Floats, Floats] | None = None
-    """A configuration (nq,), and how far the root may be from it (R,) by its tangent [m, rad]; None leaves it free."""
+    """A configuration (nq,), and the largest distance of the root from it (R,) per tangent direction [m, rad]; None
+    leaves it free."""
 
     def around(self, neighbours: list[Floats], reach: Floats) -> "Box":
-        """Angles within `reach` of every neighbour (n,); where two are too far apart, halfway between them."""
+        """Return the box within `reach` of every neighbour (n,); where two are too far apart, the angle halfway."""
         lower, upper = self.lower, self.upper
         for angles in neighbours:
             lower, upper = np.maximum(lower, angles - reach), np.minimum(upper, angles + reach)
@@ -42,27 +43,28 @@ class Box:
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
 
     def outside(self, angles: Floats) -> float:
-        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs, unless links meet there."""
+        """Return the distance from the box [rad]; a step into the box is taken at any cost, unless links meet."""
         return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a descent ended."""
+    """The end of a descent."""
 
     qpos: Floats
     status: Status
     cost: float
-    """Before the last step, which was too small to be worth another look."""
+    """The cost before the last step, which was too small to be evaluated."""
     iterations: int
     model: Quadratic | None = None
-    """The quadratic model there, without any proximal term: a further descent with the same wish starts from it."""
+    """The quadratic model at the pose, without a proximal term; a further descent with the same target starts from
+    it."""
     missing: float = 0.0
-    """How much the nearest links lacked to be apart when last looked at, over the leg."""
+    """How much the nearest links lacked to be apart at the last evaluation, over the leg."""
 
 
 class _TrustRegion:
-    """How far the next step of a descent may lead, and how many were taken and refused (Levenberg–Marquardt)."""
+    """The trust region of a descent, with its counts of accepted and refused steps (Levenberg–Marquardt)."""
 
     def __init__(self, options: Options):
         self.longest = self.radius = options.trust_region
@@ -79,7 +81,7 @@ class _TrustRegion:
 
 
 class FrameSolver:
-    """The solver of single frames of one problem; holds the compiled quadratic program."""
+    """Solve single frames of one problem with one compiled quadratic program."""
 
     def __init__(self, problem: Problem, options: Options | None = None):
         self.problem, self.options, self.robot = problem, options or Options(), problem.robot
@@ -105,11 +107,11 @@ class FrameSolver:
         box: Box | None = None,
         between: tuple[Between, ...] = (),
     ) -> Pose:
-        """Steps within the box, above the floor and apart, until they gain little or so many were taken; chains closed.
+        """Take steps within box, floor and separation until the gain is small or the limit is reached; close chains.
 
         Args:
-            start: a configuration, or a pose that an earlier descent with the same wish reached (warm start).
-            between: where links are kept apart besides.
+            start: a configuration, or a pose that an earlier descent with the same target reached (warm start).
+            between: further configurations at which links are kept apart.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
@@ -138,7 +140,7 @@ class FrameSolver:
         return self._left(q, Status.OUT_OF_ITERATIONS, base, region, between)
 
     def advance(self, start: Floats, wish: Wish, proximal: Proximal | None, box: Box, steps: int) -> Pose:
-        """So many steps without a look back: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
+        """Take `steps` steps without a line search: the real-time iteration of [Diehl2005], from a predicted start."""
         q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
         for taken in range(steps):
             base = self.costs.linearize(q, wish)
@@ -153,14 +155,14 @@ class FrameSolver:
     def _left(
         self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
     ) -> Pose:
-        """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
+        """Return a pose for a warm start; without its model if it has `between`, whose frames move."""
         return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.missing))
 
     def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
         return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
 
     def _step(self, q: Floats, here: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
-        """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
+        """Return the step that minimises the model within box, trust region, floor and separation, and its gain."""
         program, nv, angle, radius = self.program, len(here.gradient), q[self.robot.qpos_index], region.radius
         program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
         program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)
@@ -179,12 +181,12 @@ class FrameSolver:
         return found[:nv], self.costs.decrease(here, found[:nv], float(found[nv]) / self.leg)
 
     def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
-        """The model, with what a refused short step has met."""
+        """Return the model with the rows that a short refused step has met."""
         met = there.missing > here.missing and np.abs(step).max() < SHORT
         return here.with_rows_met(len(self.problem.inequalities), there, step) if met else here
 
     def _closed(self, pose: Pose) -> Pose:
-        """The pose with its chains closed and its gears in mesh: small steps then stay on the same branch."""
+        """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
         if not self.costs.projects:
             return pose
         q, hinges = self.costs.projected(pose.qpos), self.robot.qpos_index
@@ -192,17 +194,17 @@ class FrameSolver:
         return replace(pose, qpos=q, model=None)
 
     def reachable(self, neighbours: list[Floats], time: float) -> Box:
-        """What the hinges can be a time [s] from each of some configurations, at their speeds."""
+        """Return the angles that the hinges reach from every given configuration within a time [s]."""
         index = self.robot.qpos_index
         return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
 
     def depth(self, qpos: Floats) -> float:
-        """How deep links are inside each other [m], where they are kept apart."""
+        """Return how deep links are inside each other [m], for the pairs that are kept apart."""
         apart = self.costs.separation
         return apart.depth(qpos) if apart else 0.0
 
     def depth_between(self, before: Floats, after: Floats) -> float:
-        """How deep links come inside each other on the way from one configuration to another [m]."""
+        """Return how deep links come inside each other between two configurations [m]."""
         return max(self.depth(way.at(self.robot, after)) for way in on_the_way(self.robot, before, after))
 
     def overlapping(self, qpos: Floats) -> bool:
@@ -210,7 +212,7 @@ class FrameSolver:
         return self.depth(qpos) > self.options.overlap
 
     def held_back(self, before: Floats, pose: Pose) -> Pose:
-        """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
+        """Return the pose, or if its links interpenetrate the nearest of seven between it and the frame before."""
         if not self.overlapping(pose.qpos):
             return pose
         way = difference(self.robot, before, pose.qpos)
@@ -219,7 +221,7 @@ class FrameSolver:
         return replace(pose, qpos=qpos, status=Status.BLOCKED, model=None)
 
     def lifted(self, pose: Pose) -> Pose:
-        """The pose with its root raised by what curvature let it sink under the floor."""
+        """Return the pose with its root raised by the depth to which curvature let it sink under the floor."""
         depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation
         depth = max(depth, apart.sunk(pose.qpos)) if apart else depth

@@ -1,3 +1,3 @@
-"""A graph frame by frame as it comes: `stream` takes frames in, `follower` solves one performer, `realtime` takes the steps,
-`home` finds the way out of a basin, `lag` smooths for those who can wait.
+"""Solve a graph one frame at a time as frames arrive: `stream` receives frames, `follower` solves one performer,
+`realtime` takes the steps, `home` finds the way out of a basin, `lag` smooths for applications that can wait.
 """

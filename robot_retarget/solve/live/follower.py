@@ -1,4 +1,4 @@
-"""One performer and one robot, calibrated: what is asked of each frame, solved and given out."""
+"""One calibrated performer and robot: derives the targets of each frame, solves them and returns the pose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,24 +30,24 @@ from robot_retarget.solve.solution import Status
 from robot_retarget.solve.sqp import FrameSolver, Pose
 
 FIRST = 1 / 30
-"""What a first frame is taken to last [s]."""
+"""Assumed duration of the first frame [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class StreamPose:
-    """What a stream answers with."""
+    """The result of a stream for a frame."""
 
     qpos: Floats
     """(nq,)."""
     time: float
-    """Of the newest frame, by the source's clock [s]."""
+    """Time of the newest frame on the source's clock [s]."""
     status: Status
     age: float = 0.0
-    """Of the frame that it answers to: how much earlier that was [s]."""
+    """Delay of the frame that the pose follows [s]."""
 
 
 class Follower:
-    """One performer and one robot, calibrated."""
+    """One calibrated performer and one robot."""
 
     def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
         match = graph.match
@@ -63,7 +63,7 @@ class Follower:
         self.latest: HumanFeatures | None = None
 
     def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
-        """The first pose: the performer's, or the standing one, which then eases into the motion."""
+        """Return the first pose: the performer's, or the standing pose, which then eases into the motion."""
         human = self.human.step(positions, rotations, FIRST)
         start = self._standing(human)
         self.asked, self.latest = self._asked(human, start, FIRST), human
@@ -71,13 +71,13 @@ class Follower:
         return self._given(pose, time, FIRST)
 
     def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
-        """The pose that answers to a frame, so long after the one before [s]."""
+        """Return the pose for a frame, `since` seconds after the one before."""
         self.latest = self.human.step(positions, rotations, since)
         self.asked = self._asked(self.latest, self.solver.qpos, since)
         return self._given(self._stepped(since), time, since)
 
     def rest(self, time: float, since: float) -> StreamPose:
-        """The pose when nothing new is asked."""
+        """Return the pose at a time without a new frame; the targets stay."""
         return replace(self._given(self._stepped(since), time, since), status=Status.HELD)
 
     def _stepped(self, since: float) -> Pose:
@@ -86,13 +86,13 @@ class Follower:
         return self.solver.step(self.asked, since, lambda: self._standing(human))
 
     def _standing(self, human: HumanFeatures) -> Floats:
-        """(nq,) the standing pose, where and as the human's pelvis is."""
+        """Return the standing pose (nq,) with the human's pelvis position and heading."""
         robot = self.graph.robot
         place, turn = self.carriage.path(human)[0], human.facing[0]
         return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
 
     def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
-        """What is given out."""
+        """Return the pose of the stream, smoothed if there is a lag."""
         if self.lag is None or self.asked is None:
             return StreamPose(pose.qpos, time, pose.status)
         late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
@@ -104,13 +104,13 @@ class Follower:
 
 
 def _smoothness(graph: Graph) -> tuple[Floats, Floats]:
-    """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
+    """Return the weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
     scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
     return difference_weights(graph.robot, [Smoothness().wish(scene)], SECOND_DIFFERENCE)
 
 
 def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:
-    """q ↦ where the corners of the soles are (F · 4 · 3) [m]."""
+    """Compile q ↦ positions of the corners of the soles (F · 4 · 3) [m]."""
     bodies = Bodies(robot)
     places = ca.horzcat(ca.SX(3, 0), *(bodies.places(sole) for sole in soles))
     return Compiled(ca.Function("corners", [bodies.q], [ca.densify(ca.vec(places))]))

@@ -1,8 +1,8 @@
-"""The home pose of a frame: where a descent from the standing pose ends, whatever was before.
+"""The home pose of a frame: the end of a descent from the standing pose, independent of the past.
 
-A pose that follows stays in the basin of attraction that it is in. Beside it a second one sets out from the standing pose
-again and again, a step at a time. Once there, if it costs clearly less and is elsewhere, the hinges that differ are led
-over to it on a smooth way in time, all else following what is asked.
+The pose that follows the performer stays in its basin of attraction. In parallel, a second pose starts from the
+standing pose repeatedly and advances one step at a time. If the second pose then costs clearly less and lies elsewhere,
+the hinges that differ move to it along a smooth curve in time, and all other hinges follow their targets.
 """
 
 from collections.abc import Callable
@@ -17,33 +17,34 @@ from robot_retarget.solve.problem import Wish
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 LED = 0.25
-"""Hinges are led that differ by more than this share of what tells basins apart (`RealTime.same`) [-] ..."""
+"""Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`) [-]
+..."""
 GIVE = 0.1
-"""... and may be off their way by this share of it: what else is asked keeps its say [-]."""
+"""... and may deviate from their curve by this share of it, so that the other targets keep their effect [-]."""
 ROUNDING = 0.99
-"""Frames that come as often as steps are taken each take one, whatever the last digit of their times [-]."""
+"""Each frame takes one step when frames arrive at the step rate, whatever the last digit of their times [-]."""
 
 
 @dataclass(eq=False)
 class Lead:
-    """A way over to the home pose."""
+    """A transition to the home pose."""
 
     hinges: np.ndarray
-    """(n,) which are led."""
+    """(n,) whether a hinge takes part."""
     since: Floats
-    """(n,) where they set out [rad]."""
+    """(n,) angles at the start [rad]."""
     lasts: float
-    """[s]"""
+    """Duration [s]."""
     gone: float = 0.0
-    """[s]"""
+    """Elapsed time [s]."""
 
     @property
     def arrived(self) -> bool:
-        """Whether the time is over."""
+        """Whether the duration is over."""
         return self.gone >= self.lasts
 
     def around(self, box: Box, home: Floats, slack: float) -> Box:
-        """The box with the led hinges on their way to home angles (n,), as far as it reaches."""
+        """Return the box with the moving hinges on their curve to the home angles (n,), as far as the box allows."""
         share = float(smoothstep(np.array(min(self.gone / self.lasts, 1.0))))
         aim = np.clip((1 - share) * self.since + share * home, box.lower, box.upper)
         lower = np.where(self.hinges, np.maximum(aim - slack, box.lower), box.lower)
@@ -52,7 +53,7 @@ class Lead:
 
 
 class Home:
-    """Seeks the home pose of a stream, and leads over to it."""
+    """Seek the home pose of a stream, and move to it."""
 
     def __init__(self, solver: FrameSolver, options: RealTime):
         self.solver, self.options = solver, options
@@ -61,12 +62,12 @@ class Home:
         self.lead: Lead | None = None
 
     def at_once(self, standing: Floats, wish: Wish, before: Floats) -> None:
-        """Seek to the end and lead over, from a robot that stands."""
+        """Seek the home pose to the end and start the transition, from a standing robot."""
         self.pose = self.solver.descend(standing, wish, iterations=self.options.start)
         self._set_out(before)
 
     def look(self, current: Pose, wish: Wish, standing: Callable[[], Floats], seconds: float) -> None:
-        """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
+        """Take the next step if it is due; start a transition once the home pose is found and cheaper."""
         self.waited += seconds
         if self.waited < ROUNDING / self.options.looks:
             return
@@ -79,7 +80,7 @@ class Home:
         self.steps += 1
 
     def box(self, box: Box, seconds: float) -> Box:
-        """The box with led hinges on their way."""
+        """Return the box with the moving hinges on their curves."""
         if self.lead is None or self.pose is None:
             return box
         self.lead.gone += seconds

@@ -1,4 +1,4 @@
-"""Fixed-lag smoothing: a pose is given out some frames late, drawn to the smooth path through those that came after it."""
+"""Fixed-lag smoothing: a pose is returned some frames late, moved to the smooth path through the frames after it."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -15,25 +15,25 @@ from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.sqp import FrameSolver, Pose
 
 GIVEN = 2
-"""So many poses that were given out hold the path's beginning: second differences reach no farther."""
+"""Number of returned poses that fix the start of the path: second differences span no more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A frame of a stream as the real-time iteration left it."""
+    """A frame of a stream after the real-time iteration."""
 
     pose: Pose
     wish: Wish
     time: float
     seconds: float
-    """Since the frame before [s]."""
+    """Time since the frame before [s]."""
 
 
 class FixedLag:
-    """Gives poses out `lag` frames late."""
+    """Return poses `lag` frames late."""
 
     def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, inertia: Floats, smoothing: Smoothing):
-        """Wait for so many frames.
+        """Set the lag in frames, the smoothing weights and the solver.
 
         Args:
             smooth: (nv,) π of squared second differences at this rate, κ.
@@ -46,9 +46,9 @@ class FixedLag:
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
     def smoothed(self, newest: Solved) -> tuple[Pose, float]:
-        """The pose that is given out now that the newest is there, and the time of its frame [s].
+        """Return the oldest waiting pose, smoothed with the newest, and the time of its frame [s].
 
-        Until `lag` frames wait, the first is given out again.
+        Until `lag` frames wait, the first pose is returned repeatedly.
         """
         self.waiting.append(newest)
         first = self.waiting[0]

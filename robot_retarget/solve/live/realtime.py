@@ -1,10 +1,10 @@
-"""The real-time iteration: one frame after the other, each by a step or two from where the ones before lead to.
+"""The real-time iteration: one frame after the other, each by a step or two from the prediction of the frames before.
 
     minimise  Σ π ϱ(e) + Σ w ‖q ⊖ (q₁ ⊕ β h v₁)‖²
 
-with the pose before q₁, its velocity v₁ and the time since h. It is the second-difference edge to the two frames before,
-made independent of the rate: w and β are those for which an edge of π = 1/rad² is followed as by a mass m on a spring and
-a damper, m ẍ = −(x − y) − c ẋ, sampled every h exactly.
+with q₁ the pose before, v₁ its velocity and h the time since. The second term is the second-difference edge to the two
+frames before, made independent of the rate. With its w and β, the pose follows an edge of π = 1/rad² like a mass m on a
+spring and a damper, m ẍ = −(x − y) − c ẋ, sampled exactly every h.
 """
 
 from collections.abc import Callable
@@ -24,10 +24,10 @@ from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
 class RealTimeSolver:
-    """A pose that follows what is asked of it; it remembers the pose before and its velocity."""
+    """A pose that follows its targets; it remembers the pose before and its velocity."""
 
     def __init__(self, solver: FrameSolver, options: RealTime):
-        """Follow with one solver, whose tracks hold the inertia."""
+        """Follow with one solver; its tracks define the inertia."""
         self.solver, self.robot, self.options = solver, solver.robot, options
         self.inertia, _ = difference_weights(self.robot, solver.problem.tracks, CAUSAL_DIFFERENCE)
         dofs, free = solver.roots, self.robot.floating
@@ -36,32 +36,32 @@ class RealTimeSolver:
         self.home = Home(solver, options)
         self.pose: Pose | None = None
         self.velocity = np.zeros(self.robot.model.nv)
-        """(nv,) of the pose [rad/s, m/s]."""
+        """(nv,) velocity of the pose [rad/s, m/s]."""
         self.pace = 1.0
-        """The share of the joints' speeds that may be used [-]."""
+        """The usable share of the joints' speeds [-]."""
 
     def begin(self, start: Floats, wish: Wish) -> Pose:
-        """The first pose, from a start that does not depend on what was before."""
+        """Return the first pose, from a start that is independent of the past."""
         pose = self.solver.descend(start, wish, iterations=self.options.start)
         return self._kept(self.solver.lifted(pose), np.zeros_like(self.velocity))
 
     def stand(self, qpos: Floats, wish: Wish) -> Pose:
-        """The first pose, standing at rest: from there it is led to what is asked."""
+        """Return the first pose, standing at rest; a transition to the targets starts there."""
         pose = self.solver.lifted(Pose(qpos, Status.CALIBRATING, 0.0, 0))
         self.home.at_once(pose.qpos, wish, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
 
     @property
     def qpos(self) -> Floats:
-        """(nq,) of the latest pose."""
+        """(nq,) configuration of the latest pose."""
         assert self.pose is not None
         return self.pose.qpos
 
     def step(self, wish: Wish, seconds: float, standing: Callable[[], Floats]) -> Pose:
-        """The next pose, so long after the one before [s].
+        """Return the next pose, `seconds` after the one before [s].
 
         Args:
-            standing: gives the standing pose (nq,) where the human is.
+            standing: returns the standing pose (nq,) at the human's place.
         """
         options, before = self.options, self.qpos
         if seconds > options.gap:
@@ -90,10 +90,10 @@ class RealTimeSolver:
 
 
 def follower(options: RealTime, seconds: float) -> tuple[float, float]:
-    """w [1/rad²] and β [-] of the edge to the frames before, for frames so far apart [s].
+    """Return w [1/rad²] and β [-] of the edge to the frames before, for this time between frames [s].
 
-    The recursion x = (y + w (x₁ + β (x₁ − x₂))) / (1 + w) has the poles of the damped spring, e^{(−ζ ± i √(1−ζ²)) ω h}: their
-    product is r β and their sum r (1 + β), with r = w / (1 + w).
+    The recursion x = (y + w (x₁ + β (x₁ − x₂))) / (1 + w) has the poles of the damped spring, e^{(−ζ ± i √(1−ζ²)) ω h}:
+    their product is r β and their sum r (1 + β), with r = w / (1 + w).
     """
     turn = 2 * np.pi * options.frequency * seconds
     radius = np.exp(-options.damping * turn)

@@ -1,4 +1,4 @@
-"""A live stream: a frame of the human in, a configuration out, within a millisecond."""
+"""A live stream: takes a frame of the human, returns a configuration within a millisecond."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
@@ -18,17 +18,18 @@ from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.solution import Status
 
 CALIBRATED = 1.0
-"""A performer who is not known is watched for so long before the robot follows [s]."""
+"""Time for which an unknown performer is observed before the robot follows [s]."""
 LEAST = 12
-"""Frames at least that a performer is watched for."""
+"""Smallest number of frames for which a performer is observed."""
 FARTHEST = 1000.0
-"""A joint farther away is no place [m]."""
+"""A joint farther away is an invalid position [m]."""
 
 
 class Stream:
     """A robot that follows a performer, causal and in bounded memory.
 
-    The first second tells the performer's bones, floor and axes; the robot stands meanwhile, and eases into the motion.
+    The first second determines the performer's bones, floor and axes; the robot stands until then, and eases into the
+    motion.
     """
 
     def __init__(
@@ -42,17 +43,17 @@ class Stream:
         weights: Weights | None = None,
         native: bool = True,
     ):
-        """Begin with a robot and the performer's joints.
+        """Set up the stream for a robot and the performer's joints.
 
         Args:
-            calibration: a motion of the same skeleton that tells what the first second would: then the robot follows at
-                once.
-            lag: frames that are waited for before a pose is given out: smoother, and so much later.
-            native: take machine code as soon as it can be had.
+            calibration: a motion of the same skeleton that replaces the observation of the first second; the robot then
+                follows at once.
+            lag: number of frames by which a pose is delayed; a larger lag is smoother.
+            native: use machine code as soon as it is ready.
 
         Raises:
-            MatchError: the calibration is no human, or the robot no humanoid.
-            UsageError: the calibration is of another skeleton, or the lag is below 0.
+            MatchError: the calibration shows no human, or the robot is no humanoid.
+            UsageError: the calibration has another skeleton, or the lag is negative.
         """
         if lag < 0:
             raise UsageError(f"a stream lags by 0 frames or more, got {lag}")
@@ -60,7 +61,7 @@ class Stream:
         self.robot, self.skeleton, self.options = robot, skeleton, options or RealTime()
         self.weights, self.native = weights, native
         self.faults: dict[str, int] = {}
-        """What frames were not followed, by kind."""
+        """Number of frames that were not followed, by kind of fault."""
         self.performer: Follower | None = None
         self._watched: list[tuple[Floats, Floats | None, float]] = []
         self._last: StreamPose | None = None
@@ -71,25 +72,28 @@ class Stream:
 
     @property
     def calibration(self) -> Motion | None:
-        """The frames that told what the performer is like; keep them to follow at once the next time."""
+        """The frames that calibrated the performer; pass them to the next stream to follow at once."""
         return self.performer.graph.motion if self.performer else None
 
     def wait(self) -> None:
-        """Until the machine code is there, or cannot be had; without that the stream goes over to it by itself."""
+        """Wait until the machine code is ready or cannot be compiled.
+
+        Without this call the stream switches to it as soon as it is ready.
+        """
         if self.performer is not None:
             self.performer.problem.wait()
 
     def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> StreamPose:
-        """The configuration that answers to a frame.
+        """Return the configuration for a frame.
 
         Args:
-            positions: (J, 3) of the joints, z up [m].
-            rotations: (J, 4) of the joints in the world, w x y z; None where they are not known.
-            time: of the frame, by the source's clock [s].
+            positions: (J, 3) positions of the joints, z up [m].
+            rotations: (J, 4) world rotations of the joints, w x y z; None if they are unknown.
+            time: time of the frame on the source's clock [s].
 
         Raises:
-            UsageError: the shapes are not the skeleton's.
-            MatchError: the frames watched so far show no human.
+            UsageError: the shapes do not match the skeleton.
+            MatchError: the observed frames show no human.
         """
         fault = self._fault(positions, rotations, time)
         if fault:
@@ -109,7 +113,7 @@ class Stream:
         return self._last
 
     def hold(self, time: float) -> StreamPose:
-        """The configuration when no frame came: what was asked last is asked on, and the robot comes to rest."""
+        """Return the configuration without a new frame: the last targets stay, and the robot comes to rest."""
         if self._last is None:
             return self._standing(time)
         if self.performer is None or self.performer.asked is None or time <= self._last.time:
@@ -141,7 +145,7 @@ class Stream:
 
 
 def _motion_of(skeleton: Skeleton, watched: Sequence[tuple[Floats, Floats | None, float]]) -> Motion:
-    """Frames as a motion at their mean rate."""
+    """Return frames as a motion at their mean rate."""
     positions = np.array([frame[0] for frame in watched])
     turned = all(frame[1] is not None for frame in watched)
     rotations = np.array([frame[1] for frame in watched]) if turned else None
@@ -154,16 +158,16 @@ def stream(
     skeleton: Skeleton | None = None,
     **options: Any,
 ) -> Iterator[Floats]:
-    """Configurations (nq,) one by one, each told by the frames so far.
+    """Yield configurations (nq,) one at a time, each from the frames until then.
 
     Args:
-        frames: a motion, which is its own calibration and is followed at its own rate; or positions (J, 3) [m], rotations
-            (J, 4) or None, and time [s] of a skeleton's joints.
-        options: as `Stream` takes them.
+        frames: a motion, which is also its calibration and is followed at its own rate; or positions (J, 3) [m],
+            rotations (J, 4) or None, and time [s] of a skeleton's joints.
+        options: those of `Stream`.
 
     Raises:
-        UsageError: frames without a skeleton.
-        MatchError: no human.
+        UsageError: frames come without a skeleton.
+        MatchError: the frames show no human.
     """
     if isinstance(frames, Motion):
         options.setdefault("calibration", frames)
