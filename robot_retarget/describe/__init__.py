@@ -1,1 +1,1 @@
-"""A human motion and a robot as one graph: match the bodies, say what is wished of every pair, bone and segment."""
+"""A human motion and a robot as one graph: match the bodies, and set the targets of every pair, bone and segment."""

@@ -121,7 +121,7 @@ def checked_end(match: Match, robot: Robot, end: End) -> End:
 
 
 def end_name(end: End) -> str:
-    """An end in words: a keypoint, `body@(x, y, z)` or `(x, y, z)`."""
+    """Return an end in words: a keypoint, `body@(x, y, z)` or `(x, y, z)`."""
     if isinstance(end, str):
         return end
     body = end[0] if isinstance(end, tuple) and isinstance(end[0], str) else None
@@ -219,14 +219,14 @@ def _refuse_contradiction(track: Track, edge: AddedEdge) -> None:
 
 
 def _raised(values: Floats, column: int, at_least: Floats) -> Floats:
-    """Values (T, E), one column raised to (T,) where it is lower."""
+    """Return values (T, E) with one column raised to at least (T,)."""
     found = np.array(values)
     found[:, column] = np.maximum(found[:, column], at_least)
     return found
 
 
 def _side_by_side(first: Track, second: Track) -> Track:
-    """Two tracks of added edges as one."""
+    """Return two tracks of added edges as one."""
     assert isinstance(first.kind, Own) and isinstance(second.kind, Own)
     lower, upper, priority = (
         np.hstack([getattr(t, name) for t in (first, second)]) for name in ("lower", "upper", "priority")

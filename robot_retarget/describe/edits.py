@@ -38,9 +38,9 @@ class Edit:
     """`edge`, `weigh` or `drop`."""
     values: Mapping[str, Any]
     line: int = 0
-    """Of its header in the file; 0 without a file."""
+    """Line of its header in the file; 0 without a file."""
     path: str = ""
-    """Of the file; empty without one."""
+    """Name of the file; empty without one."""
 
     @property
     def where(self) -> str:
@@ -93,7 +93,7 @@ def edited(graph: Graph, edits: Iterable[Edit]) -> Graph:
 
 
 def write_edits(edits: Iterable[Edit], path: str | Path) -> Path:
-    """Write edits as a file that `read_edits` reads, whole or not at all.
+    """Write edits as a file that `read_edits` reads, completely or not at all.
 
     Raises:
         OutputError: the file cannot be written.
@@ -125,7 +125,7 @@ def _made(graph: Graph, action: str, values: Mapping[str, Any]) -> Graph:
 
 
 def end_of(value: Any) -> End:
-    """The end that a value of a table names."""
+    """Return the end that a value of a table names."""
     if isinstance(value, str):
         return value
     if isinstance(value, list) and value and isinstance(value[0], str):
@@ -144,12 +144,12 @@ def _toml(value: Any) -> str:
 
 
 def _headers(lines: list[str], name: str) -> list[int]:
-    """The lines at which tables of a name begin, from 1 on."""
+    """Return the lines at which tables of a name begin, counted from 1."""
     return [k + 1 for k, line in enumerate(lines) if line.split("#")[0].strip() == f"[[{name}]]"]
 
 
 def _line(lines: list[str], word: str, start: int = 0) -> int:
-    """The first line that begins with a key or header, from a line on."""
+    """Return the first line, from a line on, that begins with a key or header."""
     for k in range(start, len(lines)):
         if lines[k].strip().lstrip("[").startswith(word):
             return k + 1

@@ -1,13 +1,14 @@
 """The graph of a retargeting as the papers' graph of free points: vertices v_t that no robot joins.
 
-An edge that measures the distance of two keypoints, or of a keypoint and a place, becomes one edge a frame with the same
-interval, π over the square of its scale and its Huber scale in metres, so that its stress is the same to rounding:
+An edge that measures the distance of two keypoints, or of a keypoint and a place, becomes one edge per frame with the
+same interval, π over the square of its scale and its Huber scale in metres, so that its stress is the same to rounding:
 
     π ϱ_g((d − y)/s) = (π/s²) ϱ_(g s)(d − y).
 
-What the robot keeps by construction becomes edges: its bones, exact and hard. No distance of two free points, and so left
-out, are directions and places along an axis (compass, orientation, path, foothold, mass: limits of distances to beacons
-that are far off), angles (rest), second differences of joints, points that a body carries, and the limits of the robot.
+Properties that the robot keeps by construction become edges: its bones, exact and hard. The expansion omits edges that
+are not distances of two free points: directions and places along an axis (compass, orientation, path, foothold, mass:
+limits of distances to far beacons), angles (rest), second differences of joints, points that a body carries, and the
+limits of the robot.
 """
 
 from collections.abc import Collection
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from robot_retarget.describe.graph import Graph
 
 LABELS = {"touch": Kind.TOUCH}
-"""Kinds of edges that the papers' graph has a label for; the others are postures."""
+"""Kinds of edges with a label in the papers' graph; the others are postures."""
 
 
 def expanded(graph: "Graph") -> Instance:
-    """The papers' graph over V × T: V the keypoints, and the places that edges of one's own name, held by their boxes."""
+    """Return the papers' graph over V × T: V the keypoints, and the places of added edges, fixed by their boxes."""
     places = places_of(graph)
     vertices = (*graph.match.keypoints, *places)
     tracks = [track.subset(between_points(track, vertices)) for track in graph.costs]
@@ -41,7 +42,7 @@ def expanded(graph: "Graph") -> Instance:
 
 
 def places_of(graph: "Graph") -> dict[str, Floats]:
-    """Places in the world that edges of one's own end at, by name."""
+    """Return the places in the world at which added edges end, by name."""
     found = {}
     for track in graph.tracks:
         if isinstance(track.kind, Own):
@@ -51,12 +52,12 @@ def places_of(graph: "Graph") -> dict[str, Floats]:
 
 
 def between_points(track: Track, vertices: Collection[str]) -> np.ndarray:
-    """(E,) which edges measure the distance of two vertices."""
+    """Return (E,) which edges measure the distance of two vertices."""
     return np.array([not track.axes and set(ends) <= set(vertices) for ends in track.ends], dtype=bool)
 
 
 def _edges(track: Track, vertices: tuple[str, ...], frames: int) -> Instance:
-    """A track frame after frame; where π is 0 an edge is absent."""
+    """Return a track frame after frame; an edge with π = 0 is absent."""
     ends = np.array([[vertices.index(end) for end in pair] for pair in track.ends])
     ids = np.arange(frames)[:, None, None] * len(vertices) + ends
     present = track.priority > 0
@@ -76,7 +77,7 @@ def _edges(track: Track, vertices: tuple[str, ...], frames: int) -> Instance:
 
 
 def _bones(graph: "Graph", vertices: tuple[str, ...]) -> Instance:
-    """The robot's bones as it stands in its reference pose."""
+    """Return the robot's bones with their lengths in its reference pose."""
     match, leg = graph.match, graph.match.robot_leg
     children = np.flatnonzero((match.parents >= 0) & (match.robot_bones > 0))
     first = np.arange(len(graph))[:, None] * len(vertices)

@@ -1,8 +1,8 @@
-"""Footholds: where on the floor each sole stands, and the swing reference in between.
+"""Footholds: the place of each standing sole on the floor, and the swing reference between stances.
 
-Read off the human, the robot's ankle stands where the human's does, scaled by the leg and further out by as much as the
-robot's hips are wider; its sole points where the human's foot points. Of a stance the middle of its frames counts. Between
-two stances a swing foot follows its own way, shifted from the one foothold's offset to the next one's.
+The robot's ankle stands where the human's does, scaled by the leg and moved outward by half the difference of the hip
+widths; its sole points where the human's foot points. The foothold of a stance is the median of its frames. Between two
+stances a swing foot follows its own path, with an offset that changes from one foothold's to the next one's.
 """
 
 from dataclasses import dataclass
@@ -19,24 +19,24 @@ from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
 
 LANDING = 0.1
-"""A swing foot nears its reference more strongly for so long after its last stance and before its next one [s]."""
+"""A swing foot follows its reference more strongly for this time after its last stance and before its next one [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Footholds:
-    """Of F feet over T frames."""
+    """Footholds of F feet over T frames."""
 
     feet: tuple[str, ...]
     held: np.ndarray
     """(T, F, 4) which corners stand: the front ones while the toe does, the rear ones while the heel does."""
     places: Floats
-    """(T, F, 4, 3) where corners stand, and where those of a swing foot should be [m]."""
+    """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
     near: Floats
-    """(T, F) how near in time a foot is to a stance: 1 in it, falling to 0 over `LANDING`."""
+    """(T, F) nearness in time to a stance: 1 during it, falling to 0 over `LANDING`."""
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
-    """The footholds of the matched feet; none of a robot that is bolted to the world."""
+    """Return the footholds of the matched feet; empty for a robot with a fixed base."""
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
@@ -49,14 +49,14 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
-    """The feet of which both bodies have what tells where they are; none of a robot that is bolted to the world."""
+    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base."""
     known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
     return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
 
 
 @dataclass(frozen=True, eq=False)
 class Sole:
-    """How the sole of one foot is carried over: its ankle by the leg, further out by as much as the robot's hips are wider."""
+    """Map the sole of one foot: scale its ankle by the leg, and move it outward by half the hip widths' difference."""
 
     foot: str
     carriage: Carriage
@@ -65,10 +65,10 @@ class Sole:
     wider: float
     """[m]"""
     corners: Floats
-    """(4, 3) ahead of the ankle, to its left and up [m]."""
+    """(4, 3) corners relative to the ankle: ahead, to its left and up [m]."""
 
     def places(self, human: HumanFeatures) -> Floats:
-        """(T, 4, 3) corners, turned as the human's foot [m]."""
+        """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
         left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
         outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
         places = self.carriage.path(human) + self.carriage.ratio * (ankle - (left + right) / 2)
@@ -78,7 +78,7 @@ class Sole:
 
 
 def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
-    """What the whole of a motion tells of that."""
+    """Return the map of a foot's sole, from a whole motion."""
     left, right = (match.index(f"{side}_hip") for side in "lr")
     hip, corners = _hip_and_sole(robot, match, foot)
     apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
@@ -87,7 +87,7 @@ def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole
 
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:
-    """Half the width of the hips [m], and (4, 3) the corners of a sole ahead of its ankle, to the left and up [m]; standing."""
+    """Return half the hip width [m], and (4, 3) sole corners ahead of the ankle, to its left and up [m], standing."""
     spots, corners = match.anatomy.spots, sole_corners(match.anatomy, foot)
     named = [spots[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
     points = Points(
@@ -104,14 +104,14 @@ def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]
 def relaxed(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
     """Free both feet while the robot's legs cannot put them on their footholds together.
 
-    The legs put the feet to `corners` by themselves. Footholds that differ from these by more than `reach`, after the best
-    common shift and turn, ask for another placement of one foot relative to the other than the legs can give.
+    The legs alone put the feet at `corners`. Footholds that differ from these by more than `reach`, after the best
+    common shift and turn, require another placement of one foot relative to the other than the legs can give.
 
     Args:
         held: (T, F, 4) which corners stand.
-        corners: (T, F, 4, 3) where the legs put the corners [m].
+        corners: (T, F, 4, 3) corners where the legs put them [m].
         reach: [m].
-        fixed: number of frames at the beginning that stay as they are.
+        fixed: number of frames at the start that keep their value.
 
     Returns:
         (T, F, 4) which corners stand.
@@ -134,12 +134,12 @@ def _misfit(corners: Floats, places: Floats) -> float:
 
 
 def settled(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
-    """(T, 4, 3) one foot at its footholds while it stands, on its swing reference while it does not [m].
+    """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
 
     Args:
         held: (T, 4) which corners stand.
-        corners: (T, 4, 3) where a foot goes by itself [m]: of a stance the middle counts, of a swing its shape.
-        fixed: so many frames at the beginning stay as they are, and a stance that began in them where it was.
+        corners: (T, 4, 3) corners without footholds [m]: a stance uses their median, a swing their shape.
+        fixed: number of frames at the start that stay unchanged; a stance that began there keeps its place.
     """
     stands, places = np.asarray(held.any(axis=1)), corners.copy()
     for start, stop in intervals(stands):
@@ -174,7 +174,7 @@ def median_pose(corners: Floats) -> Floats:
 
 
 def _edges_down(corners: Floats) -> Floats:
-    """Corners (4, 3) of a sole on its toes or heels: either edge on the floor, where it is and as wide as it is."""
+    """Return corners (4, 3) of a sole on its toes or heels: both edges on the floor, with their place and width."""
     down = corners.copy()
     for edge in (TOE, HEEL):
         width = np.linalg.norm(corners[edge[0]] - corners[edge[1]]) / 2
@@ -185,7 +185,7 @@ def _edges_down(corners: Floats) -> Floats:
 
 
 def _blended(stands: np.ndarray, offset: Floats) -> Floats:
-    """(T, 4, 3) in swing, from the offset of the stance before to that of the next, at rest at both ends."""
+    """Return (T, 4, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends."""
     known, frames = np.flatnonzero(stands), np.arange(len(stands))
     if not known.size:
         return np.zeros_like(offset)
@@ -196,7 +196,7 @@ def _blended(stands: np.ndarray, offset: Floats) -> Floats:
 
 
 def nearing(stands: np.ndarray, frames: int) -> Floats:
-    """(T, F) 1 while feet stand, falling by squares to 0 over so many frames before and after."""
+    """Return (T, F) 1 while feet stand, falling quadratically to 0 over this number of frames before and after."""
     count = np.arange(len(stands))[:, None]
     before = np.where(stands, count, -np.inf)
     after = np.where(stands, count, np.inf)

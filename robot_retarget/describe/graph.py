@@ -1,8 +1,8 @@
 """The graph of a retargeting, G = (V × T, E, {δ, π}), from human to robot.
 
-V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. A track holds
-the edges of one kind: their ends once, their intervals and priorities frame by frame. The solver minimises and enforces
-the tracks of a graph, and nothing else.
+V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. A track
+holds the edges of one kind: their ends once, their intervals and priorities frame by frame. The solver minimises and
+enforces only the tracks of a graph.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,10 +31,10 @@ from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import Robot, load_robot
 
 MOST_FPS = 30.0
-"""Motions of a higher rate are described at this one unless told otherwise, as reference motions are by custom [1/s]."""
+"""Default upper limit of the rate of a described motion, a common rate of reference motions [1/s]."""
 PLAUSIBLE_FPS = (5.0, 120.0)
-"""Rates that may be asked for besides the motion's own [1/s]: below, limbs swing unseen between frames; above, frames are
-interpolated ones, which playback makes by itself."""
+"""Accepted rates in addition to the motion's own [1/s]: below, limb swings fall between frames; above, frames are
+interpolated, as playback does anyway."""
 ROW = np.dtype(
     [
         ("kind", "U16"),
@@ -55,17 +55,17 @@ class Graph:
     """The edges of one motion on one robot."""
 
     motion: Motion
-    """As it is described: cut and resampled."""
+    """The described motion: cut and resampled."""
     robot: Robot
     match: Match
     human: HumanFeatures
     tracks: tuple[Track, ...]
     """One per kind; hard edges have the priority `track.HARD`, limits ∞."""
     pelvis: Floats
-    """(T, 3) where the pelvis should be [m]; starts are made from it."""
+    """(T, 3) target positions of the pelvis [m]; the solver's starts use them."""
     weights: Weights
     mapped: bool = False
-    """Whether a map file said which joint is which."""
+    """Whether a map file assigned the joints."""
 
     def __len__(self) -> int:
         return len(self.human)
@@ -90,10 +90,10 @@ class Graph:
         return f"<Graph {self.robot.name} × {len(self)} frames at {self.fps:g}/s; edges a frame: {counts}>"
 
     def between(self, a: str, b: str) -> dict[str, Track]:
-        """The edges that join two ends, by kind.
+        """Return the edges that join two ends, by kind.
 
         Raises:
-            GraphError: nothing is called so.
+            GraphError: an end is unknown.
         """
         for end in (a, b):
             self._require_end(end)
@@ -104,16 +104,16 @@ class Graph:
         return found
 
     def table(self, frames: ArrayLike | None = None) -> np.ndarray:
-        """The expansion over V × T as a structured array: kind, a, b, axis, frame, lower, upper, priority, hard.
+        """Return the expansion over V × T as a structured array: kind, a, b, axis, frame, lower, upper, priority, hard.
 
         Args:
-            frames: some of them only; an edge without priority at a frame is absent there.
+            frames: the frames to include; an edge without priority at a frame is absent there.
         """
         chosen = np.arange(len(self)) if frames is None else np.atleast_1d(np.asarray(frames, dtype=int))
         return np.concatenate([_rows(track, chosen) for track in self.kinds.values()])
 
     def expanded(self) -> "dgp.Graph":
-        """The papers' graph of free points (`describe.expansion`): the edges between keypoints and places, and the bones."""
+        """Return the papers' graph of free points (`describe.expansion`): edges of keypoints and places, and bones."""
         return expanded(self)
 
     def with_edge(
@@ -126,7 +126,7 @@ class Graph:
         priority: float | None = None,
         hard: bool = False,
     ) -> "Graph":
-        """The graph with an edge of one's own, E⁺.
+        """Return the graph with an additional edge of the user, E⁺.
 
         Args:
             a: a keypoint, a point `(body, (x, y, z))` [m] of the robot, or a place `(x, y, z)` in the world [m].
@@ -134,7 +134,7 @@ class Graph:
             at: the distance, or its lower and upper bound [m]; the upper may be ∞.
             frames: the first and the last; all by default. The priority rises before and falls after (`added.FADE`).
             priority: π over the squared leg; `added.SOFT` by default.
-            hard: held within a millimetre; a frame where that fails is reported (`Solution.unmet`).
+            hard: held within a millimetre; a frame in which that fails is reported (`Solution.unmet`).
 
         Raises:
             GraphError: an unknown end, an empty or unreachable interval, frames outside the clip, or two hard edges of
@@ -146,7 +146,7 @@ class Graph:
         return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
     def with_priority(self, what: str | tuple[str, str], factor: float) -> "Graph":
-        """The graph with the priority of a kind, or of the edges between two ends, multiplied by a factor.
+        """Return the graph with the priority of a kind, or of the edges between two ends, multiplied by a factor.
 
         Raises:
             GraphError: an unknown kind or end, a factor below 0, or a limit, which has no priority.
@@ -164,13 +164,13 @@ class Graph:
         *,
         factor: float = 1.0,
     ) -> "Graph":
-        """The graph with other bounds of a limit or of added edges: margins, shares of joint speeds, narrower ranges.
+        """Return the graph with other bounds of a limit or of added edges: margins, speed shares, narrower ranges.
 
         Args:
             what: a kind, or two ends.
             lower: in the unit of the kind, in place of the present bound.
-            upper: likewise.
-            factor: multiplies both bounds after that, e.g. .8 for four fifths of all joint speeds.
+            upper: the same for the upper bound.
+            factor: multiplies both bounds afterwards, e.g. .8 for four fifths of all joint speeds.
 
         Raises:
             GraphError: an unknown kind or end, targets that follow the human's motion, a bound beyond the robot's own, or
@@ -180,7 +180,7 @@ class Graph:
         return self._changed(what, lambda t, edges: _rebounded(t, edges, lower, upper, factor), _has_bounds, refusal)
 
     def without(self, what: str | tuple[str, str]) -> "Graph":
-        """The graph without a kind, or without the edges between two ends.
+        """Return the graph without a kind, or without the edges between two ends.
 
         Raises:
             GraphError: an unknown kind or end, or joint ranges, which protect the robot.
@@ -190,11 +190,11 @@ class Graph:
         return replace(left, tracks=tuple(track for track in left.tracks if len(track)))
 
     def frames(self, first: int, last: int) -> "Graph":
-        """The graph of frames `first` … `last` − 1."""
+        """Return the graph of frames `first` … `last` − 1."""
         return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
 
     def at(self, frames: slice | np.ndarray) -> "Graph":
-        """The edges at some frames, of the same motion."""
+        """Return the edges at some frames, of the same motion."""
         return replace(
             self,
             human=self.human.at(frames),
@@ -218,7 +218,7 @@ class Graph:
         applies: Callable[[Track], bool],
         refusal: str,
     ) -> "Graph":
-        """The graph with the named edges changed, of the tracks that the change applies to.
+        """Return the graph with the named edges changed, in the tracks to which the change applies.
 
         Raises:
             GraphError: an unknown kind or end, or the change applies to no track.
@@ -269,7 +269,7 @@ def describe(
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
         favour: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.favouring`).
-        kinds: what the motion is described by.
+        kinds: the kinds of edges that describe the motion.
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
@@ -284,7 +284,7 @@ def describe(
 
 
 def at_rate(motion: Motion, fps: float | None) -> Motion:
-    """The motion at the rate asked for, else at its own or `MOST_FPS`, whichever is less.
+    """Return the motion at the rate `fps`; without it, at its own rate or `MOST_FPS`, whichever is lower.
 
     Raises:
         UsageError: fps out of range.
@@ -305,13 +305,13 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 
 def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[Kind] = KINDS) -> Graph:
-    """The graph of matched bodies."""
+    """Return the graph of matched bodies."""
     scene = Scene(features_of(motion, matched), matched, robot, weights)
     return _built(motion, scene, kinds)
 
 
 def graph_from(graph: Graph, human: HumanFeatures) -> Graph:
-    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
+    """Return the graph with the targets of another human of equal length; limits, temporal and added edges stay."""
     scene, costs = Scene(human, graph.match, graph.robot, graph.weights), {track.name for track in graph.costs}
     tracks = tuple((track.kind.wish(scene) or track) if track.name in costs else track for track in graph.tracks)
     return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
@@ -324,13 +324,13 @@ def _built(motion: Motion, scene: Scene, kinds: Iterable[Kind]) -> Graph:
 
 
 def _less(track: Track, edges: np.ndarray) -> Track:
-    """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
+    """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
     whole = isinstance(track.kind, Renewable) and not edges.all()
     return track.weighed(0.0, edges) if whole else track.subset(~edges)
 
 
 def _rebounded(track: Track, edges: np.ndarray, lower: float | None, upper: float | None, factor: float) -> Track:
-    """A track with other intervals of some edges."""
+    """Return a track with other intervals of some edges."""
     low, high = (
         factor * (own[:, edges] if bound is None else np.full_like(own[:, edges], bound))
         for own, bound in ((track.lower, lower), (track.upper, upper))
@@ -343,7 +343,7 @@ def _rebounded(track: Track, edges: np.ndarray, lower: float | None, upper: floa
 
 
 def _rows(track: Track, frames: np.ndarray) -> np.ndarray:
-    """The expansion of one track."""
+    """Return the expansion of one track."""
     present = np.argwhere(track.priority[frames] > 0)
     t, edges = frames[present[:, 0]], present[:, 1]
     rows = np.empty(len(present), dtype=ROW)

@@ -1,7 +1,7 @@
-"""A robot as kinds of edges see it: symbols for the points, axes and joints that they ask for.
+"""A robot as kinds of edges see it: symbols for the points, axes and joints that they measure.
 
-A kind writes its measure in these symbols and CasADi differentiates it by them; how they move with the joints is known
-once for all (`robot.kinematics`). The product of the two is the Jacobian by the tangent vector v.
+A kind writes its measure in these symbols and CasADi differentiates it by them. The derivatives of the symbols by the
+joints are common to all kinds (`robot.kinematics`). The product of the two is the Jacobian by the tangent vector v.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 
 SAMPLES = 6
-"""Configurations at which entries have to agree to be taken for the same."""
+"""Number of configurations at which entries must agree to count as the same."""
 DIGITS = 11
-"""Entries are equal, or zero, that agree at all of those so far behind the point."""
+"""Entries that agree at all of those to this number of decimals are equal, or zero."""
 
 
 @dataclass(frozen=True)
 class Expressions:
-    """What was measured, as expressions of q; edges that measure the same share a row."""
+    """Measures as expressions of q; edges with the same measure share a row."""
 
     values: Any
     """(M,)."""
@@ -47,10 +47,10 @@ class Measured:
         self._travels: list[Any] = []
 
     def keypoint(self, name: str) -> Any:
-        """(3,) where a keypoint is [m]; the pelvis is the middle of the hips, as of the human.
+        """Return (3,) the position of a keypoint [m]; the pelvis is the middle of the hips, as for the human.
 
         Raises:
-            GraphError: the bodies do not share it.
+            GraphError: the bodies do not share this keypoint.
         """
         spots = self.match.anatomy.spots
         if name == "pelvis" and {"l_hip", "r_hip"} <= set(self.match.keypoints):
@@ -60,7 +60,7 @@ class Measured:
         return self.point(spots[name].body, spots[name].offset)
 
     def point(self, body: int, offset: Floats) -> Any:
-        """(3,) where a point fixed to a body is [m]."""
+        """Return (3,) the position of a point fixed to a body [m]."""
 
         def found() -> tuple[Any, Any]:
             x = self.bodies.places(Points(np.array([body]), np.asarray(offset)))
@@ -69,7 +69,7 @@ class Measured:
         return self._symbol(("point", body, *np.asarray(offset, dtype=float).tolist()), found)
 
     def axis(self, body: int, vector: Floats) -> Any:
-        """(3,) how a unit vector fixed to a body points."""
+        """Return (3,) the direction of a unit vector fixed to a body."""
 
         def found() -> tuple[Any, Any]:
             e = self.bodies.directions(np.array([body]), np.asarray(vector)[None])
@@ -78,13 +78,13 @@ class Measured:
         return self._symbol(("axis", body, *np.asarray(vector, dtype=float).tolist()), found)
 
     def corners(self, foot: str) -> list[Any]:
-        """The corners of a sole, each (3,) [m], in the order of `CORNER_NAMES`."""
+        """Return the corners of a sole, each (3,) [m], in the order of `CORNER_NAMES`."""
         points = sole_corners(self.match.anatomy, foot)
         body = int(points.bodies[0])
         return [self.point(body, offset) for offset in points.offsets[: len(CORNER_NAMES)]]
 
     def angles(self) -> Any:
-        """(n,) of the hinges [rad]."""
+        """Return (n,) angles of the hinges [rad]."""
 
         def found() -> tuple[Any, Any]:
             rows = np.eye(self.robot.model.nv)[self.robot.dof_index]
@@ -93,14 +93,14 @@ class Measured:
         return self._symbol(("angles",), found)
 
     def mass(self) -> Any:
-        """(3,) the centre of mass [m]."""
+        """Return (3,) the centre of mass [m]."""
         return self._symbol(("mass",), lambda: mass_shares(self.robot, self.bodies))
 
     def resolved(self, measures: Sequence[Any]) -> Expressions:
-        """Measures (E,) in all, as expressions of q, and their Jacobian by v without the entries that always vanish.
+        """Return all measures (E,) as expressions of q, and their Jacobian by v without entries that always vanish.
 
-        A distance does not change with a joint that carries both its ends, and touch measures what posture does: such zeros
-        and repetitions are found by looking, at some drawn configurations.
+        A distance does not change with a joint that carries both its ends, and touch has the measures of posture.
+        Evaluation at drawn configurations finds such zeros and repetitions.
         """
         measured = ca.vertcat(ca.SX(0, 1), *measures)
         symbols = ca.vertcat(ca.SX(0, 1), *self._symbols.values())
@@ -124,7 +124,7 @@ class Measured:
 
 
 def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
-    """The first of every set of equal values at drawn configurations, in order, and the set of every value."""
+    """Return the first of every set of equal values at drawn configurations, in order, and the set of every value."""
     seen = np.round(np.stack([evaluate(qpos).full().ravel() for qpos in drawn], axis=1), DIGITS)
     _, first, inverse = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -134,13 +134,13 @@ def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
 
 
 def _without_zeros(evaluate: ca.Function, slopes: Any, drawn: Floats) -> Any:
-    """The Jacobian with the pattern of the entries that do not vanish at drawn configurations."""
+    """Return the Jacobian with the pattern of the entries that do not vanish at drawn configurations."""
     seen = np.max([np.abs(evaluate(qpos).full()) for qpos in drawn], axis=0, initial=0.0)
     return ca.project(slopes, ca.sparsify(ca.DM((seen > 10.0**-DIGITS).astype(float))).sparsity())
 
 
 def drawn_configurations(robot: Robot, count: int) -> Floats:
-    """(count, nq) drawn from the joint ranges, the root anywhere; always the same."""
+    """Return (count, nq) configurations drawn from the joint ranges with any root pose; every call returns the same."""
     draw = np.random.default_rng(0)
     qpos = np.tile(robot.neutral(), (count, 1))
     qpos[:, robot.qpos_index] = draw.uniform(robot.lower, robot.upper, (count, len(robot.lower)))

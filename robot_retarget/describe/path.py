@@ -1,4 +1,4 @@
-"""The path of the pelvis, carried over by the length of the leg."""
+"""The path of the pelvis, scaled by the length of the leg."""
 
 from dataclasses import dataclass
 
@@ -11,24 +11,25 @@ from robot_retarget.human.match import Match
 
 @dataclass(frozen=True, eq=False)
 class Carriage:
-    """How places of the human become places of the robot:  y = r (x − o),  with the heights of the ankles made to fit."""
+    """Map places of the human to places of the robot:  y = r (x − o),  with the heights of the ankles equal."""
 
     ratio: float
     """r, robot leg over human leg [-]."""
     origin: Floats
-    """(3,) o, what becomes the origin [m]: the human's first place, at the height that puts ankles at the robot's."""
+    """(3,) o, the point that becomes the origin [m]: the human's first place, at the height that puts ankles at the
+    robot's."""
     pelvis: int | None
-    """Which keypoint is the pelvis; None takes the middle of all."""
+    """Index of the pelvis among the keypoints; None uses the mean of all."""
 
     def path(self, human: HumanFeatures) -> Floats:
-        """(T, 3) where the pelvis should be [m]."""
+        """Return (T, 3) target positions of the pelvis [m]."""
         x = human.positions
         where = x.mean(axis=1) if self.pelvis is None else x[:, self.pelvis]
         return (where - self.origin) * self.ratio
 
 
 def carriage_of(human: HumanFeatures, match: Match) -> Carriage:
-    """The carriage that starts above the origin."""
+    """Return the carriage that starts above the origin."""
     x, ratio = human.positions, match.leg_ratio
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
     first = x[0].mean(axis=0) if pelvis is None else x[0, pelvis]
@@ -38,5 +39,5 @@ def carriage_of(human: HumanFeatures, match: Match) -> Carriage:
 
 
 def pelvis_path(human: HumanFeatures, match: Match) -> Floats:
-    """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m]."""
+    """Return (T, 3) the human pelvis, scaled by the leg, from above the origin, ankles at the robot's height [m]."""
     return carriage_of(human, match).path(human)

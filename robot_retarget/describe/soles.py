@@ -1,4 +1,4 @@
-"""The soles of a robot: their corners, where they point, and how they lie on the floor."""
+"""The soles of a robot: their corners, their heading, and their flat placement on the floor."""
 
 import numpy as np
 
@@ -8,15 +8,16 @@ from robot_retarget.robot import Anatomy, Points
 CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
 CORNERS = len(CORNER_NAMES)
 LEAST = 0.01
-"""A sole is held as if it were at least so long and wide [m]; shorter ones do not tell where they point."""
+"""Least length and width of a sole [m]; a shorter sole has no clear heading."""
 TOE, HEEL = [0, 1], [2, 3]
 _LEFT, _RIGHT = [0, 2], [1, 3]
 
 
 def sole_corners(anatomy: Anatomy, foot: str) -> Points:
-    """The corners of what a foot stands on, in the order of `CORNER_NAMES`.
+    """Return the corners of the contact area of a foot, in the order of `CORNER_NAMES`.
 
-    A foot that stands on a point or a line has the heading of its frame: it is held by a small rectangle along it.
+    A foot that stands on a point or a line has the heading of its frame; a small rectangle along this heading replaces
+    it.
     """
     body, axes = anatomy.frames[f"{foot}_foot"]
     along = anatomy.treads[foot].offsets @ axes
@@ -27,12 +28,12 @@ def sole_corners(anatomy: Anatomy, foot: str) -> Points:
 
 
 def lengths(corners: Floats) -> Floats:
-    """(…, 2) from the middle of the heel to the middle of the toes of soles (…, 4, 3), along the floor [m]."""
+    """Return (…, 2) vectors from mid-heel to mid-toes of soles (…, 4, 3), along the floor [m]."""
     return corners[..., TOE, :2].mean(axis=-2) - corners[..., HEEL, :2].mean(axis=-2)
 
 
 def flattened(corners: Floats) -> Floats:
-    """Corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
+    """Return corners (…, 4, 3) laid flat on the floor: same middle, same heading, same shape."""
     middle = corners.mean(axis=-2, keepdims=True)
     ahead = unit(lengths(corners))[..., None, :]
     left = leftward(ahead)
@@ -46,5 +47,5 @@ def flattened(corners: Floats) -> Floats:
 
 
 def smoothstep(share: Floats) -> Floats:
-    """3 s² − 2 s³: from 0 to 1, at rest at both ends."""
+    """Return 3 s² − 2 s³: from 0 to 1, with zero slope at both ends."""
     return share**2 * (3 - 2 * share)

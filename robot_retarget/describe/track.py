@@ -1,4 +1,4 @@
-"""Edges of one kind over time: who is joined never changes, what is wished does."""
+"""Edges of one kind over time: their ends are constant, their targets vary."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,10 +19,10 @@ HARD = 1e4
 
 @runtime_checkable
 class Selectable(Protocol):
-    """A kind that keeps facts of its own about every edge."""
+    """A kind that stores data per edge."""
 
     def of(self, edges: np.ndarray) -> "Kind":
-        """The same for some of the edges."""
+        """Return the same kind for some of the edges."""
         ...
 
 
@@ -41,15 +41,15 @@ class Track:
     """(E,) names of both ends."""
     lower: Floats
     upper: Floats
-    """(T, E) the wished interval [m], [rad] for joints, without unit for directions; equal bounds are exact."""
+    """(T, E) the target interval [m], [rad] for joints, unitless for directions; equal bounds are exact."""
     priority: Floats
-    """(T, E) π, 0 where an edge is absent."""
+    """(T, E) π, 0 for an absent edge."""
     scale: Floats
-    """(E,) what makes an error dimensionless, in the unit of the interval."""
+    """(E,) scale that makes an error dimensionless, in the unit of the interval."""
     axes: tuple[str, ...] = ()
-    """(E,) the axis a coordinate is taken along; empty for distances."""
+    """(E,) the axis of a coordinate; empty for distances."""
     give: float = np.inf
-    """g, the Huber scale: errors well over it count linearly [-]."""
+    """g, the Huber scale: errors well above it count linearly [-]."""
 
     def __post_init__(self) -> None:
         frames, edges = np.shape(self.lower)
@@ -71,17 +71,17 @@ class Track:
 
     @property
     def name(self) -> str:
-        """Of the kind."""
+        """Name of the kind."""
         return self.kind.name
 
     @property
     def role(self) -> Role:
-        """Of the kind."""
+        """Role of the kind."""
         return self.kind.role
 
     @property
     def stencil(self) -> tuple[int, ...]:
-        """Of the kind."""
+        """Stencil of the kind."""
         return self.kind.stencil
 
     @property
@@ -90,27 +90,27 @@ class Track:
         return bool((self.lower == self.upper).all())
 
     def loss(self, error: Floats) -> Floats:
-        """ϱ of errors."""
+        """Return ϱ of errors."""
         if np.isinf(self.give):
             return error**2
         return 2 * self.give**2 * (np.sqrt(1 + (error / self.give) ** 2) - 1)
 
     def edge_name(self, edge: int) -> str:
-        """`touch l_hand – head`, with the axis of a coordinate."""
+        """Return a name such as `touch l_hand – head`, with the axis of a coordinate."""
         a, b = self.ends[edge]
         axis = f" ({self.axes[edge]})" if self.axes else ""
         return f"{self.name} {a} – {b}{axis}"
 
     def joins(self, a: str, b: str) -> np.ndarray:
-        """(E,) which edges join two ends, in either order."""
+        """Return (E,) which edges join two ends, in either order."""
         return np.array([set(ends) == {a, b} for ends in self.ends], dtype=bool)
 
     def at(self, frames: slice | Sequence[int] | np.ndarray) -> "Track":
-        """The same edges at some frames."""
+        """Return the same edges at some frames."""
         return replace(self, lower=self.lower[frames], upper=self.upper[frames], priority=self.priority[frames])
 
     def resampled(self, at: Floats) -> "Track":
-        """The same edges at broken frames (K,), straight between them."""
+        """Return the same edges at fractional frames (K,), interpolated linearly."""
         before = np.minimum(np.asarray(at, dtype=int), len(self.lower) - 1)
         after, share = np.minimum(before + 1, len(self.lower) - 1), (at - before)[:, None]
         columns = {}
@@ -121,7 +121,7 @@ class Track:
         return replace(self, **columns)
 
     def subset(self, edges: np.ndarray) -> "Track":
-        """Some of the edges: a mask or indices."""
+        """Return some of the edges, by a mask or indices."""
         kept = np.arange(len(self))[edges]
         columns = {name: getattr(self, name)[:, kept] for name in ("lower", "upper", "priority")}
         return replace(
@@ -134,13 +134,13 @@ class Track:
         )
 
     def bounded(self, lower: Floats | float, upper: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
-        """Other intervals for some edges."""
+        """Return the track with other intervals for some edges."""
         bounds = {"lower": np.array(self.lower), "upper": np.array(self.upper)}
         bounds["lower"][:, edges], bounds["upper"][:, edges] = lower, upper
         return replace(self, **bounds)
 
     def weighed(self, factor: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
-        """π multiplied, for some edges."""
+        """Return the track with π of some edges multiplied by a factor."""
         priority = np.array(self.priority)
         priority[:, edges] *= factor
         return replace(self, priority=priority)
@@ -156,7 +156,7 @@ def exact(
     axes: Sequence[str] = (),
     give: float = np.inf,
 ) -> Track:
-    """Edges that wish for one value each (T, E)."""
+    """Return edges with one target value each (T, E)."""
     return Track(
         kind,
         tuple(ends),
@@ -172,13 +172,13 @@ def exact(
 def limit(
     kind: "Kind", ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
 ) -> Track:
-    """Edges with the same interval at every frame, of an inequality or a bound: they have no priority."""
+    """Return edges with the same interval at every frame, of an inequality or a bound, without priority."""
     shape = (frames, len(ends))
     low, high = np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
     return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
 
 
 def joined(parts: Sequence[Track]) -> Track:
-    """The same edges over frames that follow each other."""
+    """Return the same edges over consecutive frames."""
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
     return replace(parts[0], **columns)

@@ -1,11 +1,11 @@
-"""How much each kind of edge counts."""
+"""The weights of every kind of edge."""
 
 from dataclasses import dataclass, field, fields, replace
 
 from robot_retarget.errors import UsageError, known
 
 FAVOURS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
-"""What distances between keypoints count, over what they count in the balanced blend [-]."""
+"""Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
 
 
 @dataclass(frozen=True)
@@ -13,15 +13,15 @@ class Weights:
     """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
 
     near: float = 56.0
-    """Distances between keypoints that are near each other, over the path between them ..."""
+    """Distances between nearby keypoints, over the path between them ..."""
     far: float = 17.0
-    """... and of those that are far; all of a frame together, over the number of keypoints."""
+    """... and between distant ones; the sum over a frame, over the number of keypoints."""
     reach: float = 0.35
     """Two keypoints at this share of the path between them are half near [-]."""
     give: float = 0.028
-    """Errors of distances well over this count linearly, those under it by their square [-]."""
+    """Errors of distances well above this count linearly, those below it by their square [-]."""
     touch: float = 2000.0
-    """A hand and what it touches, a foot and the other, on top of their distance."""
+    """A hand and the part it touches, or two feet, in addition to their distance."""
     bones: dict[str, float] = field(
         default_factory=lambda: {
             "knee": 8.0,
@@ -36,7 +36,7 @@ class Weights:
     )
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
-    """Direction of the hip line: which way the body faces."""
+    """Direction of the hip line, which is the heading of the body."""
     shoulders: float = 3.0
     """Direction of the shoulder line."""
     orientation: float = 0.3
@@ -48,18 +48,18 @@ class Weights:
     rest: float = 0.0004
     """Joints as the robot stands [1/rad²] ..."""
     wrist: float = 0.1
-    """... and wrists, where nothing shows how a hand is turned [1/rad²]."""
+    """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
     swing: float = 4.0
-    """A swing foot on its reference, over the leg ..."""
+    """A swing foot at its reference, over the leg ..."""
     landing: float = 40.0
-    """... and next to its stances."""
+    """... and close to its stances."""
     smooth: float = 20.0
     """Squared second differences of the joints at 30 frames a second [1/rad²]."""
     smooth_root: float = 10.0
-    """How much more the root's count, per rad² and per m² [-]."""
+    """Factor for the root, per rad² and per m² [-]."""
 
     interaction: float = 0.0
-    """Links that near each other, over the squared leg; 0 for none, 1 lowers false alarms of warnings [-]."""
+    """Approaching links, over the squared leg; 0 disables it, 1 lowers false alarms of warnings [-]."""
 
     def __post_init__(self) -> None:
         for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
@@ -73,12 +73,13 @@ class Weights:
         return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
 
     def favouring(self, what: str) -> "Weights":
-        """The weights with distances between keypoints weighed by `FAVOURS`.
+        """Return the weights with the weights of distances between keypoints multiplied by `FAVOURS`.
 
-        `directions` keeps limbs as the human's point, `distances` keeps parts as near each other, `balanced` changes nothing.
+        `directions` keeps limb directions like the human's, `distances` keeps distances like the human's, `balanced`
+        changes nothing.
 
         Raises:
-            UsageError: it is none of these.
+            UsageError: the word is unknown.
         """
         if what not in FAVOURS:
             raise UsageError(f"nothing to favour is called {what!r}; {known(FAVOURS, typed=what)}")

@@ -1,4 +1,4 @@
-"""Footholds of a stream: a sole stands where the robot's came down; in swing it goes back to the human's way."""
+"""Footholds of a stream: a sole stands where the robot put it down; in swing it returns to the human's path."""
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from robot_retarget.describe.track import HARD
 from robot_retarget.human.features import HumanFeatures
 
 STRAYED = 0.2
-"""A foot that the human leads farther away than this from where it stood has stepped, over the leg [-]."""
+"""A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""
 BLENDED = 0.3
-"""A swing foot leaves its foothold's offset behind within this time [s]."""
+"""A swing foot loses the offset of its foothold within this time [s]."""
 
 
 class CausalFootholds:
@@ -29,16 +29,16 @@ class CausalFootholds:
         self.places = np.zeros((len(feet), CORNERS, 3))
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
         self.height = np.zeros((len(feet), CORNERS))
-        """Of corners when they came down [m]."""
+        """Height of corners at touchdown [m]."""
         self.strayed = STRAYED * graph.match.robot_leg
         self.since = np.full(len(feet), np.inf)
-        """Since a foot last came down or rose [s]."""
+        """Time since a foot last touched down or rose [s]."""
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
-        """Where corners should be (F · 4 · 3) [m], and π.
+        """Return the targets of corners (F · 4 · 3) [m], and π.
 
         Args:
-            corners: (F, 4, 3) where the robot's are [m].
+            corners: (F, 4, 3) positions of the robot's corners [m].
         """
         wished, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
         for k, sole in enumerate(self.soles):
@@ -62,20 +62,20 @@ class CausalFootholds:
         return held
 
     def _still(self, foot: int, carried: Floats) -> bool:
-        """Whether a foot may stand: it has not been led away from where it stood, nor has it just risen."""
+        """Whether a foot may stand: the human has not moved it away from its foothold, and it has not just risen."""
         if self.held[foot].any():
             return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
         return bool(self.since[foot] >= LANDING)
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
-        """A foothold comes on within `LANDING`, by equal factors, while the sole goes down to the floor."""
+        """Return the targets of a stance: π rises by equal factors over `LANDING` while the sole moves to the floor."""
         share, least = min(self.since[foot] / LANDING, 1.0), self.weights.landing
         place = self.places[foot].copy()
         place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
         return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
 
     def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
-        """The human's way, and for a while what the last foothold was off it."""
+        """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold."""
         since = self.since[foot]
         left = 1 - smoothstep(np.minimum(since / BLENDED, 1.0))
         near = max(1 - since / LANDING, 0.0) ** 2
@@ -83,7 +83,7 @@ class CausalFootholds:
 
 
 def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:
-    """(4, 3) a foothold under corners (4, 3): flat, turned as the human's foot (4, 3), the held ones over where they are."""
+    """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place."""
     place = flattened(carried)
     place[:, :2] += (corners - place)[held, :2].mean(axis=0)
     return place

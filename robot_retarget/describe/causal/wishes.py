@@ -1,4 +1,4 @@
-"""What is asked of a frame of a stream, edge by edge, in the order of the graph."""
+"""The targets of one frame of a stream, edge by edge, in the order of the graph."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ Asked = tuple[Floats, Floats | float]
 
 
 class CausalWishes:
-    """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
+    """The targets of a graph, updated frame by frame; targets without a human counterpart keep their first frame."""
 
     def __init__(self, graph: Graph):
         self.lower = np.concatenate([track.lower[0] for track in graph.costs])
@@ -34,10 +34,10 @@ class CausalWishes:
         ]
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
-        """lower, upper and π (E,) for the human of a frame, so long after the one before.
+        """Return lower, upper and π (E,) for the human of a frame, `seconds` after the one before.
 
         Args:
-            corners: (F, 4, 3) where the robot's soles are [m].
+            corners: (F, 4, 3) positions of the robot's sole corners [m].
         """
         for edges, asker in self.askers:
             wished, priority = asker(human, corners, seconds)
@@ -65,14 +65,14 @@ def _first(asked: Asked) -> Asked:
 
 
 class _Gently:
-    """Touches come on and go over a time."""
+    """Targets of touches whose strength changes gradually."""
 
     def __init__(self, edges: Asking, lead: float, priority: float):
         self.edges, self.lead, self.priority = edges, lead, priority
         self.strength: Floats | float = 0.0
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> Asked:
-        """δ and π."""
+        """Return δ and π."""
         wished, strength = _first(self.edges.asked(human))
         reach = seconds / self.lead
         self.strength = np.clip(strength, self.strength - reach, self.strength + reach)

@@ -27,25 +27,25 @@ class _Lines:
     priority: Floats
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
-        """Coordinates of unit vectors, and π."""
+        """Return coordinates of unit vectors, and π."""
         x = human.positions
         return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority
 
 
 @dataclass(frozen=True)
 class Compass:
-    """Bones as the human's point."""
+    """Directions of bones, as the human's."""
 
     name: str = "compass"
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """The human's directions."""
+        """Return the human's directions."""
         return coordinates(self, self.edges(scene), scene.human)
 
     def edges(self, scene: Scene) -> "_Lines | None":
-        """The lines."""
+        """Return the lines; None without any."""
         match, lines = scene.match, list(self._lines(scene))
         if not lines:
             return None
@@ -54,12 +54,12 @@ class Compass:
         return _Lines(ends, one, other, np.repeat([line[2] for line in lines], len(AXES)))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """The coordinates of unit vectors, x y z of one line after the other."""
+        """Return the coordinates of unit vectors, x y z of one line after the other."""
         apart = [body.keypoint(a) - body.keypoint(b) for a, b in track.ends[:: len(AXES)]]
         return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
 
     def _lines(self, scene: Scene) -> Iterator[tuple[str, str, float]]:
-        """From the second keypoint to the first, and what the direction counts."""
+        """Yield both keypoints of each line, from the second to the first, and the weight of its direction."""
         match, w = scene.match, scene.weights
         for k, keypoint in enumerate(match.keypoints):
             weight = w.bones.get(keypoint.split("_")[-1], 0.0)

@@ -20,7 +20,7 @@ class Floor:
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """[0, ∞); none of a robot that is bolted to the world."""
+        """Return [0, ∞); None for a robot with a fixed base."""
         soles = scene.match.anatomy.soles if scene.robot.root_joints.size else {}
         ends = [(f"{foot} sole point {k}", "floor") for foot, sole in soles.items() for k in range(len(sole))]
         return limit(self, ends, 0.0, np.inf, len(scene.human)) if ends else None
@@ -36,5 +36,5 @@ class Floor:
 
     @staticmethod
     def depth(track: Track, values: Floats) -> float:
-        """How deep the lowest point is under the floor [m]."""
+        """Return the depth of the lowest point under the floor [m]."""
         return float((track.lower[0] - values).max(initial=0.0))

@@ -1,8 +1,8 @@
-"""Foothold: a sole point stays where it was a frame before while its foot stands, δ = 0; a swing foot has a reference.
+"""Foothold: a sole point of a standing foot keeps its place of the frame before, δ = 0; a swing foot has a reference.
 
-Edges of length 0 from frame to frame chain a stance to one place, the foothold, to which each coordinate of a held corner
-is joined with the priority of a hard edge. Where that is, the human tells (`describe.footholds`) until a coarse path of the
-robot shows where its legs put the foot.
+Edges of length 0 from frame to frame chain a stance to one place, the foothold. An edge with the priority of a hard
+edge joins each coordinate of a held corner to it. The foothold's position comes from the human (`describe.footholds`)
+until a coarse path of the robot shows where its legs put the foot.
 """
 
 from dataclasses import dataclass, replace
@@ -28,19 +28,20 @@ class Foothold:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
     tilting: float = 20.0
-    """π across the floor of soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
+    """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
     reach: float = 0.1
-    """Feet whose footholds are farther than this from where the legs put them do not stand both, over the leg [-]: 0.03 … 0.1
-    in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips do."""
+    """Two feet stand together only if their footholds are at most this far from where the legs put them, over the leg
+    [-]: 0.03 … 0.1 in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips
+    do."""
 
     def wish(self, scene: Scene) -> Track | None:
-        """Footholds read off the human."""
+        """Return footholds derived from the human."""
         footholds = footholds_of(scene.human, scene.match, scene.robot)
         return self.track(footholds, scene.leg, scene.weights, self.across(scene)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
-        """Edges to given footholds."""
+        """Return edges to given footholds."""
         ends = [
             (f"{foot} sole {corner}", "foothold") for foot in footholds.feet for corner in CORNER_NAMES for _ in AXES
         ]
@@ -52,7 +53,7 @@ class Foothold:
         return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Where the corners are, x y z of one after the other [m]."""
+        """Return the places of the corners, x y z of one after the other [m]."""
         found = []
         for sole, _ in track.ends[:: len(AXES)]:
             foot, corner = sole.split(" sole ")
@@ -60,22 +61,23 @@ class Foothold:
         return ca.vertcat(*found)
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
-        """The places and the grip of the plan."""
+        """Return the places and the grip of the plan."""
         return replace(track, lower=playback.soles, upper=playback.soles, priority=playback.grip)
 
     def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
-        """As in a playback."""
+        """Return the same as in a playback."""
         return self.played(track, measured, playback)
 
     def coarse(self, track: Track) -> Track:
-        """Soles that stand lie on the floor, wherever that is."""
+        """Return targets that lay standing soles on the floor, at any place."""
         priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
         priority[~self._held(track).reshape(len(priority), -1)] = 0.0
         priority[..., :2] = 0.0
         return replace(track, priority=priority.reshape(track.priority.shape))
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
-        """Footholds where the robot puts its feet by itself: measured (T, E) corners [m], the first frames `fixed`."""
+        """Return footholds where the robot's legs put the feet, `measured` (T, E) [m]; the first `fixed` frames
+        stay."""
         stood = self._held(track)
         corners = measured.reshape(*stood.shape, len(AXES))
         held = relaxed(stood, corners, self.reach * float(track.scale[0]), fixed)
@@ -86,7 +88,7 @@ class Foothold:
 
     @staticmethod
     def _freed(priority: Floats, freed: np.ndarray) -> Floats:
-        """Return π (T, F, 4, 3) where freed corners stay on the floor, but follow their reference along it as in swing."""
+        """Return π (T, F, 4, 3) with freed corners on the floor; along it they follow their reference as in swing."""
         swing = priority[(priority > 0) & (priority < HARD)]
         priority = priority.copy()
         priority[freed, :2] = np.median(swing) if swing.size else 0.0
@@ -94,12 +96,12 @@ class Foothold:
 
     @staticmethod
     def _held(track: Track) -> np.ndarray:
-        """(T, F, 4) which corners stand."""
+        """Return (T, F, 4) which corners stand."""
         along = track.priority[:, :: len(AXES)] >= HARD
         return along.reshape(len(along), -1, len(CORNER_NAMES))
 
     def across(self, scene: Scene) -> float:
-        """π across the floor of soles that stand."""
+        """Return π normal to the floor of standing soles."""
         moves = carrying(scene.robot.model)
         spots, soles = scene.match.anatomy.spots, scene.match.anatomy.soles
         pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[scene.robot.root_body]

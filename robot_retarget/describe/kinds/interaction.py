@@ -1,11 +1,11 @@
-"""Interaction: the interaction distance of links that near each other stays above their margin, within a horizon.
+"""Interaction: the interaction distance of approaching links stays above their margin, within a horizon.
 
-D is the interaction distance of `dgp.interaction` with its minimum over α = 1 + k, of surfaces that are taken as flat where
-they are nearest: their signed distance d changes by ḋ with every step, and so
+D is the interaction distance of `dgp.interaction` with its minimum over α = 1 + k. Surfaces are approximated as flat at
+their nearest points: their signed distance d changes by ḋ with every step, and so
 
-    D = min_{0 ≤ k ≤ H} d + k ḋ,    k = H where links near each other, k = 0 where they part,
+    D = min_{0 ≤ k ≤ H} d + k ḋ,    k = H if the links approach, k = 0 if they part,
 
-with (1 + k) times the gradient of d. The deficit of d itself is left to the separation inequality.
+with (1 + k) times the gradient of d. The deficit of d itself belongs to the separation inequality.
 """
 
 from dataclasses import dataclass
@@ -28,10 +28,10 @@ class Interaction:
     role: Role = Role.COST
     stencil: tuple[int, ...] = STEP
     horizon: float = 0.3
-    """Time that the interaction distance looks ahead [s]."""
+    """Prediction horizon of the interaction distance [s]."""
 
     def wish(self, scene: Scene) -> Track | None:
-        """One edge for all pairs near each other, of priority `Weights.interaction`."""
+        """Return one edge for all pairs near each other, of priority `Weights.interaction`."""
         frames, priority = len(scene.human), scene.weights.interaction
         if priority == 0:
             return None
@@ -40,7 +40,7 @@ class Interaction:
         return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, scene.leg))
 
     def evaluator(self, track: Track, robot: Robot) -> "Approach":
-        """On the rows of separation."""
+        """Return the evaluator on the rows of separation."""
         return Approach(robot, self.horizon)
 
 
@@ -51,7 +51,7 @@ class Approach:
         self.robot, self.horizon = robot, horizon
 
     def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows | None:
-        """The pairs that near each other and would pass the margin within the horizon."""
+        """Return the rows of pairs that approach and would pass the margin within the horizon."""
         if past is None or contacts is None:
             return None
         horizon = self.horizon / past.seconds

@@ -1,8 +1,8 @@
 """Kinds of edges: targets from the human's motion, a measure on the robot, a role, and the frames that an edge joins.
 
-A kind is one file with one small class, and one line in `kinds/__init__.py`. The solver reads kinds through the protocols
-below: `Symbolic` kinds write their measure in CasADi, `Numeric` kinds evaluate it; bounds and temporal kinds need neither,
-for their measures are joint angles and differences of configurations.
+A kind is one file with one small class, and one line in `kinds/__init__.py`. The solver reads kinds through the
+protocols below. `Symbolic` kinds write their measure in CasADi, `Numeric` kinds evaluate it. Bounds and temporal kinds
+need neither, because their measures are joint angles and differences of configurations.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,7 +35,7 @@ class Scene:
 
     @property
     def leg(self) -> float:
-        """Length of the robot's leg [m], the scale of errors of places."""
+        """Length of the robot's leg [m], the scale of position errors."""
         return self.match.robot_leg
 
 
@@ -44,7 +44,7 @@ class Kind(Protocol):
 
     @property
     def name(self) -> str:
-        """In tables and reports."""
+        """The name in tables and reports."""
         ...
 
     @property
@@ -58,7 +58,7 @@ class Kind(Protocol):
         ...
 
     def wish(self, scene: Scene) -> Track | None:
-        """Ends, intervals and priorities over time; None where the bodies have no such edges."""
+        """Return ends, intervals and priorities over time; None if the bodies have no edges of this kind."""
         ...
 
 
@@ -67,7 +67,7 @@ class Symbolic(Protocol):
     """A kind with a measure of one frame that CasADi differentiates; a cost or an inequality."""
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """(E,) values of the edges, an expression of the robot's points, axes and joints."""
+        """Return (E,) values of the edges, an expression of the robot's points, axes and joints."""
         ...
 
 
@@ -76,7 +76,7 @@ class Grounded(Protocol):
     """An inequality that raising the root restores: points over the floor."""
 
     def depth(self, track: Track, values: Floats) -> float:
-        """How deep the lowest point is under the floor, by the values (E,) of the edges [m]."""
+        """Return the depth of the lowest point under the floor, from the values (E,) of the edges [m]."""
         ...
 
 
@@ -87,7 +87,7 @@ class Past:
     qpos: Floats
     """(nq,)."""
     seconds: float
-    """Time since then [s]."""
+    """Time since the frame before [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Contacts:
     """Rows of the inequalities near their bound at a configuration."""
 
     slope: Floats
-    """(R, nv) of the distances."""
+    """(R, nv) slopes of the distances."""
     deficit: Floats
     """(R,) lower bound minus distance [m]."""
 
@@ -109,7 +109,7 @@ class Rows:
     slope: Floats
     """(R, nv)."""
     edges: Sequence[int]
-    """(R,) columns of the track; an edge may have several rows, or none."""
+    """(R,) columns of the track; an edge may have several rows, or no row."""
 
 
 class Evaluator(Protocol):
@@ -124,7 +124,7 @@ class Evaluator(Protocol):
             contacts: inequality rows at the configuration, None without such kinds.
 
         Returns:
-            The rows that cost, None without any.
+            The rows with a cost, None without any.
         """
         ...
 
@@ -134,7 +134,7 @@ class Projecting(Protocol):
     """An evaluator whose edges are closed exactly at the end of a descent."""
 
     def projected(self, qpos: Floats) -> Floats:
-        """The nearby configuration (nq,) that meets the edges."""
+        """Return the nearby configuration (nq,) that meets the edges."""
         ...
 
 
@@ -143,7 +143,7 @@ class Numeric(Protocol):
     """A cost whose measure CasADi cannot express."""
 
     def evaluator(self, track: Track, robot: Robot) -> Evaluator:
-        """The measure of a track's edges."""
+        """Return the measure of a track's edges."""
         ...
 
 
@@ -151,41 +151,41 @@ class Proximity(Protocol):
     """Distances of surfaces near each other: the measure of an inequality that one slack relaxes."""
 
     most: int
-    """Rows at most."""
+    """Maximum number of rows."""
     rest: Floats
     """Per pair of geoms the distance that they may keep [m]."""
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distances (C,) [m], slopes (C, nv) and the distance that each pair may keep (C,) [m]."""
+        """Return distances (C,) [m], slopes (C, nv) and the distance that each pair may keep (C,) [m]."""
         ...
 
     def found(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
-        """Distances (C,) [m], geoms (C, 2) and slopes (C, nv)."""
+        """Return distances (C,) [m], geoms (C, 2) and slopes (C, nv)."""
         ...
 
     def lacking(self, distance: Floats, rest: Floats) -> Floats:
-        """(C,) lower bound minus distance [m]."""
+        """Return (C,) lower bound minus distance [m]."""
         ...
 
     def foremost(self, distance: Floats, rest: Floats) -> Ints:
-        """Indices of the `most` distances with the least room to their bound."""
+        """Return indices of the `most` distances with the least room to their bound."""
         ...
 
     def depth(self, qpos: Floats) -> float:
-        """Depth of the deepest overlap [m]."""
+        """Return the depth of the deepest overlap [m]."""
         ...
 
     def sunk(self, qpos: Floats) -> float:
-        """Depth of the lowest surface under the floor [m]."""
+        """Return the depth of the lowest surface under the floor [m]."""
         ...
 
 
 @runtime_checkable
 class Nearby(Protocol):
-    """An inequality between surfaces, evaluated numerically where they are near."""
+    """An inequality between surfaces, evaluated numerically for pairs near each other."""
 
     def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Proximity:
-        """The distances of a track's pairs nearer than `reach` [m]."""
+        """Return the distances of a track's pairs nearer than `reach` [m]."""
         ...
 
 
@@ -198,21 +198,21 @@ class Asking(Protocol):
         ...
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
-        """The targets for a human of T frames."""
+        """Return the targets for a human of T frames."""
         ...
 
 
 @runtime_checkable
 class Instant(Protocol):
-    """A kind whose targets at a frame depend on the human of that frame alone: a stream evaluates it frame by frame."""
+    """A kind whose targets at a frame depend only on the human at that frame; a stream evaluates it frame by frame."""
 
     def edges(self, scene: Scene) -> Asking | None:
-        """The part that is constant over time; None where the bodies have no such edges."""
+        """Return the part that is constant over time; None if the bodies have no edges of this kind."""
         ...
 
 
 def coordinates(kind: Kind, edges: Asking | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
-    """The track of edges with the targets x, y and z of vectors; None where there are none."""
+    """Return the track of edges with the targets x, y and z of vectors; None without edges."""
     if edges is None:
         return None
     wished, priority = edges.asked(human)
@@ -221,7 +221,7 @@ def coordinates(kind: Kind, edges: Asking | None, human: HumanFeatures, scale: f
 
 @dataclass(frozen=True, eq=False)
 class Playback:
-    """K frames of a balanced playback: it begins and ends in a stand."""
+    """K frames of a balanced playback, which starts and ends in a stand."""
 
     share: Floats
     """(K, 1) share of the human's motion, 0 in the stands."""
@@ -230,7 +230,7 @@ class Playback:
     grip: Floats
     """(K, F · 4 · 3) π of these."""
     standing: float
-    """π of joints as the robot stands [1/rad²]."""
+    """π of joints at their standing angles [1/rad²]."""
     upright: float
     """π of the pelvis in a stand."""
     height: float
@@ -239,13 +239,13 @@ class Playback:
 
 @runtime_checkable
 class Played(Protocol):
-    """A cost with targets of its own in a balanced playback; other costs fade out towards the stands."""
+    """A cost with separate targets in a balanced playback; other costs fade out towards the stands."""
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
-        """The targets of a track at the K frames of a playback.
+        """Return the targets of a track at the K frames of a playback.
 
         Args:
-            stand: (K, E) values in the stand before, or after, each frame.
+            stand: (K, E) values in the stand before or after each frame.
         """
         ...
 
@@ -255,7 +255,7 @@ class Stood(Protocol):
     """A cost that shapes a balanced stand; other costs are absent there."""
 
     def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
-        """The targets of one frame, from the values (1, E) in the standing pose."""
+        """Return the targets of one frame, from the values (1, E) in the standing pose."""
         ...
 
 
@@ -264,14 +264,14 @@ class Renewable(Protocol):
     """A kind whose targets depend on the robot's own path: they are updated once, after the coarse path."""
 
     def coarse(self, track: Track) -> Track:
-        """The targets for the coarse path."""
+        """Return the targets for the coarse path."""
         ...
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
-        """The targets from the measures (T, E) on the coarse path; its first frames are `fixed`."""
+        """Return the targets from the measures (T, E) on the coarse path; its first frames are `fixed`."""
         ...
 
 
 def frame_costs(tracks: Iterable[Track]) -> list[Track]:
-    """The tracks of symbolic costs of one frame, which are compiled together."""
+    """Return the tracks of symbolic costs of one frame, which are compiled together."""
     return [t for t in tracks if t.role is Role.COST and t.stencil == FRAME and isinstance(t.kind, Symbolic)]

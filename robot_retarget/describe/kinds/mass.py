@@ -22,7 +22,7 @@ class Mass:
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """Nothing: the human's mass is not known."""
+        """Return None: the human's mass is unknown."""
         return None
 
     def track(self, spots: Floats, leg: float, priority: float = OVER) -> Track:
@@ -30,5 +30,5 @@ class Mass:
         return exact(self, [("centre of mass", "support")] * 2, spots, priority, leg, axes=("x", "y"))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Where the centre of mass is along the floor [m]."""
+        """Return the position of the centre of mass along the floor [m]."""
         return body.mass()[:2]

@@ -1,6 +1,6 @@
-"""Orientation: how pelvis, chest, head, hands and feet are turned, which joint centres cannot tell.
+"""Orientation: rotations of pelvis, chest, head, hands and feet, which joint centres do not determine.
 
-Two markers on each segment, one ahead of it and one above: their directions  R e  are as the human segment's, r.
+Each segment has two markers, one ahead of it and one above: their directions  R e  equal the human segment's, r.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ class _Markers:
     priority: Floats
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
-        """Coordinates of unit vectors, and π."""
+        """Return coordinates of unit vectors, and π."""
         turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
         return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority
 
@@ -41,11 +41,11 @@ class Orientation:
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """The human's, of segments that both bodies have."""
+        """Return the human's directions, for segments that both bodies have."""
         return coordinates(self, self.edges(scene), scene.human)
 
     def edges(self, scene: Scene) -> "_Markers | None":
-        """The markers."""
+        """Return the markers; None without segments."""
         segments, w = tuple(scene.human.segments), scene.weights
         if not segments:
             return None
@@ -54,12 +54,12 @@ class Orientation:
         return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
 
     def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
-        """The pelvis as it is turned in the standing pose."""
+        """Return the rotation of the pelvis in the standing pose."""
         weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """R e, x y z of one marker after the other."""
+        """Return R e, x y z of one marker after the other."""
         frames = body.match.anatomy.frames
         found = []
         for segment, marker in track.ends[:: len(AXES)]:

@@ -1,4 +1,4 @@
-"""Own edges, E⁺: whatever a user says of two points over some frames."""
+"""Own edges, E⁺: distances that a user sets between two points over some frames."""
 
 from dataclasses import dataclass, replace
 
@@ -24,15 +24,15 @@ class Own:
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """Nothing: the human does not ask for them."""
+        """Return None: these edges have no targets from the human."""
         return None
 
     def of(self, edges: np.ndarray) -> "Own":
-        """Some of the edges."""
+        """Return some of the edges."""
         return replace(self, ends=tuple(self.ends[k] for k in edges))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """The distance of each pair of ends [m]."""
+        """Return the distance of each pair of ends [m]."""
         apart = ca.horzcat(*(self._place(a, body) - self._place(b, body) for a, b in self.ends))
         return ca.sqrt(ca.sum1(apart**2).T + 1e-12)
 

@@ -22,7 +22,7 @@ class _Carried:
     priority: float
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
-        """Where it should be [m], and π."""
+        """Return the target position [m], and π."""
         return self.carriage.path(human), self.priority
 
 
@@ -39,7 +39,7 @@ class Path:
         return coordinates(self, self.edges(scene), scene.human, scene.leg)
 
     def edges(self, scene: Scene) -> "_Carried":
-        """How places are carried over."""
+        """Return the map of places from the human to the robot."""
         keypoint = "pelvis" if "pelvis" in scene.match.keypoints else scene.match.keypoints[0]
         return _Carried([(keypoint, "path")] * len(AXES), carriage_of(scene.human, scene.match), scene.weights.path)
 
@@ -60,5 +60,5 @@ class Path:
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Where the pelvis is [m]."""
+        """Return the position of the pelvis [m]."""
         return body.keypoint(track.ends[0][0])

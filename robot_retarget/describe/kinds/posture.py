@@ -2,7 +2,7 @@
 
     δ_uv = τ_B ‖x_u − x_v‖ / τ_A
 
-π falls with the distance: contacts and near passes are what distances tell best, limbs in the open follow directions.
+π falls with the distance: distances describe contacts and near passes best, and directions describe free limbs.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class _Pairs:
     i: Ints
     j: Ints
     tau: Floats
-    """(E,) length of the robot's path between [m]."""
+    """(E,) length of the robot's path between each pair [m]."""
     weights: Weights
     share: float
 

@@ -1,4 +1,4 @@
-"""Rest: joints as the robot stands, by a little, so that what nothing asks for stays where it is."""
+"""Rest: a weak pull of every joint to the standing pose, so that joints without other targets stay there."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ class Rest:
     stencil: tuple[int, ...] = FRAME
 
     def wish(self, scene: Scene) -> Track | None:
-        """The standing pose."""
+        """Return the targets of the standing pose."""
         robot, w = scene.robot, scene.weights
         standing = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
         weight = np.where(_wrists(scene), w.wrist, w.rest)
@@ -29,23 +29,23 @@ class Rest:
         return exact(self, [(name, "standing pose") for name in robot.joint_names], wished, weight)
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
-        """The stand's angles, held more firmly, outside the human's motion."""
+        """Return the stand's angles with a higher priority outside the human's motion."""
         inside = playback.share >= 1
         lower, upper = (np.where(inside, bound, stand) for bound in (track.lower, track.upper))
         priority = track.priority + (1 - playback.share) * playback.standing
         return replace(track, lower=lower, upper=upper, priority=priority)
 
     def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
-        """Joints as the robot stands."""
+        """Return the joints' standing angles with the priority of a stand."""
         return replace(track, priority=np.full((1, len(track)), playback.standing))
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Angles [rad]."""
+        """Return angles [rad]."""
         return body.angles()[[body.robot.joint_names.index(name) for name, _ in track.ends]]
 
 
 def _wrists(scene: Scene) -> np.ndarray:
-    """(n,) the wrists that no marker leads: hinges that move a hand and no other keypoint."""
+    """Return (n,) the wrists without a marker: hinges that move a hand and no other keypoint."""
     robot, match = scene.robot, scene.match
     bodies = match.points.bodies
     moves = carrying(robot.model)[bodies][:, robot.dof_index]

@@ -17,7 +17,7 @@ WATCHED = 1.6
 
 @dataclass(frozen=True)
 class Separation:
-    """Distance of the surfaces of two links [m], at least the margin, or their distance at rest where that is less."""
+    """Distance of the surfaces of two links [m], at least the margin, or their distance at rest if that is smaller."""
 
     name: str = "separation"
     role: Role = Role.INEQUALITY
@@ -26,13 +26,13 @@ class Separation:
     """Over the leg [-]: distances bend along a step, by a third of this."""
 
     def wish(self, scene: Scene) -> Track | None:
-        """[margin, ∞) for every pair of links that may touch."""
+        """Return [margin, ∞) for every pair of links that may touch."""
         body = scene.robot.model.body
         ends = [(body(a).name, body(b).name) for a, b in sorted(allowed(scene.robot))]
         return limit(self, ends, self.margin * scene.leg, np.inf, len(scene.human)) if ends else None
 
     def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Surfaces:
-        """Distances of the track's pairs; a pair without an edge may overlap."""
+        """Return the distances of the track's pairs; a pair without an edge may overlap."""
         feet = frozenset(int(sole.bodies[0]) for sole in match.anatomy.soles.values())
         margins = track.lower[0]
         farthest = max(reach, WATCHED * float(margins.max()))

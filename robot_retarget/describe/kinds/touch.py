@@ -1,4 +1,4 @@
-"""Touch: hands and what they touch, a foot and the other, are as near on the robot, over the path between them."""
+"""Touch: a hand and the part it touches, or two feet, are as near on the robot, over the path between them."""
 
 from dataclasses import dataclass
 
@@ -24,19 +24,19 @@ class Touches:
     i: Ints
     j: Ints
     tau: Floats
-    """(C,) length of the robot's path between [m]."""
+    """(C,) length of the robot's path between each pair [m]."""
     reach: Floats
     faint: float
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
-        """δ [m], and how much the pairs touch, 0 … 1; π follows it gently."""
+        """Return δ [m], and the strength of each touch, 0 … 1; π follows it gradually."""
         close = human.closeness[:, self.i, self.j]
         return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Pairs that may touch; π is 0 while they do not."""
+    """Pairs that may touch; π is 0 while they are apart."""
 
     name: str = "touch"
     role: Role = Role.COST
@@ -45,16 +45,17 @@ class Touch:
     knee: float = 0.14
     hand: float = 0.14
     other: float = 0.1
-    """A hand this near to a head, a knee, the other hand or another part touches it, over the path between them [-]."""
+    """A hand touches a head, a knee, the other hand or another part within this distance, over the path between them
+    [-]."""
     feet: float = 0.045
-    """The same for two feet: nearer than they pass each other in a walk [-]."""
+    """The same for two feet: nearer than feet pass each other in a walk [-]."""
     faint: float = 0.02
-    """A pair of no more strength than this does not touch [-]: a hand that swings past a hip."""
+    """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
     lead: float = 0.1
-    """A touch comes on and goes over so long [s]."""
+    """Rise time and fall time of a touch [s]."""
 
     def wish(self, scene: Scene) -> Track | None:
-        """The normalised distance of the human, while it is that of a touch."""
+        """Return the normalised distances of the human, with π while they are those of a touch."""
         edges = self.edges(scene)
         if edges is None:
             return None
@@ -63,7 +64,7 @@ class Touch:
         return exact(self, edges.ends, wished, scene.weights.touch * gently, edges.tau)
 
     def edges(self, scene: Scene) -> "Touches | None":
-        """The pairs."""
+        """Return the pairs; None without any."""
         match = scene.match
         pairs = [
             (a, b)
@@ -79,11 +80,11 @@ class Touch:
         return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
 
     def measure(self, track: Track, body: Measured) -> ca.SX:
-        """d_uv."""
+        """Return the distances d_uv."""
         return distances(track, body)
 
     def reach(self, a: str, b: str) -> float:
-        """How near two keypoints are when their parts touch, over the path between them; 0 where they cannot [-]."""
+        """Return the touch distance of two keypoints, over the path between them; 0 for parts that cannot touch [-]."""
         if {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]:
             return self.feet
         for hand, part in ((a, b), (b, a)):
@@ -93,7 +94,7 @@ class Touch:
         return 0.0
 
     def _gently(self, touching: Floats, frames: int) -> Floats:
-        """(T, C) reached and left gently: the most of the frames around, then their mean."""
+        """Return (T, C) strengths that rise and fall gradually: the maximum of the frames around, then its mean."""
         width = 2 * frames + 1
         most = maximum_filter1d(touching, width, axis=0, mode="nearest")
         return np.maximum(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0)  # a running sum may end at −1e-17
