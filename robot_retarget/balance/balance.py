@@ -1,8 +1,8 @@
-"""A draft becomes a motion that stands: from a balanced stand, over planted feet, back into a balanced stand.
+"""Turn a draft into a motion in balance: from a balanced stand, over planted feet, back into a balanced stand.
 
     draft ──support──▶ footholds ──timeline──▶ pace ──zmp──▶ path of the centre of mass ──planter──▶ configurations
 
-The last step is retargeting again: the human's edges at the playback's pace, with footholds and centre of mass on top.
+The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
 """
 
 from dataclasses import dataclass, replace
@@ -30,18 +30,18 @@ from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solution_of
 
 SWAY = 0.5
-"""A body goes along with its footholds smoothly, over this time [s]."""
+"""The body follows the shift of its footholds smoothly, over this time [s]."""
 
 LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
 
 
 def balance_of(robot: Robot, legs: str, balance: str) -> str:
-    """The mode of balance for a robot: what was asked for, or what `auto` means for it.
+    """Return the mode of balance for a robot: the given one, or the resolved one for `auto`.
 
     Raises:
         UsageError: an unknown choice, or legs that stand without balance.
-        BalanceError: balance is asked for, and the robot cannot stand free.
+        BalanceError: balance is required, and the robot has no free root.
     """
     for what, choice, choices in (("legs", legs, LEGS), ("balance", balance, MODES)):
         if choice not in choices:
@@ -57,10 +57,10 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
 
 @dataclass(frozen=True)
 class Acceptable:
-    """How far following the human's legs may go from the human before both feet stay in place instead."""
+    """Limits of a playback with following legs; beyond them both feet stay in place."""
 
     slowdown: float = 2.5
-    """Time, over the human's [-]."""
+    """Duration, over the human's [-]."""
     legs: float = 0.45
     """Mean angle of thighs and shins to the human's [rad]."""
     trunk: float = 0.25
@@ -70,7 +70,7 @@ class Acceptable:
 def in_balance(
     graph: Graph, draft: Solution, legs: str, mode: str, progress: Progress | None = None
 ) -> tuple[Balanced, Graph, Solution]:
-    """Bring a draft into balance; the graph at the frames of the playback, and its solution.
+    """Bring a draft into balance; return the playback, the graph at its frames, and its solution.
 
     Raises:
         BalanceError: the motion leaves the floor, something holds the human up, or the robot has fewer than two feet.
@@ -104,10 +104,10 @@ def _require_alike(graph: Graph, qpos: Floats, frames: np.ndarray, most: Accepta
 def _played_as(
     planter: Planter, draft: Solution, legs: str, mode: str, count: Count, acceptable: Acceptable | None = None
 ) -> tuple[Balanced, Graph, Solution]:
-    """A playback whose legs follow the human's or stand.
+    """Return a playback with following or standing legs.
 
     Raises:
-        BalanceError: it leaves the floor, or is not acceptable.
+        BalanceError: the motion leaves the floor, or the result is not acceptable.
     """
     qpos, graph = draft.trajectory.qpos, planter.graph
     clip = _standing(planter, qpos) if legs == "stand" else _stepping(planter, qpos)
@@ -124,7 +124,7 @@ def _played_as(
 
 
 def _standing(planter: Planter, draft: Floats) -> Clip:
-    """Both feet in the balanced stand all the time."""
+    """Return a clip with both feet in the balanced stand at all frames."""
     graph, places = planter.graph, stand_places(planter)
     human, turns = in_place(graph.human, graph.match)
     posed, count = posed_in_place(planter, draft, turns, balanced_stand(planter, places)), len(draft)
@@ -133,10 +133,10 @@ def _standing(planter: Planter, draft: Floats) -> Clip:
 
 
 def _stepping(planter: Planter, draft: Floats) -> Clip:
-    """The draft's steps within the robot's reach, its body going along.
+    """Return the draft with steps within the robot's reach; its body follows them.
 
     Raises:
-        BalanceError: it leaves the floor.
+        BalanceError: the motion leaves the floor.
     """
     graph, fps = planter.graph, planter.graph.fps
     corners = planter.corners(draft)

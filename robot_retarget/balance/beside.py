@@ -1,4 +1,4 @@
-"""Two soles beside each other: where they point, how far they are apart, and two that are moved apart.
+"""Two adjacent soles: their heading, their distance, and their separation.
 
 Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot first.
 """
@@ -9,13 +9,13 @@ from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.describe.soles import lengths
 
 GAP = 0.6
-"""Between two soles there is at least this share of what is between them in the robot's own stand."""
+"""Least gap between two soles, as a share of the gap in the robot's own stand."""
 
 
 def parted(corners: Floats, own: Floats) -> Floats:
-    """(T, 2, 4, 3) two feet moved apart to either side where they are nearer to each other than in the stand `own`.
+    """Return (T, 2, 4, 3) two feet moved apart to either side where they are nearer than in the stand `own`.
 
-    A human sets narrow feet past each other closely; large soles cannot pass.
+    A human moves narrow feet past each other closely; large soles cannot pass.
     """
     width = across(own[None])[0]
     missing = np.maximum(width - across(corners), GAP * gaps(own[None])[0] - gaps(corners))
@@ -27,7 +27,7 @@ def parted(corners: Floats, own: Floats) -> Floats:
 
 
 def gaps(corners: Floats) -> Floats:
-    """(T,) between two soles (T, 2, 4, 3), negative where they overlap: the widest along the edges of either [m]."""
+    """Return (T,) gaps between two soles (T, 2, 4, 3), negative for overlap: the widest along their edges [m]."""
     flat = corners[..., :2]
     along = unit(lengths(corners))
     axes = np.concatenate([along, leftward(along)], axis=1)
@@ -37,15 +37,15 @@ def gaps(corners: Floats) -> Floats:
 
 
 def across(corners: Floats) -> Floats:
-    """(T,) how far the first foot is to the left of the second, as both point [m]."""
+    """Return (T,) the distance of the first foot to the left of the second, relative to their common heading [m]."""
     return ((corners[:, 0] - corners[:, 1]).mean(axis=1)[:, :2] * left(corners)).sum(axis=1)
 
 
 def left(corners: Floats) -> Floats:
-    """(T, 2) unit vectors to the left of where both feet (T, F, 4, 3) point."""
+    """Return (T, 2) unit vectors to the left of the common heading of both feet (T, F, 4, 3)."""
     return leftward(ahead(corners))
 
 
 def ahead(corners: Floats) -> Floats:
-    """(T, 2) unit vectors along which both feet (T, F, 4, 3) point."""
+    """Return (T, 2) unit vectors along the common heading of both feet (T, F, 4, 3)."""
     return unit(lengths(corners).sum(axis=1))

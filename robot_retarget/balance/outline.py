@@ -1,4 +1,4 @@
-"""A clip laid out in time: from a stand, frame by frame at its pace, into a stand; what is wished and what carries."""
+"""A clip laid out in time, from a stand at its pace into a stand, with its targets and its supports."""
 
 from dataclasses import dataclass
 
@@ -18,39 +18,40 @@ from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 
 LEAD = 1.5
-"""Least time from the stand into the clip's first pose, and from its last one back [s]."""
+"""Least time from the stand to the clip's first pose, and from its last pose back [s]."""
 LIFT = 0.8
-"""Then, to lift or put down a foot that is in the air in that pose [s]; as much longer as the clip is slowed down there ..."""
+"""Additional time to lift or put down a foot that is in the air in that pose [s], multiplied by the local slowdown
+..."""
 SLOWEST_LIFT = 2.5
-"""... but no more often than this ..."""
+"""... up to this factor ..."""
 SETTLED = 0.4
-"""... and with the weight on the other foot before [s]."""
+"""... with the weight on the other foot for this time before [s]."""
 LEAD_SPEED = 1.2
-"""Peak joint speed on the way [rad/s]."""
+"""Peak joint speed on the transition [rad/s]."""
 ARC = 0.1
-"""Height to which a swinging foot is lifted at least, over the leg length."""
+"""Least height of a swing foot's arc, over the leg length."""
 
 
 @dataclass(frozen=True)
 class Clip:
-    """What is to be played: T frames."""
+    """A clip to be played: T frames."""
 
     graph: Graph
-    """What the human asks for."""
+    """The graph of the human's targets."""
     qpos: Floats
-    """(T, nq) about where it is met."""
+    """(T, nq) approximate solutions."""
     corners: Floats
-    """(T, F, 4, 3) of the soles [m]."""
+    """(T, F, 4, 3) corners of the soles [m]."""
     planted: np.ndarray
     """(T, F) feet on the floor."""
     fps: float
     stride: float = 1.0
-    """By how much the path along the floor was scaled."""
+    """Scale of the path along the floor."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """What is wished at every frame of a playback, and where the centre of mass has to be."""
+    """The targets of every frame of a playback, and the plan of the centre of mass."""
 
     timeline: Timeline
     wished: Floats
@@ -58,7 +59,7 @@ class Outline:
     places: Floats
     """(K, F, 4, 3) of the soles [m]."""
     stands: tuple[Floats, Floats]
-    """The configurations (nq,) that it begins and ends in."""
+    """The configurations (nq,) of the first and the last stand."""
     supports: list[Polygon]
     plan: Plan
     slowdown: float
@@ -66,12 +67,12 @@ class Outline:
 
     @property
     def reach(self) -> Floats:
-        """(K,) from the middle of each support to its nearest edge [m]."""
+        """(K,) distance from the middle of each support to its nearest edge [m]."""
         return np.array([p.margin(p.middle) for p in self.supports])
 
 
 def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> Outline:
-    """Lay the clip out in time and plan its balance, frame t lasting stretch_t (T − 1,) times as long."""
+    """Lay the clip out in time and plan its balance; frame t lasts stretch_t (T − 1,) times as long."""
     ends = [_end_places(planter, clip, t) for t in (0, -1)]
     stands = [balanced_stand(planter, places) for places in ends]
     timeline = timeline_of(planter, clip, stands, stretch)
@@ -102,7 +103,7 @@ def timeline_of(planter: Planter, clip: Clip, stands: list[Floats], stretch: Flo
 
 
 def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: int) -> Floats:
-    """From 0 to 1 with the least jerk, so slowly that no joint hurries; then `lift` frames for a foot that is in the air."""
+    """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
     index = planter.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
     count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
@@ -113,7 +114,7 @@ def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: 
 
 
 def _wished(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeline) -> Floats:
-    """(K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
+    """Return (K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
     robot = planter.robot
     trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
     wished = sample(trajectory, robot, timeline.at / clip.fps)
@@ -125,7 +126,7 @@ def _wished(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeli
 
 
 def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
-    """(F, 4, 3) where the feet stand before the clip or after it; a foot in the air stands beside the other."""
+    """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
     corners, planted = clip.corners[frame], clip.planted[frame]
     own = stand_places(planter)
     if planted.all() or not planted.any():
@@ -138,7 +139,7 @@ def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
 
 
 def _places(planter: Planter, clip: Clip, ends: list[Floats], timeline: Timeline) -> Floats:
-    """(K, F, 4, 3) where the soles go."""
+    """Return (K, F, 4, 3) places of the soles."""
     before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
     part = (timeline.at - before)[:, None, None, None]
     corners = clip.corners[before] * (1 - part) + clip.corners[before + 1] * part
@@ -151,7 +152,7 @@ def _places(planter: Planter, clip: Clip, ends: list[Floats], timeline: Timeline
 
 
 def _supports(timeline: Timeline, places: Floats) -> list[Polygon]:
-    """K hulls of the planted soles."""
+    """Return K hulls of the planted soles."""
     known: dict[bytes, Polygon] = {}
     found = []
     for planted, corners in zip(timeline.planted, places, strict=True):

@@ -1,7 +1,7 @@
-"""Frames of a graph with the soles on given places and the centre of mass over given spots.
+"""Frames of a graph with the soles at given places and the centre of mass over given points.
 
-Two kinds of edges more than the human asks for, `foothold` at places that balance chooses and `mass`, and the same solver:
-arms, trunk and head follow the human's distances and directions as far as feet and mass let them.
+The same solver runs with two additional kinds of edges, `foothold` at places that balance chooses and `mass`. Arms,
+trunk and head follow the human's distances and directions as far as feet and mass allow.
 """
 
 from collections.abc import Sequence
@@ -29,37 +29,37 @@ from robot_retarget.solve.sqp import FrameSolver
 
 @dataclass(frozen=True)
 class PlantOptions:
-    """How a planted robot is held; lengths are shares of a leg."""
+    """Options of a planted robot; lengths are shares of a leg."""
 
     margin: float = 0.05
-    """Arms stay so far from all else: servos lag, and links that are planned to pass closely touch ..."""
+    """Distance of arms from all other links: servos lag, and links that are planned to pass closely touch ..."""
     legs_margin: float = 0.025
-    """... and other links: legs lag less, have to pass each other in a step, and to bend under a trunk."""
+    """... and of other links: legs lag less, have to pass each other in a step, and to bend under a trunk."""
     speed: float = 0.8
-    """Share of the joints' speeds that is used: servos under load are slower."""
+    """Usable share of the joints' speeds: servos under load are slower."""
     bent: float = 0.12
-    """Least bend of a knee: nearly straight, a leg has two ways to stand [rad]."""
+    """Least bend of a knee: a nearly straight leg has two ways to stand [rad]."""
     swing: float = 1e3
-    """π of a swing foot on its way, over the squared leg."""
+    """π of a swing foot on its path, over the squared leg."""
     height: float = 20.0
     """π of the pelvis' height, over the squared leg."""
     upright: float = 20.0
-    """π of the pelvis' orientation in a stand, and of its joints [1/rad²] as the robot stands ..."""
+    """π of the pelvis' orientation in a stand, and of its joints at their standing angles [1/rad²] ..."""
     standing: float = 1.0
-    """... which a lead-in comes from and a lead-out goes to."""
+    """... from which a lead-in starts and at which a lead-out ends."""
     crouch: float = 0.04
-    """The pelvis of a stand is so much lower than in the robot's standing pose: straight knees cannot shift weight."""
+    """Depth of a stand's pelvis below that of the robot's standing pose: straight knees cannot shift weight."""
 
 
 class Planter:
-    """Plants the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
+    """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
 
     def __init__(self, graph: Graph, options: PlantOptions | None = None):
         self.robot, self.match, self.options = graph.robot, graph.match, options or PlantOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
         self.graph = held_apart(knees_bent(graph, own.bent), own)
-        """With the limits of a playback."""
+        """The graph with the limits of a playback."""
         tracks = [*self.graph.tracks, Mass().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
         self.solver = FrameSolver(problem)
@@ -67,12 +67,12 @@ class Planter:
         self._mass = dense_function("mass", [q], [mass_function(self.robot)(q)[0]])
 
     def corners(self, qpos: Floats) -> Floats:
-        """(T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""
+        """Return (T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""
         found = [world_points(self.robot, sole_corners(self.match.anatomy, foot), qpos) for foot in self.feet]
         return np.stack(found, axis=1)
 
     def centres(self, qpos: Floats) -> Floats:
-        """(T, 3) centres of mass [m]."""
+        """Return (T, 3) centres of mass [m]."""
         return np.array([self._mass(q)[0] for q in qpos])
 
     @cached_property
@@ -90,17 +90,17 @@ class Planter:
 
     @property
     def leg_coordinates(self) -> np.ndarray:
-        """Where the hinges between pelvis and soles stand in qpos."""
+        """Indices in qpos of the hinges between pelvis and soles."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
     def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> Playback:
-        """K frames with a share (K, 1) of the human's motion, soles at places (K, F, 4, 3) [m], feet (K, F) planted."""
+        """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
         grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
         own = self.options
         return Playback(share, places.reshape(len(places), -1), grip, own.standing, own.upright, own.height)
 
     def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
-        """(nq,) the balanced stand: soles on places (F, 4, 3), mass over a spot (2,), all else as the robot stands."""
+        """Return (nq,) the standing pose in balance: soles at places (F, 4, 3), mass over a point (2,)."""
         playback = self.playback(np.zeros((1, 1)), places[None], np.ones((1, len(self.feet)), bool))
         measured, tracks = measured_by(self.solver.problem, self.graph, start[None]), []
         for track in self.graph.tracks:
@@ -117,7 +117,7 @@ class Planter:
     def targets(
         self, graph: Graph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
     ) -> list[Track]:
-        """The tracks of a playback.
+        """Return the tracks of a playback.
 
         Args:
             graph: the human's targets, frame by frame of the clip.
@@ -140,7 +140,7 @@ class Planter:
 
 
 def knees_bent(graph: Graph, bent: float) -> Graph:
-    """The graph with joint ranges without those in which a knee is straight or bent backward."""
+    """Return the graph with joint ranges that exclude knees that are straight or bent backward."""
     robot, anatomy = graph.robot, graph.match.anatomy
     for knee in ("l_knee", "r_knee"):
         own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.spots[knee].body
@@ -155,7 +155,7 @@ def knees_bent(graph: Graph, bent: float) -> Graph:
 
 
 def held_apart(graph: Graph, options: PlantOptions) -> Graph:
-    """The graph with the margins between surfaces that a playback needs: less between links that are not on arms."""
+    """Return the graph with the margins between surfaces of a playback: smaller between links that are not on arms."""
     arms = {graph.robot.model.body(int(b)).name for b in np.flatnonzero(_on_arms(graph.robot, graph.match))}
     leg, tracks = graph.match.robot_leg, []
     for track in graph.tracks:
@@ -167,7 +167,7 @@ def held_apart(graph: Graph, options: PlantOptions) -> Graph:
 
 
 def _on_arms(robot: Robot, match: Match) -> np.ndarray:
-    """(B,) bodies that a hinge between chest and hands moves."""
+    """Return (B,) the bodies that a hinge between chest and hands moves."""
     moves, spots = carrying(robot.model), match.anatomy.spots
     hands = [moves[spots[hand].body] for hand in ("l_hand", "r_hand") if hand in spots]
     chest = moves[match.anatomy.frames["chest"][0]]

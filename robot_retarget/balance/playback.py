@@ -1,4 +1,4 @@
-"""The playback of a clip in balance: planted, and slowed down round by round until joints, soles and weight can follow."""
+"""The playback of a clip in balance: planted, and slowed down in rounds until joints, soles and weight can follow."""
 
 from dataclasses import dataclass, replace
 
@@ -24,28 +24,30 @@ from robot_retarget.solve.sqp import Pose
 from robot_retarget.trajectory import Trajectory
 
 QUICK = 0.04
-"""Servos do not follow what is quicker [s]: the zero moment point is that of a motion smoothed so far."""
+"""Servos do not follow faster changes [s]: the zero moment point is computed from a motion smoothed over this time."""
 ASIDE = 0.1
-"""A joint of arms or head that was corrected by more may have come to another basin [rad]."""
+"""A joint of arms or head with a larger correction may be in another basin [rad]."""
 WORTH = 2.0
-"""Where arms and head begin as in the frame before only if that is so many times cheaper than to begin as they are wished."""
+"""Arms and head start from the correction of the frame before only if that is cheaper than their target by this
+factor."""
 IN_TURN = 3
-"""Frame after frame, planting takes about as long as so many passes over all frames: steps of the progress."""
+"""Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
+such."""
 ROUNDS = 1.5
-"""So many rounds of planting are expected, of which the one that begins is the first."""
+"""Expected number of rounds of planting, including the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """A playback that stands, as far as it was planned."""
+    """A planned playback in balance."""
 
     poses: tuple[Pose, ...]
     """K frames."""
     tracks: tuple[Track, ...]
-    """What was asked of them."""
+    """The targets of the frames."""
     timeline: Timeline
     places: Floats
-    """(K, F, 4, 3) of the soles [m]."""
+    """(K, F, 4, 3) places of the soles [m]."""
     plan: Plan
     slowdown: float
     """Duration within the clip over the clip's own."""
@@ -54,22 +56,22 @@ class Balanced:
     legs: str
     """`follow` or `stand`."""
     zmp: Floats
-    """(K, 2) [m]."""
+    """(K, 2) zero moment point [m]."""
     margin: Floats
-    """(K,) of the zero moment point inside the full support polygon [m]."""
+    """(K,) margin of the zero moment point inside the full support polygon [m]."""
     friction: Floats
-    """(K,) coefficient of the floor that the soles need."""
+    """(K,) friction coefficient that the soles need."""
     instead: str = ""
-    """Why both feet stay in place though they were to follow if they can."""
+    """Reason for both feet in place, if the legs were to follow when possible."""
 
     @property
     def qpos(self) -> Floats:
-        """(K, nq)."""
+        """(K, nq) configurations."""
         return np.array([pose.qpos for pose in self.poses])
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done to the clip, a sentence each."""
+        """The changes of the clip, a sentence each."""
         slower = f"slowed down {self.slowdown:.2f} times" if self.slowdown > 1.005 else "played at its own pace"
         shorter = f", steps shortened to {self.stride:.2f} of their length" if self.stride < 0.995 else ""
         feet = ", both feet in place" if self.legs == "stand" else ""
@@ -78,12 +80,12 @@ class Balanced:
 
 
 def expected_steps(graph: Graph) -> int:
-    """Of the progress of `in_balance`, before anything is known: the playback is about twice as long as the clip."""
+    """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
     return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
 
 
 def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: float) -> Balanced:
-    """The clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs the time.
+    """Return the clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs time.
 
     Raises:
         BalanceError: it needs more than `slowest` times the human's time.
@@ -116,7 +118,7 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: 
 
 
 def _jumps(planter: Planter, found: Balanced) -> bool:
-    """Whether a joint is faster than planting lets it be: links that met were parted late, which time does not mend."""
+    """Whether a joint exceeds its planted speed: links that met were separated late, which more time cannot correct."""
     turned = np.abs(np.diff(found.qpos[:, planter.robot.qpos_index], axis=0)) * found.timeline.fps
     return bool((turned > 1.01 * planter.solver.speed).any())
 
@@ -127,7 +129,7 @@ def _require_pace(stretch: Floats, slowest: float) -> None:
 
 
 def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: bool = False) -> Balanced:
-    """The configurations that follow an outline; `near` where the clip's configurations have been planted before."""
+    """Return the configurations that follow an outline; `near` for configurations that have been planted before."""
     timeline, robot = outline.timeline, planter.robot
     playback = planter.playback(timeline.share[:, None], outline.places, timeline.planted)
     tracks = planter.targets(clip.graph, timeline.at, outline.stands, playback, outline.plan.centre)
@@ -155,10 +157,10 @@ def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: b
 
 
 def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count) -> list[Floats]:
-    """(K, nq) each frame from the correction in the one before: where the passes over all frames begin.
+    """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
 
-    Arms and head begin as they are wished too, and the cheaper of the two is taken: one that came to another basin would
-    not leave it again, and one that has to keep away from a trunk that leans would meet it anew at every frame.
+    Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it
+    again. Arms that avoid a leaning trunk would meet it again at every frame.
     """
     robot, found, correction = planter.robot, [], np.zeros(planter.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
@@ -178,7 +180,7 @@ def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count)
 
 
 def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
-    """(T, nq) what a playback does at the clip's own frames."""
+    """Return (T, nq) configurations of a playback at the clip's own frames."""
     inside = np.flatnonzero(found.timeline.share >= 1)
     inside = inside[np.unique(found.timeline.at[inside], return_index=True)[1]]
     times = np.interp(np.arange(len(clip.qpos)), found.timeline.at[inside], inside / clip.fps)

@@ -1,4 +1,4 @@
-"""The balanced stand that every free-standing playback begins and ends in, and a human who stays in place."""
+"""The balanced stand at both ends of every free-standing playback, and a human who stays in place."""
 
 from dataclasses import replace
 
@@ -15,11 +15,11 @@ from robot_retarget.human.match import Match
 from robot_retarget.human.segments import heading
 
 SETTLE = 1.0
-"""A human who turns more slowly than this walks about; what is quicker turns over feet that stay [s]."""
+"""Slower turns of a human are part of walking; faster turns happen over standing feet [s]."""
 
 
 def stand_places(planter: Planter) -> Floats:
-    """(F, 4, 3) of the soles as in the robot's standing pose, flat on the floor, around the origin, ahead along x [m]."""
+    """Return (F, 4, 3) soles of the robot's standing pose, flat on the floor, around the origin, ahead along x [m]."""
     places = flattened(planter.corners(planter.robot.standing()[None])[0])
     ahead = unit(lengths(places).sum(axis=0))
     level = np.array([[ahead[0], ahead[1], 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
@@ -27,7 +27,7 @@ def stand_places(planter: Planter) -> Floats:
 
 
 def balanced_stand(planter: Planter, places: Floats) -> Floats:
-    """(nq,) the standing pose with its soles on places (F, 4, 3) and its mass over the middle between them."""
+    """Return (nq,) the standing pose with its soles at places (F, 4, 3) and its mass over the middle between them."""
     own = flattened(planter.corners(planter.robot.standing()[None])[0])
     turn, address = _heading(places) - _heading(own), planter.robot.root_address
     posed, spin = np.array(planter.robot.standing()), Rotation.from_euler("z", turn)
@@ -40,10 +40,10 @@ def balanced_stand(planter: Planter, places: Floats) -> Floats:
 
 
 def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]:
-    """The human over feet that stay where they are: without walking about and turning slowly; and the turns (T,) [rad].
+    """Return the human over standing feet, without travel and slow turns; and these turns (T,) [rad].
 
-    All directions are turned about the vertical by what the human's heading is on the whole; the pelvis stays over the
-    origin, and both feet stand throughout.
+    All directions turn back about the vertical by the smoothed heading of the human. The pelvis stays over the origin,
+    and both feet stand throughout.
     """
     ahead = heading(human.facing)
     turning = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
@@ -62,7 +62,7 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
 
 
 def posed_in_place(planter: Planter, draft: Floats, turns: Floats, stand: Floats) -> Floats:
-    """(T, nq) a draft's arms, head and trunk over the legs of a stand, turned back by (T,) [rad]: where planting begins."""
+    """Return (T, nq) starts of planting: a draft's upper body over the legs of a stand, turned back by (T,) [rad]."""
     posed, address, legs = np.array(draft), planter.robot.root_address, planter.leg_coordinates
     posed[:, legs] = stand[legs]
     posed[:, address : address + 2] = stand[address : address + 2]
@@ -74,6 +74,6 @@ def posed_in_place(planter: Planter, draft: Floats, turns: Floats, stand: Floats
 
 
 def _heading(places: Floats) -> float:
-    """Of the feet together [rad]."""
+    """Return the common heading of the feet [rad]."""
     ahead = (places[:, :2] - places[:, 2:]).mean(axis=(0, 1))
     return float(np.arctan2(ahead[1], ahead[0]))

@@ -1,8 +1,8 @@
-"""Steps that short legs can follow: where each foot is set down, seen from the other one that stands.
+"""Steps within the reach of short legs: the place of each foothold relative to the other foot's stance.
 
-A robot that stands on bent knees and flat soles reaches less far than a human who rolls over heel and toes. A foot that
-is set down too far from where it stands beside the other in the robot's own stand is set down nearer; all that comes
-after goes along, so that steps within reach stay as they are.
+A robot on bent knees and flat soles reaches less far than a human who rolls over heel and toes. The robot's own stand
+defines the place of each foot relative to the other. A foothold too far from that place moves nearer, and all later
+footholds move by the same amount, so steps within reach stay unchanged.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from robot_retarget.describe.soles import lengths
 from robot_retarget.motion.stance import intervals
 
 REACH = 0.35
-"""How far a foot is set from its place beside the other, over the leg length."""
+"""Largest distance of a foothold from its place next to the other foot, over the leg length."""
 
 
 def within_reach(planted: np.ndarray, corners: Floats, own: Floats, leg: float, reach: float = REACH) -> Floats:
-    """(T, 2, 4, 3) soles whose footholds are within reach of each other.
+    """Return (T, 2, 4, 3) soles with footholds within reach of each other.
 
     Args:
-        planted: (T, 2), at least one foot at every frame, both where weight goes across.
-        corners: (T, 2, 4, 3) of the soles as they are wished [m].
-        own: (2, 4, 3) of the robot's own stand [m].
+        planted: (T, 2), at least one foot at every frame, both during a transfer of weight.
+        corners: (T, 2, 4, 3) target corners of the soles [m].
+        own: (2, 4, 3) corners in the robot's own stand [m].
     """
     middle, beside = corners.mean(axis=2)[..., :2], _complex((own[1] - own[0]).mean(axis=0)[:2])
     place = beside * _turns(corners) / _turns(own[None])
@@ -34,7 +34,7 @@ def within_reach(planted: np.ndarray, corners: Floats, own: Floats, leg: float, 
 
 
 def _moved(planted: np.ndarray, middle: np.ndarray, places: np.ndarray, reach: float) -> np.ndarray:
-    """(T, 2) by how much the soles are moved, as complex numbers; each has its place (T, 2) beside the other."""
+    """Return (T, 2) shifts of the soles as complex numbers; each has its place (T, 2) relative to the other."""
     moved = np.zeros_like(middle)
     stances = sorted((start, foot, stop) for foot in range(2) for start, stop in intervals(planted[:, foot]))
     for start, foot, stop in stances[1:]:
@@ -51,12 +51,12 @@ def _moved(planted: np.ndarray, middle: np.ndarray, places: np.ndarray, reach: f
 
 
 def _beyond(apart: np.ndarray, reach: float) -> np.ndarray:
-    """What complex numbers are longer than they may be."""
+    """Return the excess of complex numbers over their largest length."""
     return apart * (1 - np.minimum(1.0, reach / np.maximum(np.abs(apart), 1e-9)))
 
 
 def carried(planted: np.ndarray, corners: Floats) -> float:
-    """How far all steps together carry the feet [m]."""
+    """Return the total length of all steps [m]."""
     middle, total = corners.mean(axis=2)[..., :2], 0.0
     for foot in range(planted.shape[1]):
         stances = [np.median(middle[start:stop, foot], axis=0) for start, stop in intervals(planted[:, foot])]
@@ -65,21 +65,21 @@ def carried(planted: np.ndarray, corners: Floats) -> float:
 
 
 def _stance(planted: np.ndarray, frame: int) -> slice:
-    """The stance of a foot at a frame or the one before it."""
+    """Return the stance of a foot at a frame or the one before it."""
     return next(slice(*span) for span in intervals(planted) if span[0] <= frame <= span[1])
 
 
 def _turns(corners: Floats) -> np.ndarray:
-    """(T,) where both feet point, as complex numbers of length 1."""
+    """Return (T,) the common heading of both feet, as complex numbers of length 1."""
     turn = _complex(lengths(corners).sum(axis=1))
     return turn / np.maximum(np.abs(turn), 1e-9)
 
 
 def _complex(flat: Floats) -> np.ndarray:
-    """Points (…, 2) of the floor as complex numbers: they turn by multiplication."""
+    """Return points (…, 2) of the floor as complex numbers, so that multiplication rotates them."""
     return flat[..., 0] + 1j * flat[..., 1]
 
 
 def _median(places: np.ndarray) -> complex:
-    """The middle of complex numbers, axis by axis."""
+    """Return the median of complex numbers, axis by axis."""
     return complex(np.median(np.real(places)), np.median(np.imag(places)))

@@ -1,7 +1,7 @@
-"""On which feet the robot stands while it plays a clip: not the human's labels, but what they mean for flat hard soles.
+"""The feet on which the robot stands during a clip: the human's labels, adapted to flat hard soles.
 
 A human lifts a heel, rolls onto the toes, shifts a foot by a centimetre; a small robot with stiff soles keeps such a
-foot flat where it is. Only a foot that is lifted well, or that comes down elsewhere, is taken off the floor.
+foot flat in place. The robot lifts a foot only if the human lifts it well, or puts it down elsewhere.
 """
 
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from robot_retarget.motion.stance import intervals
 
 @dataclass(frozen=True)
 class StepRule:
-    """What counts as a step of the robot; lengths in units of its leg."""
+    """The definition of a step of the robot; lengths in units of its leg."""
 
     speed: float = 0.6
     """A sole slower than this [1/s] ..."""
     height: float = 0.06
-    """... and lower than this stands, whatever the human's label says."""
+    """... and lower than this stands, regardless of the human's label."""
     drift: float = 0.6
-    """The lowest sole within this time to either side is on the floor: captures lose their height [s]."""
+    """The lowest sole within this time to either side is on the floor: captures drift in height [s]."""
     shortest: float = 0.12
-    """A stance or a swing shorter than this is noise; without a foot on the floor for longer, it is a jump [s]."""
+    """A shorter stance or swing is noise; a longer time without a foot on the floor is a jump [s]."""
     lift: float = 0.12
     """A foot lifted less ..."""
     travel: float = 0.3
-    """... and with all corners put down nearer to where they stood stays planted."""
+    """... and with all corners put down nearer to their last stance stays planted."""
 
 
 def planted_feet(
@@ -40,11 +40,11 @@ def planted_feet(
     fps: float,
     rule: StepRule | None = None,
 ) -> np.ndarray:
-    """(T, F) which feet of the robot stand on the floor or nearly so; at least one at every frame.
+    """Return (T, F) the feet of the robot on the floor or nearly so; at least one at every frame.
 
     Args:
         stances: the human's, per foot (T, 2) toe and heel (`contacts.stances`).
-        corners: (T, F, 4, 3) of the robot's soles as retargeted [m].
+        corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
 
     Raises:
         BalanceError: the motion leaves the floor.
@@ -61,7 +61,7 @@ def planted_feet(
 
 
 def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None) -> np.ndarray:
-    """(T, F) without swings that neither lift a foot nor carry it away; both feet down where weight goes across."""
+    """Return (T, F) without swings that neither lift nor displace a foot; weight transfers have both feet down."""
     chosen, kept = rule or StepRule(), planted.copy()
     low = _over_floor(corners, chosen.drift * fps)
     for foot in range(planted.shape[1]):
@@ -77,20 +77,20 @@ def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule
 
 
 def _moved(corners: Floats, start: int, stop: int) -> float:
-    """How far the furthest corner of a foot (T, 4, 3) goes from the frame before `start` to the frame `stop` [m]."""
+    """Return the largest corner displacement of a foot (T, 4, 3) from the frame before `start` to `stop` [m]."""
     before, after = max(start - 1, 0), min(stop, len(corners) - 1)
     return float(np.linalg.norm((corners[after] - corners[before])[:, :2], axis=1).max())
 
 
 def _over_floor(corners: Floats, reach: float) -> Floats:
-    """(T, F) height of the lowest corner over the lowest of all within `reach` frames [m]."""
+    """Return (T, F) height of the lowest corner over the lowest of all within `reach` frames [m]."""
     low = corners[..., 2].min(axis=2)
     floor = minimum_filter1d(low.min(axis=1), 2 * round(reach) + 1, mode="nearest")
     return low - floor[:, None]
 
 
 def _speed(corners: Floats, fps: float) -> Floats:
-    """(T, F) of the soles' middles along the floor, over a tenth of a second [m/s]."""
+    """Return (T, F) speeds of the soles' middles along the floor, over a tenth of a second [m/s]."""
     middle = uniform_filter1d(corners.mean(axis=2)[..., :2], max(1, round(0.1 * fps)), axis=0, mode="nearest")
     return np.linalg.norm(np.gradient(middle, 1 / fps, axis=0), axis=2)
 
@@ -105,7 +105,7 @@ def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
 
 
 def _hand_over(planted: np.ndarray) -> None:
-    """Where one frame stands on one foot and the next on another, both frames stand on both."""
+    """Put both feet down at two adjacent frames that stand on different feet."""
     switch = np.flatnonzero(~(planted[:-1] & planted[1:]).any(axis=1))
     both = planted[switch] | planted[switch + 1]
     planted[switch], planted[switch + 1] = both, both

@@ -1,4 +1,4 @@
-"""Where soles go: from foothold to foothold, clear of the one that stands."""
+"""The paths of soles: from foothold to foothold, around the standing foot."""
 
 import numpy as np
 
@@ -8,21 +8,21 @@ from robot_retarget.describe.soles import flattened, smoothstep
 from robot_retarget.motion.stance import intervals
 
 APART = 8
-"""Rounds of moving footholds apart: a step to the side may bring the next one nearer."""
+"""Rounds of moving footholds apart: a step to the side may reduce the next gap."""
 
 
 def foothold_places(planted: np.ndarray, corners: Floats, lift: float, gap: float) -> Floats:
-    """(T, F, 4, 3) where the corners go: flat and still in stance, over a low arc from foothold to foothold between.
+    """Return (T, F, 4, 3) corners: flat and still in stance, on a low arc from foothold to foothold between.
 
-    In the middle of a swing a foot is where the draft `corners` have it, where that is higher than the arc, but level: a
-    heel that is thrown up behind and set down in front costs a small leg all its speed. Near both ends it rises from
-    its foothold and comes down on the next.
+    In the middle of a swing a foot follows the draft `corners` where they are higher than the arc, but level: a heel
+    raised far behind and set down in front needs all the speed of a small leg. Near both ends it rises from its
+    foothold and comes down on the next.
 
     Args:
         planted: (T, F); the first and the last frame stand on all feet.
-        corners: (T, F, 4, 3) of the draft [m].
+        corners: (T, F, 4, 3) corners of the draft [m].
         lift: height of the arc [m].
-        gap: least between two feet [m]: footholds move apart, and a foot in the air goes around the one that stands.
+        gap: least gap between two feet [m]: footholds move apart, and a foot in the air goes around the standing one.
     """
     places = corners.copy()
     for foot in range(planted.shape[1]):
@@ -37,7 +37,7 @@ def foothold_places(planted: np.ndarray, corners: Floats, lift: float, gap: floa
 
 
 def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:
-    """The places, footholds that are held at the same time moved to either side until the gap is between them."""
+    """Return places with simultaneous footholds moved to either side until the gap is between them."""
     apart, both = places.copy(), planted.all(axis=1)
     for _ in range(APART):
         missing = np.where(both, np.maximum(gap - gaps(apart), 0.0), 0.0)
@@ -50,7 +50,7 @@ def _set_apart(places: Floats, planted: np.ndarray, gap: float) -> Floats:
 
 
 def _around(places: Floats, planted: np.ndarray, gap: float) -> Floats:
-    """The places, a foot in the air further to its own side where the gap to the one that stands is too small."""
+    """Return places with a foot in the air moved to its own side where its gap to the standing foot is too small."""
     missing, outward, round_it = np.maximum(gap - gaps(places), 0.0), left(places), places.copy()
     for foot, side in ((0, 1.0), (1, -1.0)):
         for start, stop in intervals(~planted[:, foot]):
@@ -61,19 +61,19 @@ def _around(places: Floats, planted: np.ndarray, gap: float) -> Floats:
 
 
 def _ramp(share: Floats) -> Floats:
-    """1 in the middle of a swing, 0 at both ends."""
+    """Return 1 in the middle of a swing, 0 at both ends."""
     return smoothstep(np.clip(np.minimum(share, 1 - share) * 3, 0.0, 1.0))
 
 
 def _level(corners: Floats) -> Floats:
-    """(S, 4, 3) soles as high as their lowest corner, parallel to the floor."""
+    """Return (S, 4, 3) soles at the height of their lowest corner, parallel to the floor."""
     flat = flattened(corners)
     flat[..., 2] = corners[..., 2].min(axis=-1, keepdims=True)
     return flat
 
 
 def _swing(start: Floats, end: Floats, draft: Floats, lift: float) -> Floats:
-    """(S, 4, 3) between two footholds; `draft` (S + 2, 4, 3) begins and ends a frame outside."""
+    """Return (S, 4, 3) corners between two footholds; `draft` (S + 2, 4, 3) starts and ends a frame outside."""
     inner = len(draft) - 2
     share = (np.arange(1, inner + 1) / (inner + 1))[:, None, None]
     line = start + smoothstep(share) * (end - start)

@@ -1,4 +1,4 @@
-"""How much time a motion needs: stretched where a joint, the zero moment point or a shift of weight cannot follow."""
+"""The time that a motion needs: it slows down if a joint, the zero moment point or a shift of weight needs more."""
 
 from dataclasses import dataclass
 
@@ -10,39 +10,41 @@ from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Robot
 
 SPARE = 0.3
-"""Of a joint's torque: where holding still takes more than all but this, slowing down does not help."""
+"""Least usable share of a joint's torque: a joint that holds still with more than the rest gains nothing from slowing
+down."""
 
 
 @dataclass(frozen=True)
 class Pacing:
-    """When and by how much to slow down."""
+    """The conditions and the amount of slowing down."""
 
     slowest: float = 4.0
-    """At most, over the whole clip."""
+    """Largest slowdown, averaged over the whole clip."""
     speed: float = 0.85
-    """Share of a joint's greatest speed that is used."""
+    """Usable share of a joint's largest speed."""
     torque: float = 0.9
-    """Share of what the torque–speed line leaves."""
+    """Usable share of the torque on the torque–speed line."""
     edge: float = 0.3
-    """The zero moment point stays this share of the way from the edge of the support to its middle inside."""
+    """Least distance of the zero moment point from the edge of the support, as a share of the distance from edge to
+    middle."""
     friction: float = 0.35
-    """Coefficient of the floor that may be needed: what turns quickly over feet that stand makes them slide."""
+    """Largest friction coefficient used: fast turns over standing feet make them slide."""
     excess: float = 1e-3
     """The planned centre of mass may leave its polygon by this [m]."""
     swing: float = 0.8
-    """A foot is in the air for so long at least [s]: a leg that is thrown forward throws the body back."""
+    """Least duration of a swing [s]: a leg that swings forward pushes the body back."""
     shift: float = 1.25
-    """Factor, a round, on frames that stand on all feet near a shift of weight that comes too late."""
+    """Factor per round on frames with all feet on the floor, near a shift of weight that comes too late."""
     near: float = 0.5
-    """How near, in time of the playback [s]."""
+    """Largest time distance from that shift, in time of the playback [s]."""
     slack: float = 1.2
-    """What needs no more time than this is let pass: a servo may be asked for a little more for a moment."""
+    """Needs up to this factor are ignored: a servo can exceed its limits slightly for a moment."""
     most: float = 1.5
-    """Factor on any frame, a round."""
+    """Largest factor on any frame per round."""
     blend: float = 0.07
     """Time over which the pace changes, in time of the clip [s]."""
     shifts: int = 24
-    """Rounds of shifting weight, which are cheap ..."""
+    """Number of rounds of shifting weight, which are cheap ..."""
     rounds: int = 4
     """... and rounds of the whole motion."""
 
@@ -54,14 +56,14 @@ class Timeline:
     at: Floats
     """(K,) frame of the clip."""
     share: Floats
-    """(K,) how much of the clip's pose: 0 in the stands, 1 within the clip."""
+    """(K,) share of the clip's pose: 0 in the stands, 1 within the clip."""
     planted: np.ndarray
-    """(K, F)."""
+    """(K, F) feet on the floor."""
     fps: float
 
 
 def unhurried(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
-    """Frame durations (T − 1,) at which no swing of a foot, planted (T, F), is shorter than it should be."""
+    """Return frame durations (T − 1,) that give every swing of a foot, planted (T, F), its least duration."""
     factor = np.ones(len(planted) - 1)
     for foot in planted.T:
         for start, stop in intervals(~foot):
@@ -71,7 +73,7 @@ def unhurried(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
 
 
 def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing) -> Floats:
-    """Frame durations (T − 1,) multiplied by what the frames of the playback (K,) need, blended over time and capped."""
+    """Return frame durations (T − 1,) times the factors of the playback frames (K,), blended over time and capped."""
     left = np.minimum(timeline.at.astype(int), len(stretch) - 1)
     inside = timeline.share >= 1
     factor = np.ones(len(stretch))
@@ -83,12 +85,12 @@ def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing
 
 
 def _capped(stretch: Floats, pacing: Pacing) -> Floats:
-    """Frame durations that are on average no longer than the slowest pace allows, in proportion."""
+    """Return frame durations scaled so that their mean does not exceed the slowest pace."""
     return 1 + (stretch - 1) * min(1.0, (pacing.slowest - 1) / max(stretch.mean() - 1, 1e-9))
 
 
 def shift_needs(late: np.ndarray, timeline: Timeline, pacing: Pacing) -> Floats:
-    """(K,) factors near the frames at which the centre of mass comes too `late`."""
+    """Return (K,) factors near the frames with a `late` centre of mass."""
     around = maximum_filter1d(late.astype(np.int8), 2 * round(pacing.near * timeline.fps) + 1) > 0
     everywhere = timeline.planted.all(axis=1)
     return np.where(around & everywhere, pacing.shift, 1.0)
@@ -103,12 +105,12 @@ def motion_needs(
     fps: float,
     pacing: Pacing,
 ) -> Floats:
-    """(K,) factors by which joints are too fast or too heavily loaded, or soles near tipping over an edge or sliding.
+    """Return (K,) factors for joints beyond speed or load, and for soles near tipping over an edge or sliding.
 
     Args:
         loads: (K, n) torques in motion and at rest (`dynamics.joint_torques`) [N m].
-        inside: (K,) how far the zero moment point is inside the support: 1 in its middle, 0 on the edge.
-        friction: (K,) coefficient that the soles need; forces go by the square of the pace.
+        inside: (K,) position of the zero moment point in the support: 1 in its middle, 0 on the edge.
+        friction: (K,) coefficient that the soles need; forces scale with the square of the pace.
     """
     share = np.diff(qpos[:, robot.qpos_index], axis=0, append=qpos[-1:, robot.qpos_index]) * fps / robot.max_speed
     moving, resting = (load / robot.max_torque for load in loads)

@@ -3,8 +3,8 @@
     minimise  Σ ‖c_t − c⁰_t‖² + j Σ ‖c_{t+3} − 3c_{t+2} + 3c_{t+1} − c_t‖² (rate)⁶ + penalty Σ s_t²
     subject to  A_t c_t ≤ b_t + s_t   (static)      A_t (c_t − (z_t/g) c̈_t) ≤ b_t + s_t   (zero moment point)
 
-with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Everything a later frame needs is known at
-every earlier one, so weight is shifted before a foot lifts.
+with the support polygons {x : A_t x ≤ b_t} shrunk towards their middles. Every frame uses the supports of all later
+frames, so weight is shifted before a foot lifts.
 """
 
 from dataclasses import dataclass
@@ -23,18 +23,18 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Steadiness:
-    """How carefully the centre of mass is planned."""
+    """Options of the plan of the centre of mass."""
 
     keep: float = 0.55
-    """Share of the support polygon that is used, shrunk towards its middle."""
+    """Usable share of the support polygon, shrunk towards its middle."""
     static: bool = True
-    """Whether the centre of mass itself stays inside, not the zero moment point only."""
+    """Whether the centre of mass itself stays inside, not only the zero moment point."""
     jerk: float = 1e-4
     """Weight of the squared third derivative [s⁶]."""
     pull: float = 1.0
-    """Weight of the wished path."""
+    """Weight of the target path."""
     penalty: float = 1e5
-    """Weight of what must leave the polygon."""
+    """Weight of the squared excess over the polygon."""
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class Polygon:
     """(2,) [m]."""
 
     def shrunk(self, keep: float) -> "Polygon":
-        """The same shape, `keep` times as large about its middle."""
+        """Return the same shape, scaled by `keep` about its middle."""
         inner = self.normals @ self.middle
         return Polygon(self.normals, inner + keep * (self.bounds - inner), self.middle)
 
     def margin(self, point: Floats) -> float:
-        """How far inside a point (2,) is, negative outside [m]."""
+        """Return the distance of a point (2,) inside the edges, negative outside [m]."""
         return float((self.bounds - self.normals @ point).min())
 
 
 def support(corners: Floats) -> Polygon:
-    """The convex hull of points (N, 3) or (N, 2) on the floor [m]."""
+    """Return the convex hull of points (N, 3) or (N, 2) on the floor [m]."""
     flat = corners[:, :2]
     hull = ConvexHull(flat)
     vertices = flat[hull.vertices]
@@ -75,17 +75,17 @@ class Plan:
     """A planned path."""
 
     centre: Floats
-    """(T, 2) of the centre of mass [m]."""
+    """(T, 2) path of the centre of mass [m]."""
     excess: Floats
-    """(T,) by how much it leaves the shrunk polygons [m]."""
+    """(T,) distance outside the shrunk polygons [m]."""
 
 
 def plan_centre(wished: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> Plan:
     """Plan the path of the centre of mass.
 
     Args:
-        wished: (T, 2) c⁰ [m].
-        height: (T,) of the centre of mass over the floor [m].
+        wished: (T, 2) target path c⁰ [m].
+        height: (T,) height of the centre of mass over the floor [m].
         supports: T polygons.
     """
     count = len(wished)
@@ -103,7 +103,7 @@ def plan_centre(wished: Floats, height: Floats, supports: list[Polygon], fps: fl
 
 
 def _inside(supports: list[Polygon], take: Any) -> tuple[Any, Floats]:
-    """Rows (c_x, c_y, s) ↦ A_t (take c)_t − s_t ≤ b_t of all frames, and their bounds."""
+    """Return rows (c_x, c_y, s) ↦ A_t (take c)_t − s_t ≤ b_t of all frames, and their bounds."""
     frames = np.concatenate([np.full(len(p.bounds), t) for t, p in enumerate(supports)])
     normals, bounds = np.concatenate([p.normals for p in supports]), np.concatenate([p.bounds for p in supports])
     pick = sparse.csr_matrix((np.ones(len(frames)), (np.arange(len(frames)), frames)), (len(frames), len(supports)))
@@ -137,13 +137,13 @@ def _matrix(matrix: Any) -> ca.DM:
 
 
 def _bands(values: list[float], first: int, shape: tuple[int, int]) -> Any:
-    """A matrix with constant values on the diagonals from `first` on."""
+    """Return a matrix with constant values on the diagonals from `first` on."""
     diagonals: Any = range(first, first + len(values))
     return sparse.diags(values, diagonals, shape)
 
 
 def _second(count: int) -> Any:
-    """Second differences; at rest before the first frame and after the last."""
+    """Return second differences; at rest before the first frame and after the last."""
     matrix = _bands([1.0, -2.0, 1.0], -1, (count, count)).tolil()
     matrix[0, 0] = matrix[count - 1, count - 1] = -1.0
     return matrix.tocsr()
@@ -155,6 +155,6 @@ def _third(count: int) -> Any:
 
 
 def _unique(equations: Floats) -> Floats:
-    """Edges of a hull without those that lie in one line with their neighbour."""
+    """Return the edges of a hull, without edges collinear with their neighbour."""
     rounded = np.round(equations, 9)
     return equations[np.sort(np.unique(rounded, axis=0, return_index=True)[1])]
