@@ -5,7 +5,7 @@ from robot_retarget.robot.versions import require_mujoco
 
 require_mujoco()
 require_usable_gl()
-# ruff: noqa: E402 (what follows imports MuJoCo)
+# ruff: noqa: E402 (the imports below import MuJoCo)
 
 from robot_retarget.robot.anatomy import Anatomy as Anatomy
 from robot_retarget.robot.anatomy import Spot as Spot

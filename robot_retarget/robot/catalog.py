@@ -1,4 +1,4 @@
-"""Where robots come from: those that ship, an MJCF or URDF file, or a `robot_descriptions` name."""
+"""Sources of robots: shipped ones, an MJCF or URDF file, or a `robot_descriptions` name."""
 
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,9 @@ from robot_retarget.shipped import MODELS
 
 Limits = dict[str, dict[str, Any]]
 LARGEST_ANGLE = 100.0
-"""A range beyond it, sixteen turns either way, is a mistake [rad]."""
+"""A range beyond this, sixteen turns either way, is a mistake [rad]."""
 FASTEST = 1000.0
-"""A joint that is faster is a mistake [rad/s]."""
+"""A faster joint is a mistake [rad/s]."""
 LIMIT_TABLES = {
     "range": ("[lower, upper]", f"within ±{LARGEST_ANGLE:g} rad"),
     "speed": ("a number", f"over 0, at most {FASTEST:g} rad/s"),
@@ -42,7 +42,7 @@ LYING = "the model lies in its reference pose: stood up"
 
 
 def shipped_robots() -> dict[str, Path]:
-    """The robots that ship: name → MJCF file."""
+    """Return the shipped robots: name → MJCF file."""
     return {folder.name: folder / f"{folder.name}.xml" for folder in sorted(MODELS.iterdir()) if folder.is_dir()}
 
 
@@ -51,15 +51,15 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
 
     Args:
         name: `op3`, `path/to/robot.xml`, or `g1`, `unitree_g1`, `g1_mj_description`.
-        limits: a TOML file of joint limits that fill or replace the model's, tables `range` [rad], `speed` [rad/s]
-            and `torque` [N m] by joint name (`"*"` = every joint). Without it, `limits.toml` or `STEM.limits.toml`
-            beside the MJCF is read where it is there.
-        servos: the servo map whose servos turn its joints (`servo.map.load_map`); by default `servos.toml` beside the MJCF,
-            where it is there. What is planned keeps its ranges and its speed.
+        limits: a TOML file of joint limits that fill or replace the model's, tables `range` [rad], `speed` [rad/s] and
+            `torque` [N m] by joint name (`"*"` = every joint). By default `limits.toml` or `STEM.limits.toml` next to
+            the MJCF applies, if it exists.
+        servos: the map of the servos that turn its joints (`servo.map.load_map`); by default `servos.toml` next to the
+            MJCF, if it exists. Planned motions keep the servos' ranges and speed.
 
     Raises:
-        RobotError: the name is unknown (the known ones are listed), the MJCF does not load, the model has no hinges or
-            has a ball joint, the limits name a joint that is not there, or a joint has no servo in the map.
+        RobotError: the name is unknown (the message lists the known ones), the MJCF does not load, the model has no
+        hinges or has a ball joint, the limits name an absent joint, or a joint has no servo in the map.
         ServoError: the servo map cannot be read.
     """
     path = _find(name)
@@ -86,10 +86,10 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
 
 
 def _stood(robot: Robot, tables: Limits) -> Robot:
-    """The robot upright on a free joint if it has legs to stand on; what has none stays as it is.
+    """Return the robot upright on a free joint if it has legs to stand on; otherwise return it unchanged.
 
-    A model that waits to be set free does not say which way is up, and one that is free may lie in its reference pose. What
-    has legs only when it is turned, and what is named an arm over them, lies in its file.
+    A model without a root joint does not define which way is up, and a floating one may lie in its reference pose. A
+    model that gains legs only after a turn, with named arms over them, lies in its file.
     """
     if not robot.floating and robot.model.body_jntnum[robot.root_body]:  # it turns against the world
         return robot
@@ -111,7 +111,7 @@ def _stood(robot: Robot, tables: Limits) -> Robot:
 
 
 def _legged(robot: Robot) -> Anatomy | None:
-    """What is recognised in a robot with legs."""
+    """Return the anatomy of a robot with legs; None without legs."""
     try:
         found = recognise(robot)
     except MatchError:
@@ -126,10 +126,10 @@ def _has_named_arms(robot: Robot, found: Anatomy) -> bool:
 
 
 def read_limits(path: Path) -> Limits:
-    """The tables of a limits file.
+    """Return the tables of a limits file.
 
     Raises:
-        RobotError: not TOML, a table that is not known, or a value of the wrong shape.
+        RobotError: the file is no TOML, has an unknown table, or a value of the wrong shape.
     """
     tables = read_toml(path, RobotError)
     for key, table in tables.items():
@@ -145,7 +145,7 @@ def read_limits(path: Path) -> Limits:
 
 
 def _is_limit(table: str, value: Any) -> bool:
-    """Whether a value of a limits file is of the form that `LIMIT_TABLES` states."""
+    """Whether a value of a limits file has the form that `LIMIT_TABLES` states."""
     values: list[Any] = value if isinstance(value, list) and table == "range" else [value]
     if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         return False

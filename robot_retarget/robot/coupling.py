@@ -1,6 +1,6 @@
 """Joints that are geared together and chains that close: the equality constraints of an MJCF, and its tendons with hardly any play.
 
-A gear of three joints, as in a waist on a differential, has no equality constraint of its own in MuJoCo: models write
+A gear of three joints, as in a waist on a differential, has no equality constraint in MuJoCo: models write
 it as a tendon of joints whose length may hardly change.
 """
 

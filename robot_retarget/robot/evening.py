@@ -2,7 +2,7 @@
 
 The joint axes of most robots mirror each other exactly; their meshes differ by tenths of a millimetre and more. Toes, hands,
 head and soles are measured on meshes, so each is replaced by the mean of itself and its mirror image. A motion and its
-mirror image then pose the same problem. Sides that differ by more stay as they are.
+mirror image then pose the same problem. Sides that differ by more stay unchanged.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""Where a robot looks: several witnesses vote, each only where it is sure by a margin.
+"""The heading of a robot: several criteria vote, each only if it exceeds a margin.
 
-None of them looks at where a joint is anchored on its axis, which is arbitrary. Up and across (the line through both
-legs or arms) are known; what is asked is which of the two ways across that is forward.
+The criteria do not use the position of a joint's anchor on its axis, which is arbitrary. Up and across (the line
+through both legs or arms) are known; the vote decides which of the two directions normal to them is forward.
 """
 
 from collections.abc import Sequence
@@ -15,51 +15,52 @@ from robot_retarget.robot.limbs import LEFT_WORDS, RIGHT_WORDS, Chain, Pair, arm
 from robot_retarget.robot.links import Axis, Links
 
 FEET = 0.05
-"""Soles reach further ahead of the ankle than behind it by this share of their length, or do not tell."""
+"""Soles vote if they reach further ahead of the ankle than behind it by this share of their length."""
 TOES = 0.05
-"""A joint of toes is ahead of the ankle by this share of the leg."""
+"""Toe joints vote if they are ahead of the ankle by this share of the leg."""
 BEND = 0.15
-"""Knees and elbows bend further one way than the other by this angle, on the average of their range [rad]."""
+"""Knees and elbows vote if they bend further one way than the other by this angle, averaged over their range [rad]."""
 BENT = 0.05
-"""A keyframe bends the knees by this angle [rad]."""
+"""A keyframe votes if it bends the knees by this angle [rad]."""
 ACROSS = 0.5
-"""A direction is forward or backward where its cosine with them is larger: where an elbow moves the hand, where a user says."""
+"""A direction counts as forward or backward if its cosine with them is larger: an elbow's motion of the hand, or a
+user's line."""
 SURE = 2
-"""A majority by so many votes is sure."""
+"""A majority of this number of votes is sure."""
 
 
 @dataclass(frozen=True)
 class Vote:
-    """What one witness says."""
+    """The vote of one criterion."""
 
     witness: str
     sign: int
-    """+1 for the way that was asked about, −1 for the other, 0 where it does not tell."""
+    """+1 for the candidate direction, −1 for the opposite, 0 for an abstention."""
     weight: int = 1
 
 
 @dataclass(frozen=True)
 class Facing:
-    """Which way is forward, and left."""
+    """The forward and left directions."""
 
     forward: Floats
     left: Floats
     notes: tuple[str, ...]
 
     def of(self, pair: Pair) -> dict[str, Chain]:
-        """The left and the right of two limbs."""
+        """Return the left and the right of two limbs."""
         first_is_left = (pair.chains[0].end - pair.chains[1].end) @ self.left > 0
         return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
 
 
 def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, told: Floats | None = None) -> Facing:
-    """Forward by the votes of feet, toes, knees, elbows, a keyframe and names, or as `told` (3,).
+    """Return forward by the votes of feet, toes, knees, elbows, a keyframe and names, or by the given direction (3,).
 
-    The robot stands in its reference pose, and with its soles `flat`. Where nothing tells, or as many say one thing as
-    the other, the model's x axis is forward.
+    `links` is the robot in its reference pose, `flat` with its soles flat. Without votes, or with equal votes for both,
+    the model's x axis is forward.
 
     Raises:
-        MatchError: the robot cannot look where it is told to: its limbs are not to the left and right of that.
+        MatchError: the given direction does not fit: the robot's limbs are not to the left and right of it.
     """
     pair = legs or arms
     assert pair is not None
@@ -102,7 +103,7 @@ def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, acro
 
 
 def _notes(votes: Sequence[Vote], count: int, sign: int) -> tuple[str, ...]:
-    """Who was outvoted by whom, and what is hardly told."""
+    """Describe the outvoted criteria, and decisions with a small majority."""
     won = [v.witness for v in votes if v.sign == sign]
     lost = [v.witness for v in votes if v.sign == -sign]
     if not count:
@@ -128,7 +129,7 @@ def _beyond(value: float, margin: float) -> int:
 
 
 def _names(links: Links, pairs: list[Pair]) -> int:
-    """Whether the first chain of limbs, which lies on the asked-about left, is called left."""
+    """Return the vote of names: +1 if the first chain of limbs, on the candidate left, has a left name."""
     lateral = pairs[0].lateral
     said = 0
     for pair in pairs:
@@ -138,7 +139,7 @@ def _names(links: Links, pairs: list[Pair]) -> int:
 
 
 def _handedness(links: Links, chain: Chain) -> int:
-    """Links named left less links named right; a leading letter counts too (`lfemur`)."""
+    """Return the number of left names minus right names; a leading letter counts too (`lfemur`)."""
     total = 0
     for link in chain.links:
         text = words(links.words(link))
@@ -149,7 +150,7 @@ def _handedness(links: Links, chain: Chain) -> int:
 
 
 def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
-    """Soles, toes and all, reach further ahead of the ankles than behind them."""
+    """Return the vote of soles, toes included: forward is the direction in which they reach further from the ankles."""
     ahead, length = 0.0, 0.0
     for chain in legs.chains:
         ankle = leg_centres(links, chain, legs.lateral).get("ankle")
@@ -162,7 +163,7 @@ def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
 
 
 def _toes(links: Links, legs: Pair, across: Floats) -> int:
-    """The hinges of toes are ahead of the ankles."""
+    """Return the vote of toes: forward is the direction from the ankles to the hinges of toes."""
     ahead = 0.0
     for chain in legs.chains:
         ankle = leg_centres(links, chain, legs.lateral).get("ankle")
@@ -173,7 +174,7 @@ def _toes(links: Links, legs: Pair, across: Floats) -> int:
 
 
 def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
-    """By how much hinge angles (n,) from the reference pose fold the shins backward, the mean of both legs [rad]."""
+    """Return the angle by which hinge angles (n,) from the reference pose fold the shins back, mean of legs [rad]."""
     folded = 0.0
     for chain in legs.chains:
         knee = leg_centres(links, chain, legs.lateral).get("knee")
@@ -184,7 +185,7 @@ def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
 
 
 def _elbows(links: Links, arms: Pair, across: Floats) -> int:
-    """Elbows bring the hands forward."""
+    """Return the vote of elbows, which move the hands forward."""
     forward = 0.0
     for chain in arms.chains:
         centres = arm_centres(links, chain)
@@ -200,13 +201,13 @@ def _elbows(links: Links, arms: Pair, across: Floats) -> int:
 
 
 def _middle_of_range(links: Links) -> Floats:
-    """(n,) the middles of the joints' ranges, counted from the reference pose [rad]."""
+    """Return (n,) the middles of the joints' ranges, relative to the reference pose [rad]."""
     robot = links.robot
     return (robot.lower + robot.upper) / 2 - robot.model.qpos0[robot.qpos_index]
 
 
 def _standing(links: Links) -> Floats:
-    """(n,) the angles of the keyframe in which the robot stands, counted from the reference pose [rad]."""
+    """Return (n,) the angles of the standing keyframe, relative to the reference pose [rad]."""
     robot = links.robot
     return (robot.standing() - robot.model.qpos0)[robot.qpos_index]
 

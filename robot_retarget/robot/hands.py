@@ -18,13 +18,13 @@ LEVEL = 0.2
 
 
 def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, Floats]:
-    """Forward, left and up of a hand that continues its forearm, as columns, (…, 3, 3), of any body.
+    """Return forward, left and up of a hand that continues its forearm, as columns, (…, 3, 3), of any body.
 
     Args:
         shoulder, elbow, hand: (…, 3) [m].
 
     Returns:
-        The frames, and the sine of the angle by which the elbow is bent (…); where it is 0 the turn is arbitrary.
+        The frames, and the sine of the elbow's bend (…); if it is 0, the roll about the forearm is arbitrary.
     """
     along, upper = unit(hand - elbow), unit(elbow - shoulder)
     axis = np.cross(upper, along)

@@ -89,7 +89,7 @@ def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[Any, Any]:
 
 
 class Bodies:
-    """The bodies of a robot as CasADi expressions of q, and how every dof moves what it carries.
+    """The bodies of a robot as CasADi expressions of q, and the motion of points and directions per dof.
 
     With unit rate of its dof, a hinge about the axis a through the anchor c moves a point x by a × (x − c) and turns a
     direction e by a × e; a slide moves points by a.

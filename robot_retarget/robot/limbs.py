@@ -85,7 +85,7 @@ class Pair:
         return float(min(c.end[2] for c in self.chains))
 
     def called(self, links: Links) -> int:
-        """+1 where the limbs are named as arms are, −1 as legs are, 0 where names do not tell."""
+        """Return +1 for limbs with arm names, −1 for leg names, 0 without either."""
         texts = [words(links.words(link)) for link in self.links]
         return int(np.sign(sum(bool(text & ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
 
@@ -103,10 +103,10 @@ def mirrored_pairs(links: Links) -> list[Pair]:
 
 
 def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> Pair | None:
-    """Two chains that mirror each other, ending in the middle of their surfaces.
+    """Return two chains that mirror each other; each ends in the middle of its surface.
 
-    Shapes drawn for one side and used on both do not hide what the hinges show: if need be, the chains end no further
-    aside than their last links have their origins.
+    Some models use shapes drawn for one side on both sides. To find such pairs by their hinges, the chains then end at
+    the lateral position of their last links' origins.
     """
     axes = [tuple(links.axes_along(tail)) for tail in tails]
     if len(axes[0]) != len(axes[1]) or len(axes[0]) < 2:
@@ -226,7 +226,7 @@ def _twists(axis: Axis, start: Axis, end: Axis) -> bool:
 
 
 def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats) -> Centre:
-    """The hip: the point of the flexion axis beside the knee, moved to where other hip axes meet that pass close by."""
+    """Return the hip: `point` on the flexion axis, moved to the intersection with other close hip axes."""
     thigh = knee - point
     length = float(np.linalg.norm(thigh))
     upper = [
@@ -306,7 +306,7 @@ def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
 
 
 def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
-    """The chain without its finger: what begins, beyond the elbow, beside two more chains or is named a finger."""
+    """Return the chain without its finger: a link beyond the elbow with two sibling chains or a finger's name."""
     first = chain.links.index(elbow) + 1
     for count, link in enumerate(chain.links[first:], first):
         palm = chain.links[count - 1]
@@ -317,7 +317,7 @@ def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
 
 
 def _hand(links: Links, chain: Chain, bend: Axis, elbow: Floats) -> Centre:
-    """The wrist where there is one, else four fifths of the way to the end of the arm."""
+    """Return the wrist, if there are wrist axes, else a point four fifths of the way to the end of the arm."""
     axes = chain.axes[chain.axes.index(bend) + 1 :]
     whole = float(np.linalg.norm(chain.end - elbow))
     limb = (chain.end - elbow) / max(whole, 1e-9)
@@ -344,7 +344,7 @@ def said(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
 
 
 def words(name: str) -> set[str]:
-    """The words of a name: split at case changes, digits and signs; also with a leading side letter taken off."""
+    """Return the words of a name: split at case changes, digits and signs; also without a leading side letter."""
     parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)
     low = {p.lower() for p in parts}
     joined = {"".join(p.lower() for p in parts[i : i + 2]) for i in range(len(parts) - 1)}

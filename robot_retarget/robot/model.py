@@ -55,9 +55,9 @@ class Robot:
     """Ids of the joints that carry the whole robot: one free joint, up to six single ones, or none."""
     notes: tuple[str, ...] = ()
     freed: Quaternion | None = None
-    """Where its root is a free joint that its file lacks: how it is turned against the file in the reference pose."""
+    """Rotation in the reference pose, relative to the file, of a robot with an added free joint."""
     servo_map: ServoMap | None = None
-    """The servos that turn its hinges, where they are known."""
+    """The servos that turn its hinges, if known."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):
@@ -89,17 +89,17 @@ class Robot:
         }
 
     def spec(self) -> mujoco.MjSpec:
-        """The model's specification afresh, to be changed and compiled; the numbers of bodies and joints are the model's."""
+        """Return a new specification, to be changed and compiled; body and joint numbers are the model's."""
         return read_spec(self.path, self.freed)
 
     @cached_property
     def qpos_index(self) -> Ints:
-        """(n,) where each hinge stands in qpos."""
+        """(n,) index of each hinge in qpos."""
         return frozen(self.model.jnt_qposadr[self.joint_ids], np.int64)
 
     @cached_property
     def dof_index(self) -> Ints:
-        """(n,) where each hinge stands in qvel."""
+        """(n,) index of each hinge in qvel."""
         return frozen(self.model.jnt_dofadr[self.joint_ids], np.int64)
 
     @property
@@ -142,11 +142,11 @@ def robot_from_model(
 ) -> Robot:
     """Read the joints of a compiled model.
 
-    `limits` fills what an MJCF lacks, as read from a limits file (`catalog.read_limits`): tables `range`
-    {joint: [lower, upper]} [rad], `speed` {joint: rad/s} and `torque` {joint: N m}; the key `*` stands for all joints.
+    `limits` adds values that an MJCF lacks, from a limits file (`catalog.read_limits`): tables `range` {joint: [lower,
+    upper]} [rad], `speed` {joint: rad/s} and `torque` {joint: N m}; the key `*` applies to all joints.
 
     Raises:
-        RobotError: no hinges, a ball joint, or a limit for a joint that is not there.
+        RobotError: no hinges, a ball joint, or a limit for an absent joint.
     """
     root = _root_joints(model)
     hinges = [j for j in range(model.njnt) if model.jnt_type[j] == HINGE and j not in root]

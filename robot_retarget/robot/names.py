@@ -66,7 +66,7 @@ def resolved(name: str, entries: Mapping[str, str]) -> str | None:
 
 
 def _called(module: str, maker: str) -> Iterable[str]:
-    """What a robot is called: `booster_t1`, `t1`."""
+    """Return the names of a robot: `booster_t1`, `t1`."""
     stem = _stem(module)[0]
     bare = stem.removeprefix(f"{maker}_") if maker else stem
     return {stem, bare, f"{maker}_{bare}"}

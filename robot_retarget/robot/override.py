@@ -19,18 +19,18 @@ from robot_retarget.robot.soles import flat_footed
 FARTHEST = 10.0
 """A keypoint farther from its body is a mistake [m]."""
 FORWARD = "forward"
-"""The line that says where the robot looks."""
+"""The line that sets the robot's heading."""
 
 
 def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     """Recognise a robot, given the table `[robot]` of a map file.
 
-    The line `forward = [x, y, z]` says where the robot looks in its reference pose; left and right follow. Lines
-    `keypoint = ["body", x, y, z]` replace keypoints (`override`). A table of all keypoints is used even if nothing is
-    recognised.
+    The line `forward = [x, y, z]` sets the robot's heading in its reference pose; left and right follow. Lines
+    `keypoint = ["body", x, y, z]` replace keypoints (`override`). A table of all keypoints applies even if recognition
+    fails.
 
     Raises:
-        MatchError: Nothing is recognised and the table lacks a keypoint, or a line is not of these forms.
+        MatchError: recognition fails and the table lacks a keypoint, or a line is not of these forms.
     """
     lines = {keypoint: line for keypoint, line in table.items() if keypoint != FORWARD}
     forward = _told(table[FORWARD]) if FORWARD in table else None

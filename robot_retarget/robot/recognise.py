@@ -1,7 +1,7 @@
-"""Find a humanoid in a model: which point of which body is which keypoint, without a file by hand.
+"""Find a humanoid in a model: the body and the point of each keypoint, without a manual file.
 
-Evidence comes from the tree (mirrored pairs of chains), from geometry (flexion axes, meeting points of axes, what
-stands on the floor) and from names, in this order; each keypoint says how sure it is and why.
+Evidence comes from the tree (mirrored pairs of chains), from geometry (flexion axes, intersections of axes, contacts
+with the floor) and from names, in this order; each keypoint has a confidence and its evidence.
 """
 
 from dataclasses import dataclass, replace
@@ -34,24 +34,24 @@ from robot_retarget.robot.soles import flat_footed, sole, tread
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
 HEAD_OVER = 0.3
-"""A trunk of one piece ends in a head where it stands over the shoulders by this share of their height over the pelvis."""
+"""A trunk of one piece ends in a head if it exceeds the shoulders by this share of their height over the pelvis."""
 NECK = 0.3
-"""A neck whose hinges do not tell where it begins is this share of the way from the shoulders to the head."""
+"""Default position of a neck without usable hinges, as a share of the way from the shoulders to the head."""
 KEPT = 4
-"""Robots whose anatomy is remembered: recognition takes half a second and several stages ask for it."""
+"""Number of cached anatomies: recognition takes half a second and several stages need it."""
 APART = 1.0
-"""Arms on the world that begin farther apart than this share of their reach belong to no trunk."""
+"""Arms on the world that start farther apart than this share of their reach belong to no trunk."""
 UNSURE = 0.3
-"""Greatest confidence in a keypoint, other than a hand, on a finger or gripper."""
+"""Largest confidence in a keypoint, other than a hand, on a finger or gripper."""
 LEGS_BELOW = 0.35
-"""Legs begin below this share of the trunk's height, head included, arms above it."""
+"""Legs start below this share of the trunk's height, head included, arms above it."""
 
 
 def recognise(robot: Robot, forward: Floats | None = None) -> Anatomy:
     """Find pelvis, trunk, head, arms and legs of a robot, and its soles.
 
     Args:
-        forward: (3,) where the robot looks in its reference pose, where that is known better than by `facing`.
+        forward: (3,) the robot's heading in its reference pose, if known; by default `facing` determines it.
 
     Raises:
         MatchError: the model is no humanoid; the message says why.
@@ -84,7 +84,7 @@ def _anatomy(robot: Robot, forward: Floats | None) -> Anatomy:
 
 
 def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
-    """The pair with three hinges or more each whose ends are lowest, of those that are legs by name or by the trunk."""
+    """Return the lowest pair with three hinges or more per chain, among the legs by name or by the trunk."""
     limbs = {link for pair in pairs for link in pair.links}
     trunk = np.concatenate([links.surface(x)[:, 2] for x in links.ids if x not in limbs])
     long = [p for p in pairs if min(len(c.axes) for c in p.chains) >= 3 and p.lowest < p.height]
@@ -97,13 +97,13 @@ def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
 
 
 def _hang(pair: Pair, trunk: Floats) -> int:
-    """−1 where limbs begin low on the trunk, heights (P,) [m], or end far below it, as legs do; +1 otherwise, as arms do."""
+    """Return −1 for legs, which start low on the trunk, heights (P,) [m], or end far below it; +1 for arms."""
     low = pair.height < trunk.min() + LEGS_BELOW * np.ptp(trunk)
     return -1 if low or pair.lowest < trunk.min() - pair.chains[0].reach / 2 else 1
 
 
 def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
-    """The pair of the longest chains that begin above the legs."""
+    """Return the pair of the longest chains that start above the legs."""
     taken = legs.links if legs else set[int]()
     free = [p for p in pairs if p.called(links) >= 0 and not taken & p.links]
     if legs:
@@ -130,7 +130,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
 
 
 def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
-    """Refuse two arms that are bolted to the world so far apart that there is no trunk between them."""
+    """Refuse two arms on the world that are too far apart for a trunk between them."""
     apart = float(np.linalg.norm(arms.chains[0].start - arms.chains[1].start))
     if arms.carrier == 0 and apart > APART * max(chain.reach for chain in arms.chains):
         raise MatchError(
@@ -139,11 +139,11 @@ def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
 
 
 def assemble(poses: tuple[Links, Links], spots: dict[str, Spot], sides: Facing) -> Anatomy:
-    """Complete the keypoints that were found to an anatomy: toes, soles, and how each segment is turned.
+    """Complete the found keypoints to an anatomy: toes, soles, and the frame of each segment.
 
     Args:
-        poses: The links in the reference pose, and with level soles.
-        spots: The keypoints; toes are added for each ankle that has none.
+        poses: the links in the reference pose, and with level soles.
+        spots: the keypoints; each ankle without a toe gets one.
     """
     links, standing = poses
     feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
@@ -160,13 +160,13 @@ def assemble(poses: tuple[Links, Links], spots: dict[str, Spot], sides: Facing) 
 
 
 def _evened(links: Links, spots: dict[str, Spot], left: Floats) -> dict[str, Spot]:
-    """The spots where both sides of the robot, meant to be alike, have them."""
+    """Return the spots at their symmetric places on both sides of the robot."""
     places = evened({k: _world(links, spot) for k, spot in spots.items()}, left)
     return {k: replace(spot, offset=links.local(spot.body, places[k])) for k, spot in spots.items()}
 
 
 def _doubted(links: Links, keypoint: str, spot: Spot) -> Spot:
-    """The spot, no surer than `UNSURE` on a finger or gripper; hands may be there."""
+    """Return the spot with a confidence of at most `UNSURE` on a finger or gripper; hands may be there."""
     grasps = words(links.words(int(links.weld[spot.body]))) & GRASP_WORDS
     if keypoint.endswith("hand") or not grasps:
         return spot
@@ -199,7 +199,7 @@ def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: s
 
 
 def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
-    """Pelvis between the hips, chest a little under the shoulders, neck and head above."""
+    """Return the pelvis between the hips, the chest slightly below the shoulders, and neck and head above."""
     lower = legs.carrier if legs else links.root
     used = {link for pair in (legs, arms) if pair for limb in pair.limbs for link in links.links_of(limb)}
     upper = arms.carrier if arms else _armless_trunk(links, used)
@@ -221,14 +221,14 @@ def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, 
 
 
 def _armless_trunk(links: Links, used: set[int]) -> int:
-    """The last link on the way up that is named a trunk, the root if none is."""
+    """Return the last link on the way up with a trunk name, else the root."""
     named = [x for x in links.ids if x not in used and words(links.words(x)) & TRUNK_WORDS]
     return max(named, key=lambda x: len(links.path(x)), default=links.root)
 
 
 @dataclass(frozen=True, eq=False)
 class _Top:
-    """What is taken for a head: points (N, 3) of a link, how that is known, and where it is joined to the trunk, if it is."""
+    """A head candidate: points (N, 3) of a link, the evidence, and the joint to the trunk, if any."""
 
     link: int
     cloud: Floats
@@ -238,7 +238,7 @@ class _Top:
 
 
 def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: Floats, arms: bool) -> dict[str, Spot]:
-    """The head by name, else the topmost link above the shoulders, else the top of the trunk itself."""
+    """Return the head by name, else the topmost link above the shoulders, else the top of the trunk."""
     height = float(shoulders[2] - pelvis[2])
     free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
     free = [x for x in free if not words(links.words(x)) & GRASP_WORDS]
@@ -256,7 +256,7 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
 
 
 def _topmost(links: Links, trunk: int, free: list[int], shoulders: Floats) -> _Top:
-    """The highest of those links that are named a head, of all if none is."""
+    """Return the highest link with a head name, else the highest of all."""
     named = [x for x in free if words(links.words(x)) & HEAD_WORDS]
     link = max(named or free, key=lambda x: links.surface(x)[:, 2].max())
     cloud = links.surface(link)
@@ -267,7 +267,7 @@ def _topmost(links: Links, trunk: int, free: list[int], shoulders: Floats) -> _T
 
 
 def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _Top | None:
-    """The highest geom of the trunk, if it stands over the shoulders, or the upper half of what of one geom does."""
+    """Return the highest geom of the trunk above the shoulders, or the upper half of a single geom above them."""
     geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
     above = [p for p in map(links.geom_points, geoms) if box_middle(p)[2] > shoulders[2] + 0.1 * height]
     if above:
@@ -281,14 +281,14 @@ def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _T
 
 
 def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
-    """1 when the shape stands aside of the trunk (an arm's cover taken for a head), else 0."""
+    """Return 1 if the shape is far off the trunk's axis (an arm's cover instead of a head), else 0."""
     return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
 def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: Facing) -> dict[str, tuple[int, Floats]]:
-    """Each segment's body with its forward, left and up; a head that cannot turn against the chest has none.
+    """Return each segment's body with its forward, left and up; a head fixed to the chest has none.
 
-    Feet are read where they stand flat, the rest in the reference pose.
+    Feet have their frames from the flat stance, other segments from the reference pose.
     """
     world = np.stack([sides.forward, sides.left, [0.0, 0.0, 1.0]], axis=1)
     segments = {"pelvis": "pelvis", "chest": "chest", "head": "head"}
@@ -304,7 +304,7 @@ def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: Facing
 
 
 def _hands(links: Links, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]]:
-    """The hands that can be turned any way, as they continue their forearms."""
+    """Return the frames of hands with three-axis rotation, as continuations of their forearms."""
     arms = {s: [spots[f"{s}_{k}"] for k in ARM] for s in "lr" if f"{s}_elbow" in spots}
     robot = links.robot
     pose = robot.neutral()

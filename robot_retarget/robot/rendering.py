@@ -14,7 +14,7 @@ OTHER_SYSTEMS = {"Windows": ("wgl",), "Darwin": ("cgl",)}
 
 
 def require_usable_gl() -> None:
-    """Drop a value of MUJOCO_GL that cannot work here, with a warning; rendering then selects a back end by itself."""
+    """Remove an unusable value of MUJOCO_GL, with a warning; rendering then selects a back end automatically."""
     asked = os.environ.get(VARIABLE, "").lower().strip()
     reason = unusable(asked, platform.system())
     if reason:
@@ -23,7 +23,7 @@ def require_usable_gl() -> None:
 
 
 def unusable(asked: str, system: str) -> str:
-    """Why a value of MUJOCO_GL cannot be used on a system; empty if it can."""
+    """Return the reason that a value of MUJOCO_GL cannot be used on a system; empty if it can."""
     if asked in (*OFF, *ON, *OTHER_SYSTEMS.get(system, ())):
         return ""
     library = LIBRARIES.get(asked) if system == "Linux" else None

@@ -1,4 +1,4 @@
-"""The servos that turn a robot's joints, and what they let be planned."""
+"""The servos that turn a robot's joints, and the limits that they set on planned motions."""
 
 from dataclasses import replace
 
@@ -10,10 +10,10 @@ from robot_retarget.servo.map import ServoMap
 
 
 def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
-    """The robot on the servos of a map: no range is wider and no speed greater than its goals may have.
+    """Return the robot on the servos of a map: ranges and speeds are limited to those of its goals.
 
     Raises:
-        RobotError: a joint has no servo, or none of its range is within that of its servo.
+        RobotError: a joint has no servo, or its range does not overlap that of its servo.
     """
     bare = [joint for joint in robot.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
     if bare:

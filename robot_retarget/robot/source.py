@@ -1,4 +1,4 @@
-"""Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader, with a free joint added if it is missing."""
+"""Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader; add a missing free joint."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -13,32 +13,32 @@ from robot_retarget.errors import RobotError
 Quaternion = tuple[float, float, float, float]
 """w x y z."""
 URDF_READER = {
-    "strippath": "false",  # meshes are told by whole paths
+    "strippath": "false",  # keep whole mesh paths
     "fusestatic": "false",  # links on fixed joints stay bodies
     "discardvisual": "false",
     "balanceinertia": "true",  # exporters round
     "boundmass": "1e-6",
     "boundinertia": "1e-9",
 }
-"""How MuJoCo is to read a URDF."""
+"""Options of MuJoCo's URDF reader."""
 MESHES = (".stl", ".obj", ".msh")
-"""What MuJoCo reads."""
+"""Mesh formats that MuJoCo reads."""
 SHAPES = ("visual", "collision")
 HINGES = ("revolute", "continuous")
 UP = 5
-"""Meshes of a package are looked for in so many folders over the URDF's."""
+"""Number of folders above the URDF's in which meshes of a package are searched."""
 FREE_JOINT = "free_root"
 
 
 def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
-    """The specification of a model.
+    """Return the specification of a model.
 
     Args:
-        path: of an MJCF or a URDF.
-        freed: turn the robot so, and give it a free joint where the file has none (`set_free`).
+        path: path of an MJCF or a URDF.
+        freed: rotation of the robot; the robot also gets a free joint if the file has none (`set_free`).
 
     Raises:
-        RobotError: the file is no model; says where and why.
+        RobotError: the file is no model; the message gives the place and the reason.
     """
     try:
         spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
@@ -52,7 +52,7 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
 
 
 def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Bodies on ball joints that carry no other joint: the passive rods of closed chains."""
+    """Return bodies on ball joints that carry no other joint: the passive rods of closed chains."""
     ball, found = mujoco.mjtJoint.mjJNT_BALL, []
     for joint in spec.joints:
         body = joint.parent
@@ -63,19 +63,19 @@ def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
 
 
 def rod_notes(path: Path) -> tuple[str, ...]:
-    """Which rods of an MJCF are left out."""
+    """Describe the omitted rods of an MJCF."""
     names = [] if is_urdf(path) else [rod.name for rod in rods(mujoco.MjSpec.from_file(str(path)))]
     return (f"rods on ball joints left out, with the loops they close: {_some(names)}",) if names else ()
 
 
 def _some(names: list[str]) -> str:
-    """The first names of a list, and the number of the rest."""
+    """Return the first names of a list, and the number of the rest."""
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     return f"{', '.join(names[:4])}{more}"
 
 
 def is_urdf(path: Path) -> bool:
-    """Whether a model file is a URDF, by the first of its elements."""
+    """Whether a model file is a URDF, by its first element."""
     if path.suffix.lower() == ".urdf":
         return True
     try:
@@ -85,7 +85,7 @@ def is_urdf(path: Path) -> bool:
 
 
 def urdf_spec(path: Path) -> mujoco.MjSpec:
-    """A URDF by MuJoCo's reader, its meshes found, and those that are not found or not readable left out."""
+    """Read a URDF with MuJoCo's reader; find its meshes, and omit those that are absent or not readable."""
     tree = ET.parse(path).getroot()
     folder = _compiler(tree).attrib.pop("meshdir", "")
     _compiler(tree).attrib.update(URDF_READER)
@@ -99,7 +99,7 @@ def urdf_spec(path: Path) -> mujoco.MjSpec:
 
 
 def urdf_notes(path: Path) -> tuple[str, ...]:
-    """What of a URDF is left out."""
+    """Describe the omitted parts of a URDF."""
     tree = ET.parse(path).getroot()
     folder = _compiler(tree).attrib.get("meshdir", "")
     lost = [
@@ -113,7 +113,7 @@ def urdf_notes(path: Path) -> tuple[str, ...]:
 
 
 def urdf_speeds(path: Path) -> dict[str, float]:
-    """The joints' speed limits in a URDF, which MuJoCo has no place for [rad/s]."""
+    """Return the joints' speed limits in a URDF, which MuJoCo does not store [rad/s]."""
     hinges = [j for j in ET.parse(path).getroot().iter("joint") if j.get("type") in HINGES]
     joints = {joint.get("name", ""): joint.find("limit") for joint in hinges}
     speeds = {name: float(limit.get("velocity", 0)) for name, limit in joints.items() if limit is not None}
@@ -121,9 +121,9 @@ def urdf_speeds(path: Path) -> dict[str, float]:
 
 
 def mesh_file(urdf: Path, folder: str, name: str) -> Path | None:
-    """The file a URDF means by a name: `package://…` is looked for in the folders over the URDF's.
+    """Return the file for a name in a URDF; `package://…` is searched in the folders above the URDF's.
 
-    A mesh of a kind that MuJoCo does not read is replaced by a file of the same name of another kind beside it.
+    A mesh in an unsupported format is replaced by a file of the same name in a supported format next to it.
     """
     bare = name.partition("://")[2] or name
     parts = Path(bare).parts
@@ -137,9 +137,9 @@ def mesh_file(urdf: Path, folder: str, name: str) -> Path | None:
 
 
 def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
-    """Turn the first body of the world that carries a joint, and give it a free joint where it is bolted to the world.
+    """Turn the first body of the world that carries a joint, and give it a free joint if it is fixed to the world.
 
-    Keyframes begin where it is; those of a body that is free already say themselves how it is turned.
+    Keyframes start at its pose; keyframes of a body that is free already include its rotation.
     """
     model = spec.compile()
     first, address = int(model.body_rootid[model.jnt_bodyid[0]]), int(model.jnt_qposadr[0])
@@ -156,7 +156,7 @@ def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
 
 
 def _compiler(tree: ET.Element) -> ET.Element:
-    """The element by which a URDF speaks to MuJoCo; made where it is not there."""
+    """Return the element with MuJoCo's options in a URDF; add it if it is absent."""
     own = tree.find("mujoco")
     own = ET.SubElement(tree, "mujoco") if own is None else own
     compiler = own.find("compiler")
@@ -164,7 +164,7 @@ def _compiler(tree: ET.Element) -> ET.Element:
 
 
 def _mesh_shapes(tree: ET.Element) -> Iterator[tuple[ET.Element, str, ET.Element, ET.Element]]:
-    """Every shape of a link that is a mesh: the link, what it is for, the shape, the mesh."""
+    """Yield every mesh shape of a link: the link, its purpose, the shape, the mesh."""
     for link in tree.iter("link"):
         for kind in SHAPES:
             for shape in link.findall(kind):

@@ -30,6 +30,6 @@ def check(found: str) -> None:
 
 
 def _numbers(found: str) -> tuple[int, ...]:
-    """The first two numbers of a version; what is no number counts as new."""
+    """Return the first two numbers of a version; other text counts as new."""
     parts = found.split(".")[:2]
     return tuple(int(part) if part.isdigit() else 10**6 for part in parts)
