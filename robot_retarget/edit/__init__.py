@@ -1,4 +1,4 @@
-"""What a person changes by hand: wishes for a touch-up, and where a trajectory is cut, mirrored, repeated and joined."""
+"""Manual changes: edits of a trajectory's graph, and cutting, mirroring, repeating and joining of trajectories."""
 
 from robot_retarget.edit.cuts import joined as joined
 from robot_retarget.edit.cuts import mirrored as mirrored

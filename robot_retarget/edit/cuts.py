@@ -1,12 +1,12 @@
-"""Trajectories cut, mirrored, repeated and joined, with seams that no eye finds.
+"""Cut, mirror, repeat and join trajectories, with seams that are invisible.
 
-At a seam the next trajectory b is turned about the vertical and moved to where the one before, a, would go on. What is
-left of their difference, in position d = a ⊖ b and in velocity v = ȧ − ḃ, is added to b and fades over the time s:
+At a seam the next trajectory b is turned about the vertical and moved to the continuation of the one before, a. Their
+remaining difference, in position d = a ⊖ b and in velocity v = ȧ − ḃ, is added to b and fades over the time s:
 
     o(u) = d (1 − 10u³ + 15u⁴ − 6u⁵) + v s (u − 6u³ + 8u⁴ − 3u⁵),     u = t/s in [0, 1],
 
-so that position and velocity go on at the seam and position, velocity and acceleration of b are reached at its end.
-⊕ and ⊖ are those of the robot's velocity space (`robot.kinematics`).
+so that position and velocity are continuous at the seam, and position, velocity and acceleration equal those of b at
+its end. ⊕ and ⊖ are those of the robot's velocity space (`robot.kinematics`).
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,14 @@ from robot_retarget.robot.timing import require_same_robot, resample
 from robot_retarget.trajectory import Trajectory
 
 SEAM = 0.4
-"""A seam fades over this time unless told otherwise [s]: that of a quick step."""
+"""Default duration of a seam [s]: that of a quick step."""
 
 
 def trimmed(trajectory: Trajectory, start: float = 0.0, stop: float | None = None) -> Trajectory:
-    """The frames from `start` to `stop`, both within, without goals [s].
+    """Return the frames from `start` to `stop`, both inclusive, without goals [s].
 
     Raises:
-        UsageError: nothing is left, or the times are not within the trajectory.
+        UsageError: no frame remains, or the times are not within the trajectory.
     """
     end = trajectory.duration if stop is None else stop
     if not 0 <= start <= end <= trajectory.duration + 1e-9:
@@ -43,11 +43,11 @@ def trimmed(trajectory: Trajectory, start: float = 0.0, stop: float | None = Non
 
 
 def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
-    """Left for right, in the upright plane in which the robot faces at first, without goals.
+    """Return the mirror image of a trajectory, in the vertical plane of the robot's first heading, without goals.
 
     Raises:
-        TrajectoryError: it belongs to another robot, or the robot has a hinge without a counterpart.
-        MatchError: the robot's left is not known, for it is no humanoid.
+        TrajectoryError: the trajectory belongs to another robot, or the robot has a hinge without a counterpart.
+        MatchError: the robot's left is unknown, because it is no humanoid.
     """
     require_same_robot(trajectory, robot)
     mirror = mirror_of(robot, np.cross([0.0, 0.0, 1.0], recognise(robot).forward))
@@ -63,7 +63,7 @@ def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
 
 
 def _reflected(root: Floats, left: Floats) -> Floats:
-    """Free joints (T, 7) seen in the upright plane of the first one's front: R ↦ M R m, m the mirror of its own axes."""
+    """Return free joints (T, 7) mirrored in the vertical plane of the first heading: R ↦ M R m, m in its own axes."""
     turns = Rotation.from_quat(root[:, 3:], scalar_first=True)
     across = turns[0].apply(left) * [1, 1, 0]
     across /= np.linalg.norm(across)
@@ -74,10 +74,10 @@ def _reflected(root: Floats, left: Floats) -> Floats:
 
 
 def repeated(trajectory: Trajectory, robot: Robot, times: int, seam: float = SEAM) -> Trajectory:
-    """The trajectory so many times in a row, each going on where the one before ended: a walk walks on.
+    """Return the trajectory repeated `times` times; each repetition continues at the end of the one before.
 
     Raises:
-        UsageError, TrajectoryError: as `joined`; fewer than one time.
+        UsageError, TrajectoryError: as `joined`; `times` below one.
     """
     if times < 1:
         raise UsageError(f"a trajectory is repeated at least once, got {times}")
@@ -85,10 +85,10 @@ def repeated(trajectory: Trajectory, robot: Robot, times: int, seam: float = SEA
 
 
 def joined(trajectories: Sequence[Trajectory], robot: Robot, seam: float = SEAM) -> Trajectory:
-    """Trajectories one after the other, at the rate of the first, without goals.
+    """Return trajectories one after the other, at the rate of the first, without goals.
 
     Args:
-        seam: time over which the difference at a seam fades [s]; shorter trajectories have it within their length.
+        seam: duration of a seam [s]; at most the length of the trajectory after it.
 
     Raises:
         UsageError: nothing to join, or a seam that is not positive.
@@ -109,7 +109,7 @@ def joined(trajectories: Sequence[Trajectory], robot: Robot, seam: float = SEAM)
 
 
 def _following(before: Floats, qpos: Floats, robot: Robot, fps: float, seam: float) -> Floats:
-    """Configurations (T, nq) set where those before go on, and blended into them."""
+    """Return configurations (T, nq) placed at the continuation of those before, and blended into them."""
     still = np.zeros(robot.model.nv)
     pace = difference(robot, before[-2], before[-1]) if len(before) > 1 else still
     goes_on = integrate(robot, before[-1], pace)
@@ -127,7 +127,7 @@ def _following(before: Floats, qpos: Floats, robot: Robot, fps: float, seam: flo
 
 
 def _placed(qpos: Floats, start: Floats, robot: Robot) -> Floats:
-    """Configurations turned about the vertical and moved along the floor so that they begin where `start` is."""
+    """Return configurations turned about the vertical and moved along the floor so that they start at `start`."""
     place = slice(robot.root_address, robot.root_address + 3)
     turn = slice(robot.root_address + 3, robot.root_address + 7)
     there, here = (Rotation.from_quat(q[turn], scalar_first=True) for q in (start, qpos[0]))
@@ -140,6 +140,6 @@ def _placed(qpos: Floats, start: Floats, robot: Robot) -> Floats:
 
 
 def _yaw(turn: Rotation) -> float:
-    """The part of a rotation about the vertical [rad]: 2 atan2(z, w)."""
+    """Return the part of a rotation about the vertical [rad]: 2 atan2(z, w)."""
     _, _, z, w = turn.as_quat()
     return 2 * float(np.arctan2(z, w))

@@ -1,4 +1,4 @@
-"""A trajectory under touch-up: edits made one after the other, undone, done again, and kept in a file."""
+"""A trajectory under touch-up: edits in order, with undo and redo, saved in a file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +14,7 @@ from robot_retarget.trajectory import Trajectory
 
 
 def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: str | Path | None = None) -> Graph:
-    """The graph of a motion in step with a trajectory that was made of it, frame by frame.
+    """Return the graph of a motion, sampled at the frames of a trajectory of that motion.
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
@@ -24,10 +24,10 @@ def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: st
 
 
 class Session:
-    """What was made of a trajectory so far. Every state is kept, so that to undo and to do again gives the same bytes."""
+    """All states of a trajectory under touch-up; every state is kept, so undo and redo give the same bytes."""
 
     def __init__(self, graph: Graph, trajectory: Trajectory, edits_file: Path, trajectory_file: Path):
-        """Begin with a trajectory as it is; both files are written by `save`, and not before."""
+        """Start with an unchanged trajectory; only `save` writes the two files."""
         self._states = [(graph, trajectory)]
         self._edits: list[Edit] = []
         self._files = edits_file, trajectory_file
@@ -37,21 +37,21 @@ class Session:
 
     @property
     def trajectory(self) -> Trajectory:
-        """As it is now."""
+        """The present trajectory."""
         return self._states[self._at][1]
 
     @property
     def before(self) -> Trajectory | None:
-        """As it was before the latest edit."""
+        """The trajectory before the latest edit."""
         return self._states[self._at - 1][1] if self._at else None
 
     @property
     def edits(self) -> list[Edit]:
-        """Those that count now, in order."""
+        """The edits in effect, in order."""
         return self._edits[: self._at]
 
     def make(self, table: Mapping[str, Any]) -> None:
-        """Add an edge, given by the keys of its table in EDITS.toml; edits undone before are forgotten.
+        """Add an edge, given by the keys of its table in EDITS.toml; undone edits are discarded.
 
         Raises:
             GraphError: the graph refuses it.
@@ -63,35 +63,35 @@ class Session:
         self._at += 1
 
     def undo(self) -> None:
-        """Take the latest edit back.
+        """Undo the latest edit.
 
         Raises:
-            UsageError: there is none.
+            UsageError: no edit is left.
         """
         if not self._at:
             raise UsageError("nothing to undo")
         self._at -= 1
 
     def redo(self) -> None:
-        """Make the edit again that was undone last.
+        """Redo the last undone edit.
 
         Raises:
-            UsageError: there is none.
+            UsageError: no undone edit is left.
         """
         if self._at + 1 == len(self._states):
             raise UsageError("nothing to do again")
         self._at += 1
 
     def save(self) -> tuple[Path, Path]:
-        """Write the edits and the trajectory; where they are.
+        """Write the edits and the trajectory; return both paths.
 
         Raises:
-            OutputError: one cannot be written.
+            OutputError: a file cannot be written.
         """
         return write_edits(self.edits, self._files[0]), self.trajectory.save(self._files[1])
 
     def told(self) -> dict[str, Any]:
-        """How it stands, for a page."""
+        """Return the state of the session, for a page."""
         seconds = None if self.last is None else round(self.last.seconds, 3)
         reached = "" if self.last is None else "; ".join([self.last.reached, *self.last.own_unmet])
         return {
