@@ -1,10 +1,10 @@
-"""The feedback law: goals lean against what the trunk leans more, and turns faster, than the plan says.
+"""The feedback law: the goals of joints oppose the trunk's excess tilt and excess rate over the plan.
 
-    e_θ = θ − θ*,   e_ω = ω − ω*                            roll and pitch of the root body, measured less planned
-    d   = clip(s (K_ω e_ω + K_θ e_θ), ±bound)               s fades in at the start and out on a sensor's fault
+    e_θ = θ − θ*,   e_ω = ω − ω*                            roll and pitch of the root body, measured minus planned
+    d   = clip(s (K_ω e_ω + K_θ e_θ), ±bound)               s fades in at the start and out at a sensor fault
     u   = q* + d                                            d no faster than `speed`, u inside range and top speed
 
-The reference θ*, ω* is that of the row the reading is from: `lag` rows ago.
+The reference θ*, ω* is that of the reading's row, `lag` rows ago.
 """
 
 from collections.abc import Mapping
@@ -20,12 +20,12 @@ from robot_retarget.feedback.fusion import Fusion
 from robot_retarget.feedback.reading import Reading
 
 PREFIX = "feedback_"
-"""Of the keys in the trajectory file."""
+"""Prefix of the keys in the trajectory file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """Everything the law needs besides readings; kept with the goals that were judged."""
+    """All parameters of the law; stored with the goals that were judged."""
 
     rate: Floats
     """(n, 2) added angle of each joint per excess speed in roll and pitch [s]."""
@@ -39,11 +39,11 @@ class Feedback:
     bound: float
     """[rad]."""
     speed: float
-    """Of what is added [rad/s]."""
+    """Largest rate of the added angle [rad/s]."""
     top_speed: float
-    """Of a goal [rad/s]."""
+    """Largest speed of a goal [rad/s]."""
     lag: int
-    """Rows by which a reading comes late."""
+    """Delay of a reading in rows."""
     fusion: float
     """[s]; see `Fusion`."""
     fade: float
@@ -63,12 +63,12 @@ class Feedback:
                 raise TrajectoryError(f"{PREFIX}{name} must be finite numbers of shape {shape}, got {value.shape}")
 
     def of(self, order: Ints | list[int]) -> "Feedback":
-        """The same for other joints, by their places."""
+        """Return the same for other joints, by their indices."""
         names = ("rate", "tilt", "lower", "upper", "crouch")
         return replace(self, **{name: getattr(self, name)[order] for name in names})
 
     def arrays(self) -> dict[str, Any]:
-        """The keys of the trajectory file."""
+        """Return the keys of the trajectory file."""
         return {PREFIX + field.name: getattr(self, field.name) for field in fields(self)}
 
 
@@ -76,19 +76,19 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",),
     "reference": ("N", 4), "stop": (2,),
 }  # fmt: skip
-"""Of the arrays: N goals of n joints."""
+"""Shapes of the arrays: N goals of n joints."""
 FIELDS = {
     PREFIX + field.name: Field("number", SHAPES.get(field.name, ()), required=False) for field in fields(Feedback)
 }
-"""Of the trajectory file."""
+"""Fields of the trajectory file."""
 KEYS = tuple(FIELDS)
 
 
 def read_feedback(values: Mapping[str, Any]) -> Feedback | None:
-    """The feedback among the keys of a trajectory file, or None where it has none.
+    """Return the feedback among the keys of a trajectory file, or None without any.
 
     Raises:
-        TrajectoryError: a key is missing, or the numbers are not as they must be.
+        TrajectoryError: a key is missing, or the numbers are invalid.
     """
     there = [key for key in KEYS if key in values]
     if not there:
@@ -106,7 +106,7 @@ class Law:
 
     Args:
         feedback: gains, bounds and the planned tilt.
-        dt: between two ticks [s].
+        dt: time between two ticks [s].
     """
 
     def __init__(self, feedback: Feedback, dt: float) -> None:
@@ -114,16 +114,16 @@ class Law:
         self._fusion = Fusion(feedback.fusion)
         self._share, self._goal = 0.0, np.zeros(0)
         self.added = np.zeros(len(feedback.lower))
-        """(n,) what the law last wanted added [rad]."""
+        """(n,) the angle added to the goals [rad]."""
         self.excess = np.zeros(4)
-        """Roll, pitch [rad] and their speeds [rad/s], measured less planned."""
+        """Roll, pitch [rad] and their speeds [rad/s], measured minus planned."""
         self.trusted = True
-        """Whether readings may act; once they may not, additions fade out."""
+        """Whether readings may act; after a fault, additions fade out."""
         self.stopped = False
-        """Whether the robot leaned beyond where feedback helps; from then on it goes to its crouch."""
+        """Whether the robot leaned beyond the range of the feedback; it then moves to its crouch."""
 
     def step(self, row: int, plan: Floats, reading: Reading | None) -> Floats:
-        """The goals (n,) [rad] to send for planned ones; without a reading what was added stays as it is."""
+        """Return the goals (n,) [rad] to send for planned ones; without a reading the added angle stays."""
         if reading is not None:
             self._measure(row, reading)
         if reading is not None or not self.trusted:

@@ -1,4 +1,4 @@
-"""Whether an inertial sensor can be believed: before a motion at rest, and at every tick."""
+"""Fault checks of an inertial sensor: before a motion at rest, and at every tick."""
 
 from collections.abc import Sequence
 
@@ -9,17 +9,17 @@ from robot_retarget.feedback.reading import Reading, tilt_of
 from robot_retarget.feedback.tables import STANDARD_GRAVITY, Imu
 
 FROZEN = 0.05
-"""A sensor that gives no new reading, or the same, for so long is at fault [s]."""
+"""A sensor without a new reading, or with the same one, for this time is at fault [s]."""
 WEIGHT = 0.15
-"""At rest the accelerometer gives gravity within this share."""
+"""At rest the accelerometer measures gravity within this share."""
 NOISY = 5.0
-"""Noise of more than this many times the data sheet's standard deviation is a fault."""
+"""Noise above this multiple of the data sheet's standard deviation is a fault."""
 STRAY = 0.35
-"""At rest the trunk leans from the plan by less than this, floor and bias together [rad]."""
+"""Largest lean of the trunk from the plan at rest, floor and bias together [rad]."""
 
 
 class Monitor:
-    """Watches readings tick by tick."""
+    """Check readings tick by tick."""
 
     def __init__(self, imu: Imu, dt: float) -> None:
         self._imu, self._dt = imu, dt
@@ -27,7 +27,7 @@ class Monitor:
         self._same = self._saturated = 0.0
 
     def fault(self, reading: Reading | None) -> str | None:
-        """What is wrong with the sensor for `FROZEN` by now, or None."""
+        """Return the fault that has lasted for `FROZEN` until now, or None."""
         same = reading is None or (self._last is not None and _equal(reading, self._last))
         self._same = self._same + self._dt if same else 0.0
         if reading is not None:
@@ -42,11 +42,11 @@ class Monitor:
 
 
 def rest_faults(readings: Sequence[Reading], imu: Imu, planned: Floats | None = None, still: bool = True) -> list[str]:
-    """What is wrong with readings of a robot at rest.
+    """Return the faults in readings of a robot at rest.
 
     Args:
         planned: the root body's roll and pitch (2,) [rad]; None leaves the mounting unchecked.
-        still: the robot does not move at all, so that readings show the sensor's noise.
+        still: whether the robot does not move at all, so that readings show the sensor's noise.
     """
     if not readings:
         return ["the inertial sensor does not answer"]

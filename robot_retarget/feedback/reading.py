@@ -1,4 +1,4 @@
-"""What an inertial sensor says: angular velocity and specific force, in the axes of the robot's root body."""
+"""The readings of an inertial sensor: angular velocity and specific force, in the axes of the robot's root body."""
 
 from typing import NamedTuple
 
@@ -14,21 +14,21 @@ class Reading(NamedTuple):
     gyro: Floats
     """(3,) angular velocity [rad/s]."""
     accel: Floats
-    """(3,) acceleration less gravity [m/s²]: +g along the vertical at rest."""
+    """(3,) acceleration minus gravity [m/s²]: +g along the vertical at rest."""
 
 
 LEVEL = Reading(np.zeros(3), np.array([0.0, 0.0, STANDARD_GRAVITY]))
-"""Of a level body at rest."""
+"""The reading of a level body at rest."""
 
 
 def tilt_of(up: Floats) -> Floats:
-    """Roll and pitch (..., 2) [rad] of a body in which the vertical points along `up` (..., 3)."""
+    """Return roll and pitch (..., 2) [rad] of a body in which the vertical points along `up` (..., 3)."""
     roll = np.arctan2(up[..., 1], up[..., 2])
     pitch = -np.arctan2(up[..., 0], np.hypot(up[..., 1], up[..., 2]))
     return np.stack([roll, pitch], axis=-1)
 
 
 def vertical_in(quaternions: Floats) -> Floats:
-    """(..., 3) the vertical in the axes of bodies turned by unit quaternions (..., 4), wxyz: the last row of R."""
+    """Return (..., 3) the vertical in the axes of bodies with rotations (..., 4), unit, wxyz: the last row of R."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)

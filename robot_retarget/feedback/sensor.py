@@ -1,4 +1,4 @@
-"""An inertial sensor that is not real: what a body does becomes readings with noise, bias, range, rounding and delay."""
+"""A simulated inertial sensor: the motion of a body becomes readings with noise, bias, range, rounding and delay."""
 
 from collections import deque
 from dataclasses import replace
@@ -11,7 +11,7 @@ from robot_retarget.feedback.tables import Imu
 
 
 class BodyMotion:
-    """Angular velocity and specific force of a body from its states, one after the other.
+    """Compute angular velocity and specific force of a body from its consecutive states.
 
         f = Rᵀ ((v − v') / dt − g)
 
@@ -24,13 +24,13 @@ class BodyMotion:
         self._velocity: Floats | None = None
 
     def reading(self, quaternion: Floats, velocity: Floats, spin: Floats, dt: float) -> Reading:
-        """A perfect reading.
+        """Return a perfect reading.
 
         Args:
-            quaternion: (4,) of the body, wxyz.
-            velocity: (3,) in the world's axes [m/s].
+            quaternion: (4,) rotation of the body, wxyz.
+            velocity: (3,) velocity in the world's axes [m/s].
             spin: (3,) angular velocity in the body's axes [rad/s].
-            dt: since the state before [s].
+            dt: time since the state before [s].
         """
         change = np.zeros(3) if self._velocity is None else (velocity - self._velocity) / dt
         self._velocity = velocity.copy()
@@ -38,12 +38,12 @@ class BodyMotion:
 
 
 class VirtualImu:
-    """Makes readings as a sensor of a data sheet would.
+    """Make the readings of a sensor with a data sheet.
 
     Args:
         imu: noise, bias, range and delay.
-        dt: between two readings [s].
-        seed: of noise and bias.
+        dt: time between two readings [s].
+        seed: seed of noise and bias.
     """
 
     def __init__(self, imu: Imu, dt: float, seed: int = 0) -> None:
@@ -52,7 +52,7 @@ class VirtualImu:
         self._late: deque[Reading] = deque(maxlen=round(imu.delay / dt) + 1)
 
     def read(self, true: Reading) -> Reading:
-        """The reading for a perfect one (both in the root body's axes)."""
+        """Return the reading for a perfect one (both in the root body's axes)."""
         imu, noise = self._imu, self._random.standard_normal((2, 3))
         gyro = true.gyro + self._gyro_bias + imu.gyro_noise * noise[0]
         accel = true.accel + self._accel_bias + imu.accel_noise * noise[1]
@@ -63,12 +63,12 @@ class VirtualImu:
 
 
 def calibrated(imu: Imu) -> Imu:
-    """The same sensor once its gyroscope's bias is taken off, as the check before a motion does."""
+    """Return the same sensor without its gyroscope's bias, which the check before a motion removes."""
     return replace(imu, gyro_bias=0.0)
 
 
 def _into_body(quaternion: Floats, vector: Floats) -> Floats:
-    """Rᵀ v."""
+    """Return Rᵀ v."""
     w, axis = quaternion[0], -quaternion[1:]
     cross = 2 * np.cross(axis, vector)
     return vector + w * cross + np.cross(axis, cross)

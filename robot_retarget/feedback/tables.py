@@ -1,4 +1,4 @@
-"""The tables `[imu]` and `[balance]` of a servo map: the inertial sensor, and the gains that turn its readings into goals."""
+"""The tables `[imu]` and `[balance]` of a servo map: the inertial sensor, and the gains from its readings to goals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,27 +12,28 @@ from robot_retarget.servo.bounds import MapError, require_bounds, within
 STANDARD_GRAVITY = 9.80665
 """[m/s²]."""
 KINDS = ("opencr", "lines")
-"""How a sensor is read: over the servos' bus as OpenCR answers it, or as lines of text on a port of its own."""
+"""Connections of a sensor: over the servos' bus with OpenCR's protocol, or as lines of text on a separate port."""
 
 
 @dataclass(frozen=True)
 class Imu:
     """An inertial sensor that is fixed to the robot's root body.
 
-    Defaults are the data sheet of the MPU-9250 on ROBOTIS's OpenCR; the accelerometer's bias is what calibration leaves.
+    Defaults are the data sheet of the MPU-9250 on ROBOTIS's OpenCR; the accelerometer's bias is the rest after
+    calibration.
     """
 
     kind: str = "opencr"
     id: int = field(default=200, metadata=within(0, 252))
-    """On the servos' bus."""
+    """Id on the servos' bus."""
     port: str = ""
-    """Of a sensor that is not on the servos' bus."""
+    """Port of a sensor that is not on the servos' bus."""
     baud: int = field(default=115200, metadata=within(1200, 4_000_000, "baud"))
-    """Of that port."""
+    """Baud rate of that port."""
     axes: tuple[str, ...] = ("x", "y", "z")
     """Mounting: the sensor's axes that point along the root body's x, y and z, such as `-x`."""
     delay: float = field(default=0.008, metadata=within(0, 0.1, "s"))
-    """Between a motion and its reading [s]."""
+    """Time between a motion and its reading [s]."""
     gyro_noise: float = field(default=0.002, metadata=within(0, 1, "rad/s"))
     """Standard deviation [rad/s]."""
     gyro_bias: float = field(default=0.087, metadata=within(0, 1, "rad/s"))
@@ -61,7 +62,7 @@ class Imu:
 
     @property
     def mounting(self) -> Floats:
-        """(3, 3) that turns the sensor's readings into the root body's axes."""
+        """(3, 3) rotation from the sensor's readings to the root body's axes."""
         rows = np.zeros((3, 3))
         for row, axis in zip(rows, self.axes, strict=True):
             row["xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
@@ -70,7 +71,7 @@ class Imu:
 
 @dataclass(frozen=True)
 class JointGain:
-    """How one joint answers a lean; positive gains turn the trunk upright about a foot that stands."""
+    """The response of one joint to a lean; positive gains turn the trunk upright about a standing foot."""
 
     rate: float = field(default=0.0, metadata=within(-1, 1, "s"))
     """Added angle per excess speed of the trunk [s]."""
@@ -83,21 +84,21 @@ class JointGain:
 
 @dataclass(frozen=True)
 class Balance:
-    """Gains and bounds of the feedback. A gain of 0 switches its part off."""
+    """Gains and bounds of the feedback. A gain of 0 disables its part."""
 
     joints: Mapping[str, JointGain] = field(default_factory=dict)
-    """By joint."""
+    """Gains by joint."""
     bound: float = field(default=0.2, metadata=within(0, 1, "rad"))
-    """The feedback adds at most so much to a goal [rad] ..."""
+    """Largest angle that the feedback adds to a goal [rad] ..."""
     speed: float = field(default=3.0, metadata=within(0.05, 20, "rad/s"))
-    """... and changes what it adds no faster than this [rad/s]."""
+    """... and largest rate of this angle [rad/s]."""
     fusion: float = field(default=1.0, metadata=within(0.05, 60, "s"))
-    """Time constant with which the accelerometer corrects the tilt that the gyroscope gives [s]."""
+    """Time constant with which the accelerometer corrects the gyroscope's tilt [s]."""
     fade: float = field(default=0.3, metadata=within(0.01, 5, "s"))
-    """Additions fade in at the start, and out when the sensor is at fault, over so long [s]."""
+    """Duration of the fade-in at the start, and of the fade-out after a sensor fault [s]."""
     stop_roll: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
     stop_pitch: float = field(default=0.5, metadata=within(0.05, 1.6, "rad"))
-    """Beyond so much excess tilt the robot is falling: it crouches and stops [rad]."""
+    """With a larger excess tilt the robot is falling: it crouches and stops [rad]."""
 
     def __post_init__(self) -> None:
         require_bounds(self, "balance: ")
