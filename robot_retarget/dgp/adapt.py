@@ -86,7 +86,7 @@ def adapt(
 
     Raises:
         GraphError: the postures do not fit the body, or the bodies have different trees.
-        UsageError: a blend of interaction distances is asked for; it would mix two measures.
+        UsageError: a blend of interaction distances is requested; it would mix two measures.
     """
     if blend is not None and interaction is not None:
         raise UsageError("adapt blends Euclidean distances only: give a blend or an interaction")

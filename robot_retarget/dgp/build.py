@@ -161,17 +161,17 @@ def solve_with_thresholds(
     tolerance: float = 1e-4,
     rounds: int = 10,
 ) -> Solution:
-    """Solve E* ∪ E⁺, detecting E⁺ anew in the solution until no pair violates its threshold.
+    """Solve E* ∪ E⁺, and detect E⁺ again in the solution until no pair violates its threshold.
 
-    Detected once in the original animation, E⁺ misses the frames that become violated on the way to the solution.
+    A single detection in the original animation misses frames that become violated during the solution.
 
     Args:
         base: E*, with boxes and fixed vertices.
         candidates: every pair that may be separated, δ = [Δ, ∞].
         start: the original animation (T, V, K) [m].
         solver: from a graph and a start to a solution, such as `solve`.
-        tolerance: a violation below it is none [m].
-        rounds: at most this many.
+        tolerance: a smaller violation is ignored [m].
+        rounds: maximum number of rounds.
     """
     x = base.checked(start)
     chosen = _closer(candidates, x, 0.0)

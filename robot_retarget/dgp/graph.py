@@ -14,7 +14,7 @@ from robot_retarget.errors import GraphError, known
 
 
 class Kind(IntEnum):
-    """What an edge wishes for. `INTERACTION` and `SMOOTHNESS` change how it is measured; the others are labels."""
+    """The label of an edge. `INTERACTION` and `SMOOTHNESS` change its measure; the other kinds do not."""
 
     BONE = 0
     """Two joints of one rigid part, [MucherinoOmer2019, Definition 3]."""
@@ -27,9 +27,9 @@ class Kind(IntEnum):
     INTERACTION = 4
     """Measured by the interaction distance of [Mucherino2019, Definition 12]."""
     SMOOTHNESS = 5
-    """Joins v at t − 1 and t + 1 and measures ‖x^(t−1) − 2 x^t + x^(t+1)‖, twice the way from v_t to their middle.
+    """Joins v at t − 1 and t + 1 and measures ‖x^(t−1) − 2 x^t + x^(t+1)‖, twice the distance of v_t from their middle.
 
-    An extension of the papers: distances between frames hold the speed, not the direction.
+    An extension of the papers: distances between frames constrain the speed, not the direction.
     """
     TOUCH = 6
     COMPASS = 7
@@ -39,16 +39,16 @@ class Kind(IntEnum):
 
 
 _COLUMNS = ("i", "j", "lower", "upper", "priority", "kind", "give")
-"""What every edge has."""
+"""The columns of the edges."""
 
 
 @runtime_checkable
 class Animated(Protocol):
-    """A motion as graphs see it: places of named joints in a tree over time."""
+    """A motion as input of graphs: positions of named joints in a tree over time."""
 
     @property
     def skeleton(self) -> Any:
-        """With `names` (V,) and `parents` (V,), −1 at a root."""
+        """A skeleton with `names` (V,) and `parents` (V,), −1 at a root."""
         ...
 
     @property
@@ -61,12 +61,12 @@ class Animated(Protocol):
 class Graph:
     """G = (V × T, E, {δ, π}) in dimension K, [MucherinoOmer2019, §1]; T = {1} is the ordinary problem.
 
-    The vertex v at frame t has the id t·|V| + v, so a realization x (T, V, K) lists its rows in id order. An edge
-    asks for a distance within [lower, upper]; equal bounds are an exact δ. Scalars stand for every edge or vertex, so
+    The vertex v at frame t has the id t·|V| + v, so a realization x (T, V, K) lists its rows in id order. The target of
+    an edge is a distance within [lower, upper]; equal bounds are an exact δ. Scalars apply to every edge or vertex, so
     `dataclasses.replace(graph, priority=1.0)` is enough.
 
     Raises:
-        GraphError: bounds that contradict each other, a NaN, an unknown vertex or a loop; it names the edge.
+        GraphError: contradictory bounds, a NaN, an unknown vertex or a loop; the message names the edge.
     """
 
     vertices: tuple[str, ...]
@@ -82,21 +82,22 @@ class Graph:
     lower: Floats
     """(E,) least distance [m]."""
     upper: Floats
-    """(E,) greatest distance [m], ∞ where there is none."""
+    """(E,) greatest distance [m], ∞ for no bound."""
     priority: Floats = field(default_factory=lambda: np.array(1.0))
     """(E,) π ≥ 0, the importance of the edge."""
     kind: NDArray[np.int8] = field(default_factory=lambda: np.array(Kind.POSTURE, np.int8))
     """(E,) of `Kind`."""
     give: Floats = field(default_factory=lambda: np.array(np.inf))
-    """(E,) Huber scale g > 0 [m]: errors well over it count linearly under the squared objectives; ∞ counts squares."""
+    """(E,) Huber scale g > 0 [m]: errors well above it count linearly under the squared objectives; ∞ counts
+    squares."""
     fixed: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
-    """(T, V) the vertices that stay where the start puts them."""
+    """(T, V) the vertices that stay at their start."""
     box_lower: Floats = field(default_factory=lambda: np.array(-np.inf))
     """(T, V, K) least coordinates [m]."""
     box_upper: Floats = field(default_factory=lambda: np.array(np.inf))
     """(T, V, K) greatest coordinates [m]."""
     interaction: Interaction = field(default_factory=Interaction)
-    """How edges of kind `INTERACTION` are measured."""
+    """The measure of edges of kind `INTERACTION`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", tuple(self.vertices))
@@ -174,18 +175,19 @@ class Graph:
         traces: int = 3,
         fixed: Sequence[str] = (),
     ) -> "Graph":
-        """E* of a motion: exact edges δ = d(x) whose realization of no stress is the motion itself.
+        """Return E* of a motion: exact edges δ = d(x) whose realization of zero stress is the motion itself.
 
         Args:
-            motion: of a skeleton, whose bones are edges of kind `BONE`; or places (T, V, K) of objects [m].
-            names: of the objects; a motion has its own, others are numbered.
-            postures: every pair of every frame, ⋃ E_t; leave them out where objects go their own ways, as in a crowd.
-            traces: every object to its own last so many places, ⋃ E_v with τ; 0 for none.
-            fixed: objects that stay where they are, such as obstacles.
+            motion: a motion with a skeleton, whose bones are edges of kind `BONE`; or positions (T, V, K) of objects
+                [m].
+            names: names of the objects; by default those of the motion, or numbers.
+            postures: add every pair of every frame, ⋃ E_t; omit them if objects move independently, as in a crowd.
+            traces: number of past positions joined to every object, ⋃ E_v with τ; 0 omits them.
+            fixed: objects that do not move, such as obstacles.
 
         Raises:
-            GraphError: places of another shape or not finite, or an unknown object.
-            UsageError: fewer frames than traces ask for.
+            GraphError: positions of another shape or not finite, or an unknown object.
+            UsageError: fewer frames than traces need.
         """
         from robot_retarget.dgp.build import motion_edges  # imported here: what builds graphs stands over them
 
@@ -198,7 +200,7 @@ class Graph:
         return len(self.i)
 
     def vertex(self, name: str, frame: int = 0) -> int:
-        """The id of an object at a frame.
+        """Return the id of an object at a frame.
 
         Raises:
             GraphError: the object or the frame is unknown.
@@ -210,12 +212,12 @@ class Graph:
         return frame * len(self.vertices) + self.vertices.index(name)
 
     def vertex_name(self, vertex: int) -> str:
-        """`name@frame` of an id; the bare name where there is one frame."""
+        """Return `name@frame` of an id; the bare name in a graph of one frame."""
         frame, place = divmod(int(vertex), len(self.vertices))
         return self.vertices[place] if self.frames == 1 else f"{self.vertices[place]}@{frame}"
 
     def edge_name(self, edge: int) -> str:
-        """Both ends of an edge: `wrist@3–head@3`."""
+        """Return both ends of an edge: `wrist@3–head@3`."""
         return f"{self.vertex_name(self.i[edge])}–{self.vertex_name(self.j[edge])}"
 
     @property

@@ -29,7 +29,7 @@ class Incidence:
     interaction: Interaction
 
     def differences(self, x: Floats) -> tuple[Floats, Floats | None]:
-        """r (E, K, B) of x (N, K, B) [m], and k (E, B)."""
+        """Return r (E, K, B) of x (N, K, B) [m], and k (E, B)."""
         flat = x.reshape(len(x), -1)
         r = (self.ends @ flat).reshape(-1, *x.shape[1:])
         if self.steps is None:
@@ -39,7 +39,7 @@ class Incidence:
         return r + k[:, None] * w, k
 
     def gather(self, forces: Floats, k: Floats | None) -> Floats:
-        """Aᵀ f + Sᵀ (k ∘ f), (N, K, B): what the edges' pulls f (E, K, B) add up to at each vertex."""
+        """Return Aᵀ f + Sᵀ (k ∘ f), (N, K, B): the sums of the edges' pulls f (E, K, B) at each vertex."""
         flat = forces.reshape(len(forces), -1)
         total = self.ends_t @ flat
         if k is not None:
@@ -47,7 +47,7 @@ class Incidence:
         return total.reshape(-1, *forces.shape[1:])
 
     def members(self, graph: Graph, k: Floats | None) -> tuple[Ints, Floats]:
-        """The vertices (E, m) each difference is made of and their coefficients (E, m), with k held."""
+        """Return the vertices (E, m) of each difference and their coefficients (E, m), at constant k."""
         ids, coefficients = _members(graph)
         if k is None:
             return ids, coefficients
@@ -56,7 +56,7 @@ class Incidence:
 
 
 def incidence(graph: Graph) -> Incidence:
-    """The operator of a graph's edges."""
+    """Return the operator of a graph's edges."""
     shape = len(graph), graph.frames * len(graph.vertices)
     ids, coefficients = _members(graph)
     ends = _matrix(ids, coefficients, shape)
@@ -75,7 +75,7 @@ def incidence(graph: Graph) -> Incidence:
 
 
 def _members(graph: Graph) -> tuple[Ints, Floats]:
-    """x_j − x_i, or x_j + x_i − 2 x_middle where there are edges of smoothness."""
+    """Return the terms of x_j − x_i, or of x_j + x_i − 2 x_middle for edges of smoothness."""
     smooth = (graph.kind == Kind.SMOOTHNESS)[:, None]
     if not smooth.any():
         return np.stack([graph.j, graph.i], axis=1), np.tile([1.0, -1.0], (len(graph), 1))

@@ -1,15 +1,15 @@
 """The interaction distance of [Mucherino2019, §4]: how close two joints come if both keep their last step.
 
-With c = p_v^t − p_u^t, s = p^t − p^(t−1) the last steps and w = s_v − s_u, the distance at α = 1 + k steps after
-frame t − 1 is ‖c + k w‖. Its square is a convex parabola in k, so the least one over k = 0, 1, 2, … stands at
+With c = p_v^t − p_u^t, s = p^t − p^(t−1) the last steps and w = s_v − s_u, the distance at α = 1 + k steps after frame
+t − 1 is ‖c + k w‖. Its square is a convex parabola in k, so the minimum over k = 0, 1, 2, … is at
 
     k = max(0, ⌈−c·w / w·w − ½⌉),    k = 0 where ‖w‖ ≤ dead band,    k ≤ horizon,
     α = 1 + k,    D = ‖c + k w‖.
 
-A steady joint has step 0 and two co-moving joints have w = 0, so the three cases of Definition 12 (and the mirror
-case it leaves out) are this one expression. Two points at rest carry rounding noise for w, and k = c/noise turns D
-into garbage: the dead band takes such pairs as co-moving, the horizon bounds k. Horizon ∞ and dead band 0 give the
-definition of the paper as it stands.
+A steady joint has step 0 and two co-moving joints have w = 0, so the three cases of Definition 12 (and the mirror case
+that it omits) are this one expression. Two points at rest have rounding noise for w, and k = c/noise makes D
+meaningless. The dead band treats such pairs as co-moving, and the horizon bounds k. Horizon ∞ and dead band 0 give the
+exact definition of the paper.
 """
 
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ DEAD_BAND = 1e-9
 """Relative steps up to this length are rest [m]: above rounding at the size of a body, far below any sensor."""
 
 _BLOCK = 256
-"""Frames handled at once: the working arrays of 22 joints stay in the processor's cache."""
+"""Number of frames per block: the working arrays of 22 joints stay in the processor's cache."""
 _FEW = 8
-"""Up to so many frames the pairs are gathered in one go."""
+"""Up to this number of frames, the pairs are gathered in one operation."""
 _FARTHEST = float(2**53)
-"""The largest k that a float64 still counts exactly."""
+"""The largest k that a float64 represents exactly."""
 
 
 @dataclass(frozen=True)
 class Interaction:
-    """How the interaction distance is measured.
+    """Options of the interaction distance.
 
     Raises:
         UsageError: a negative or NaN option.

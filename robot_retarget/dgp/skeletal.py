@@ -136,7 +136,7 @@ def transfer_directions(positions: ArrayLike, parents: ArrayLike, lengths: Array
 
     Args:
         positions: (T, V, K) or (V, K) [m].
-        parents: (V,), −1 at the root, which stays where it is.
+        parents: (V,), −1 at the root, which does not move.
         lengths: (V,) new distance to the parent [m]; the root's is not read.
 
     Raises:

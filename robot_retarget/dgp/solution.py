@@ -1,4 +1,4 @@
-"""What a solver returns: the realization, why it stopped, and the means to judge itself."""
+"""The result of a solver: the realization, the reason that it stopped, and measures of its quality."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -1,4 +1,4 @@
-"""How far a realization is from the distances it was asked for: the three printed objectives and per-edge errors.
+"""The distance of a realization from its target distances: the three printed objectives and per-edge errors.
 
 With d the measured distance of an edge, y the point of [lower, upper] nearest to d and e = d − y (for an exact
 edge y = δ), the objectives are sums over the edges of
@@ -22,7 +22,7 @@ from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.incidence import Incidence, incidence
 
 FLOOR = 1e-3
-"""Relative errors of a distance below this are taken relative to it [m]: a contact asks for δ = 0."""
+"""Relative errors of a distance below this are relative to this value [m]: the target of a contact is δ = 0."""
 
 
 class Objective(Enum):

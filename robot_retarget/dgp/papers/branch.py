@@ -1,8 +1,8 @@
 """Branch and prune: every realization of a discretizable instance, [MucherinoOmer2019, §4.4].
 
-Each vertex after a first clique of K has at least K earlier references, so that it lies where K spheres meet: two
-places, a binary tree. A branch ends where a further distance (a pruning device) is missed. One of the references may
-be an interval; it is sampled. Distances that place a vertex are met to rounding.
+Each vertex after a first clique of K has at least K earlier references, so it lies at the intersection of K spheres:
+two positions, a binary tree. A branch ends if it misses a further distance (a pruning device). One of the references
+may be an interval; it is sampled. Distances that place a vertex are exact to rounding.
 """
 
 from collections.abc import Iterator
@@ -23,25 +23,25 @@ class Branching:
     """Parameters of the search."""
 
     tolerance: float = 1e-6
-    """By how much a placed vertex may miss a pruning distance [m]."""
+    """Tolerance of a pruning distance [m]."""
     samples: int = 11
-    """Values tried for an interval that serves as a reference."""
+    """Number of samples of an interval reference."""
     solutions: int = 10_000
-    """Stop after so many."""
+    """Maximum number of solutions."""
     nodes: int = 1_000_000
-    """Stop after so many placed vertices."""
+    """Maximum number of placed vertices."""
 
 
 @dataclass(frozen=True)
 class Realizations:
-    """What the search found."""
+    """The result of the search."""
 
     positions: Floats
-    """(S, V, K) [m], the first vertex at the origin; mirror images are both there."""
+    """(S, V, K) [m], the first vertex at the origin; both mirror images are included."""
     order: Ints
-    """(V,) the vertices as they were placed."""
+    """(V,) the vertices in the order of their placement."""
     nodes: int
-    """Vertices placed on the way."""
+    """Number of placed vertices."""
     complete: bool
     """Whether the whole tree was searched."""
 
@@ -60,10 +60,10 @@ class Realizations:
 
 
 def discretization_order(graph: Graph) -> Ints:
-    """An order in which K vertices are an exact clique and each later one has K earlier references, ≤ 1 an interval.
+    """Return an order with an exact clique of K vertices, then vertices with K earlier references, ≤ 1 an interval.
 
     Raises:
-        GraphError: there is none; the vertex that no order reaches is named.
+        GraphError: no order exists; the message names the vertex that no order reaches.
     """
     _require_posture(graph)
     exact, any_ = _adjacency(graph, graph.exact), _adjacency(graph, np.ones(len(graph), dtype=bool))
@@ -108,10 +108,10 @@ def branch_and_prune(graph: Graph, options: Branching | None = None) -> Realizat
 
 
 def nearest_realization(realizations: Realizations, previous: Floats) -> Floats:
-    """The realization nearest to an earlier posture (V, K), moved rigidly onto it: an animation, frame by frame.
+    """Return the realization nearest to an earlier posture (V, K), moved rigidly onto it: an animation, frame by frame.
 
     Raises:
-        GraphError: there is no realization.
+        GraphError: no realization exists.
     """
     if not len(realizations.positions):
         raise GraphError("no realization meets the distances; widen the tolerance or sample more")
@@ -120,7 +120,7 @@ def nearest_realization(realizations: Realizations, previous: Floats) -> Floats:
 
 
 class _Table:
-    """Bounds between every two vertices: the intersection of their edges, [0, ∞] where there is none."""
+    """Bounds between every two vertices: the intersection of their edges, [0, ∞] without edges."""
 
     def __init__(self, graph: Graph):
         count = len(graph.vertices)

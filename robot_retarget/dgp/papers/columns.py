@@ -56,13 +56,13 @@ class Explicit:
 
 @dataclass(frozen=True)
 class Lifted:
-    """σ(X) in more dimensions than K, plus `weight` times the square of what stands out of the first K.
+    """σ(X) in more dimensions than K, plus `weight` times the squared coordinates beyond the first K.
 
-    Two points that must pass through each other in K dimensions pass beside each other in K + 2.
+    Two points that must pass through each other in K dimensions can pass around each other in K + 2.
     """
 
     stress: Reduced
-    """Over the lifted points."""
+    """Stress over the lifted points."""
     kept: int
     """K."""
     weight: float

@@ -27,21 +27,21 @@ from robot_retarget.dgp.stress import Objective, bounds_of
 
 @dataclass(frozen=True)
 class Sensing:
-    """When two robots measure each other; each weight falls from 1 to 0 by a cubic step."""
+    """The range in which two robots measure each other; each weight falls from 1 to 0 by a cubic step."""
 
     near: float
-    """Up to this distance the link is whole [m]."""
+    """Up to this distance the link has full weight [m]."""
     far: float
-    """From this distance on there is none [m]."""
+    """From this distance on the weight is 0 [m]."""
     clear: float = 0.0
     """A line of sight this far from every obstacle's centre is free [m]."""
     blocked: float = -1.0
-    """One as near as this is lost [m]."""
+    """A line of sight at most this far from a centre is blocked [m]."""
 
 
 @dataclass(frozen=True)
 class Team:
-    """Who must stay rigid: places of the robots and of the obstacles in V, and what they sense."""
+    """The robots that must stay rigid: indices of the robots and of the obstacles in V, and the sensing range."""
 
     robots: Ints
     obstacles: Ints

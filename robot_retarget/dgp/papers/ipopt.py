@@ -49,7 +49,7 @@ class Program:
     """Bounds of the constraints."""
     upper: Floats
     slack: NDArray[np.int64]
-    """Soft edges with a variable of their own: intervals (y), or every one under the relative objective (|e|)."""
+    """Soft edges with a separate variable: intervals (y), or all soft edges under the relative objective (|e|)."""
 
 
 def constrain(graph: Graph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:

@@ -21,7 +21,7 @@ FORMATS = {"sensors": 4, "0.2": 8, "0.3": 10}
 
 @dataclass(frozen=True)
 class Label:
-    """What an instance file says of a vertex, such as an atom and its residue."""
+    """The data of a vertex in an instance file, such as an atom and its residue."""
 
     name: str = ""
     group: int = 0
@@ -45,10 +45,10 @@ class _Row:
 
 
 def read_nmr(path: str | Path) -> Instance:
-    """Read an instance; the format is told by the number of fields.
+    """Read an instance; the number of fields determines the format.
 
     Raises:
-        GraphError: the file cannot be read, or a line is wrong (file and line are named).
+        GraphError: the file cannot be read, or a line is wrong (the message names file and line).
     """
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()

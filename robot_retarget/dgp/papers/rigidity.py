@@ -1,8 +1,8 @@
-"""When distances determine a shape: isometry, congruence, local and global rigidity.
+"""Conditions under which distances determine a shape: isometry, congruence, local and global rigidity.
 
-Definition 2 of [MucherinoOmer2019] (every isometric pair is congruent) is what the literature calls global rigidity;
-the sentence after it (no continuous deformation) is local rigidity. They differ, so both are here. For generic
-positions both depend on the edges alone [Asimow1978], [GortlerHealyThurston2010]:
+Definition 2 of [MucherinoOmer2019] (every isometric pair is congruent) is global rigidity in the literature; the
+sentence after it (no continuous deformation) is local rigidity. They differ, so this module has both. For generic
+positions both depend only on the edges [Asimow1978], [GortlerHealyThurston2010]:
 
     local:   rank R = K n − K(K+1)/2 for the rigidity matrix R (for n > K),
     global:  local, and a generic equilibrium stress matrix Ω has rank n − K − 1.

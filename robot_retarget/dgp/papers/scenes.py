@@ -1,6 +1,6 @@
 """The animations of [MucherinoOmer2019, Figs 1–5], in the plane, and the instances made from them.
 
-The paper shows pictures; the coordinates, frame counts and priorities are this package's own where it is silent.
+The paper shows pictures; this package chooses coordinates, frame counts and priorities where the paper omits them.
 """
 
 from dataclasses import dataclass, replace
@@ -60,7 +60,7 @@ def crossing(frames: int = 50) -> Scene:
 
 
 def clock(frames: int = 50) -> Scene:
-    """Fig. 3: three quarters of a turn about the centre of the box, with two obstacles beside the way."""
+    """Return Fig. 3: three quarters of a turn about the centre of the box, with two obstacles next to the path."""
     angle = np.radians(90.0 - np.linspace(0.0, 270.0, frames))
     track = 0.5 + 0.35 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     at = np.radians([20.0, -110.0])

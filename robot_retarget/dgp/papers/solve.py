@@ -1,4 +1,4 @@
-"""One interface over the solvers: a graph and a start go in, a `Solution` comes out."""
+"""One interface to the solvers: the input is a graph and a start, the result is a `Solution`."""
 
 import time
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Where to start when no animation is at hand."""
+"""Starts without an animation."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from robot_retarget.dgp.stress import Objective, bounds_of
 from robot_retarget.errors import GraphError
 
 _PRESSING = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
-"""Weights on the further dimensions, relative to an edge of priority 1."""
+"""Weights of the additional dimensions, relative to an edge of priority 1."""
 
 
 def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
-    """(count, T, V, K) points in a box with about one point per mean distance asked for, [m]."""
+    """Return (count, T, V, K) points in a box with about one point per mean target distance [m]."""
     middle = _middle(graph)
     spacing = float(middle.mean()) if len(middle) else 1.0
     size = spacing * (graph.frames * len(graph.vertices)) ** (1.0 / graph.dimension) / 2.0
@@ -24,10 +24,10 @@ def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
 
 
 def lifted_starts(graph: Graph, count: int, seed: int = 0, extra: int = 2) -> Floats:
-    """(count, T, V, K) random points drawn together in K + `extra` dimensions and pressed flat again, [m].
+    """Return (count, T, V, K) random points drawn together in K + `extra` dimensions and flattened again [m].
 
-    Sparse instances have many local minima; with room to pass beside each other most of them disappear. The weight on
-    what stands out of K dimensions rises from 0 to 0.3. Solve on from these points.
+    Sparse instances have many local minima; most of them disappear with room to pass around each other. The weight of
+    the coordinates beyond K dimensions rises from 0 to 0.3. A solver continues from these points.
     """
     flat = random_starts(graph, count, seed)
     tall = graph.dimension + extra
@@ -41,15 +41,15 @@ def lifted_starts(graph: Graph, count: int, seed: int = 0, extra: int = 2) -> Fl
 
 
 def classical_start(graph: Graph, noise: float = 0.0, seed: int = 0) -> Floats:
-    """Classical scaling of the shortest paths through the graph, (T, V, K) [m].
+    """Return the classical scaling of the shortest paths through the graph, (T, V, K) [m].
 
     Args:
-        graph: its edges are taken in the middle of their interval.
+        graph: every edge counts with the middle of its interval.
         noise: relative change of each δ, to make several starts of one graph.
-        seed: of the noise.
+        seed: seed of the noise.
 
     Raises:
-        GraphError: the graph is not connected; it names a vertex that cannot be reached.
+        GraphError: the graph is not connected; the message names an unreachable vertex.
     """
     from scipy.sparse import csr_array  # imported here so that importing the package stays fast
     from scipy.sparse.csgraph import shortest_path
