@@ -73,8 +73,9 @@ class Separation:
         self.floor = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distances (C,) [m], of links to each other and to the floor, negative inside, their slopes by v (C, nv), and how
-        far apart each pair rests (C,) [m].
+        """Return distances (C,) [m], slopes by v (C, nv), and rest distances (C,) [m].
+
+        Distances are those of links to each other and to the floor, negative inside.
         """
         distance, geoms, slope = self.found(qpos)
         rest = self.rest[geoms[:, 0], geoms[:, 1]]
@@ -87,8 +88,9 @@ class Separation:
         return distance[kept], slope[kept], rest[kept]
 
     def _slopes(self, found: Near) -> Floats:
-        """(C, nv) how distances that MuJoCo has no contacts for change by v: along the normal n, a point moves by
-        n·(travel + turn × arm) with every dof that carries its body.
+        """Return (C, nv) slopes by v of distances without MuJoCo contacts.
+
+        Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
         """
         first, second = found.geoms.T
         arm, along = found.place - self._centres.take(self.trees.take(second), axis=0), found.normal

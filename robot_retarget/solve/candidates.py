@@ -246,8 +246,7 @@ def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: 
     """Return configurations at every frame, on cubic splines through the given ones.
 
     Args:
-        frames: of the `poses`, from 0 on; the poses in `before` are at frames −1, −2, … and are knots of the splines
-            too.
+        frames: of the `poses`, from 0 on; the poses in `before`, at frames −1, −2, …, are further knots.
     """
     known, wanted = np.array([*before, *poses]), np.arange(frames[-1] + 1)
     if len(known) == 1:

@@ -92,7 +92,7 @@ class Solution:
 
     @cached_property
     def sigma(self) -> dict[Objective, Floats]:
-        """Return (T,) σ per objective of the papers (`dgp.stress`); over edges of `graph.expanded()` without bones."""
+        """Return (T,) σ per objective of the papers (`dgp.stress`), over `graph.expanded()` without bones, which hold."""
         vertices = (*self.graph.match.keypoints, *places_of(self.graph))
         found = {objective: np.zeros(len(self.cost)) for objective in PRINTED}
         for kind, measured in self.measured.items():

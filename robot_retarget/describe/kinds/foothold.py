@@ -76,8 +76,7 @@ class Foothold:
         return replace(track, priority=priority.reshape(track.priority.shape))
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
-        """Return footholds where the robot's legs put the feet, `measured` (T, E) [m]; the first `fixed` frames
-        stay."""
+        """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
         stood = self._held(track)
         corners = measured.reshape(*stood.shape, len(AXES))
         held = relaxed(stood, corners, self.reach * float(track.scale[0]), fixed)
