@@ -20,8 +20,8 @@ from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
-from robot_retarget.solve.look import mismatch
 from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solution import Solution, Status
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory

@@ -47,8 +47,8 @@ MECHANISMS: dict[str, Variant] = {
     "one start": Variant(search=Search(starts=0, candidates=1)),
     "one candidate a moment": Variant(search=Search(candidates=1)),
     "no recombination of limbs": Variant(search=Search(recombinations=0)),
-    "no looks between frames": Variant(smoothing=Smoothing(looks=())),
-    "links measured at every step": Variant(options=Options(glance=0.0)),
+    "no looks between frames": Variant(smoothing=Smoothing(collision_checks=())),
+    "links measured at every step": Variant(options=Options(distance_cache_radius=0.0)),
     "half the passes": Variant(smoothing=Smoothing(passes=4)),
 }
 """What the solver does beside descending: what leaving it out does to the figures."""

@@ -17,7 +17,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.candidates import seek
 from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import wishes_of
+from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.solve import problem_of, solve_graph
 from robot_retarget.solve.sqp import FrameSolver
 
@@ -41,15 +41,18 @@ def excess(graph: rr.Graph, every: int, search: Search | None = None) -> Excess:
     """Solve a graph as a whole clip and look at one of `every` frames."""
     problem = problem_of(graph)
     solution = solve_graph(graph, problem=problem, search=search)
-    solver, asked = FrameSolver(problem), wishes_of(solution.graph.tracks)
+    solver, asked = FrameSolver(problem), targets_of(solution.graph.tracks)
     frames = np.arange(every // 2, len(graph), every)
     table = []
     for t in frames.tolist():
-        q, wish = solution.trajectory.qpos[t], asked.at(t)
-        own, alone = solver.costs.cost(q, wish), solver.descend(q, wish, iterations=2 * solver.options.iterations)
+        q, targets = solution.trajectory.qpos[t], asked.at(t)
+        own, alone = (
+            solver.costs.cost(q, targets),
+            solver.solve_frame(q, targets, iterations=2 * solver.options.iterations),
+        )
         ends = seek(solver, solution.graph, asked, t, EXACT)
-        least = min(solver.costs.cost(end.qpos, wish) for end in ends)
-        table.append((own / least, solver.costs.cost(alone.qpos, wish) / least))
+        least = min(solver.costs.cost(end.qpos, targets) for end in ends)
+        table.append((own / least, solver.costs.cost(alone.qpos, targets) / least))
     as_it_is, basin = np.maximum(np.array(table) - 1.0, 0.0).T
     return Excess(frames, as_it_is, basin)
 

@@ -18,7 +18,7 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.wishes import CausalWishes
+from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import at_rate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.motion import Motion
@@ -29,7 +29,7 @@ from robot_retarget.solve.sqp import FrameSolver
 
 RATES = (30.0, 60.0, 120.0)
 PARTS = {
-    "describing the human": [(CausalFeatures, "at"), (CausalWishes, "at")],
+    "describing the human": [(CausalFeatures, "at"), (CausalTargets, "at")],
     "looking for links inside each other, lifting": [(FrameSolver, "held_back"), (FrameSolver, "lifted")],
     "Python of the steps": [(FrameSolver, "advance")],
     **{name: places for name, places in bench_solve.PARTS.items() if name != "Python of the descent"},

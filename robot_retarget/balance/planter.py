@@ -23,7 +23,7 @@ from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.solve.clip import measured_by
 from robot_retarget.solve.compiled import dense_function
-from robot_retarget.solve.problem import build_problem, wishes_of
+from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.sqp import FrameSolver
 
 
@@ -110,9 +110,9 @@ class Planter:
             elif track.role is Role.COST:
                 one = one.weighed(0.0)
             tracks.append(one)
-        wishes = wishes_of([*tracks, Mass().track(centre[None], self.leg)])
-        pose = self.solver.descend(start, wishes.at(0), iterations=60, tolerance=1e-7)
-        return self.solver.lifted(pose).qpos
+        all_targets = targets_of([*tracks, Mass().track(centre[None], self.leg)])
+        pose = self.solver.solve_frame(start, all_targets.at(0), iterations=60, tolerance=1e-7)
+        return self.solver.raise_above_floor(pose).qpos
 
     def targets(
         self, graph: Graph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats

@@ -164,16 +164,18 @@ def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count)
     """
     robot, found, correction = planter.robot, [], np.zeros(planter.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
-    for k, wish in enumerate(outline.wished):
+    for k, targets in enumerate(outline.wished):
         starts = [np.where(carried, correction, 0.0)]
         if np.abs(correction - starts[0]).max() > ASIDE:
             starts.append(correction)
         poses = [
-            planter.solver.descend(integrate(robot, wish, start), clip.wishes.at(k), iterations=8, tolerance=1e-4)
+            planter.solver.solve_frame(
+                integrate(robot, targets, start), clip.all_targets.at(k), iterations=8, tolerance=1e-4
+            )
             for start in starts
         ]
         pose = min(poses, key=lambda pose: pose.cost * (1 if pose is poses[0] else WORTH))
-        correction = difference(robot, wish, pose.qpos)
+        correction = difference(robot, targets, pose.qpos)
         found.append(pose.qpos)
         count.one(IN_TURN)
     return found

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.describe.path import Carriage, carriage_of
+from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
@@ -59,7 +59,7 @@ class Sole:
     """Map the sole of one foot: scale its ankle by the leg, and move it outward by half the hip widths' difference."""
 
     foot: str
-    carriage: Carriage
+    root_scaling: RootScaling
     hips: tuple[int, int]
     ankle: int
     wider: float
@@ -71,7 +71,7 @@ class Sole:
         """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
         left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
         outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
-        places = self.carriage.path(human) + self.carriage.ratio * (ankle - (left + right) / 2)
+        places = self.root_scaling.path(human) + self.root_scaling.ratio * (ankle - (left + right) / 2)
         places[:, :2] += self.wider * outward
         turn = human.segments.get(f"{self.foot}_foot", human.facing)
         return places[:, None] + self.corners @ turn.swapaxes(1, 2)
@@ -83,7 +83,7 @@ def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole
     hip, corners = _hip_and_sole(robot, match, foot)
     apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
     wider = hip - match.leg_ratio * float(np.median(apart)) / 2
-    return Sole(foot, carriage_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners)
+    return Sole(foot, root_scaling_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners)
 
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:

@@ -18,7 +18,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.kinds import KINDS, Kind
-from robot_retarget.describe.kinds.kind import Renewable, Scene, frame_costs
+from robot_retarget.describe.kinds.kind import RetargetContext, TwoPassKind, frame_costs
 from robot_retarget.describe.kinds.own import End, Own
 from robot_retarget.describe.path import pelvis_path
 from robot_retarget.describe.role import FRAME, Role
@@ -305,27 +305,30 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 
 def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[Kind] = KINDS) -> Graph:
-    """Return the graph of matched bodies."""
-    scene = Scene(features_of(motion, matched), matched, robot, weights)
-    return _built(motion, scene, kinds)
+    """The graph of matched bodies."""
+    context = RetargetContext(features_of(motion, matched), matched, robot, weights)
+    return _built(motion, context, kinds)
 
 
 def graph_from(graph: Graph, human: HumanFeatures) -> Graph:
-    """Return the graph with the targets of another human of equal length; limits, temporal and added edges stay."""
-    scene, costs = Scene(human, graph.match, graph.robot, graph.weights), {track.name for track in graph.costs}
-    tracks = tuple((track.kind.wish(scene) or track) if track.name in costs else track for track in graph.tracks)
+    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
+    context, costs = (
+        RetargetContext(human, graph.match, graph.robot, graph.weights),
+        {track.name for track in graph.costs},
+    )
+    tracks = tuple((track.kind.targets(context) or track) if track.name in costs else track for track in graph.tracks)
     return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
 
 
-def _built(motion: Motion, scene: Scene, kinds: Iterable[Kind]) -> Graph:
-    tracks = tuple(track for kind in kinds if (track := kind.wish(scene)) is not None)
-    path = pelvis_path(scene.human, scene.match)
-    return Graph(motion, scene.robot, scene.match, scene.human, tracks, path, scene.weights)
+def _built(motion: Motion, context: RetargetContext, kinds: Iterable[Kind]) -> Graph:
+    tracks = tuple(track for kind in kinds if (track := kind.targets(context)) is not None)
+    path = pelvis_path(context.human, context.match)
+    return Graph(motion, context.robot, context.match, context.human, tracks, path, context.weights)
 
 
 def _less(track: Track, edges: np.ndarray) -> Track:
-    """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
-    whole = isinstance(track.kind, Renewable) and not edges.all()
+    """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
+    whole = isinstance(track.kind, TwoPassKind) and not edges.all()
     return track.weighed(0.0, edges) if whole else track.subset(~edges)
 
 

@@ -10,8 +10,8 @@ from robot_retarget.human.match import Match
 
 
 @dataclass(frozen=True, eq=False)
-class Carriage:
-    """Map places of the human to places of the robot:  y = r (x − o),  with the heights of the ankles equal."""
+class RootScaling:
+    """How places of the human become places of the robot:  y = r (x − o),  with the heights of the ankles made to fit."""
 
     ratio: float
     """r, robot leg over human leg [-]."""
@@ -28,16 +28,16 @@ class Carriage:
         return (where - self.origin) * self.ratio
 
 
-def carriage_of(human: HumanFeatures, match: Match) -> Carriage:
-    """Return the carriage that starts above the origin."""
+def root_scaling_of(human: HumanFeatures, match: Match) -> RootScaling:
+    """The root_scaling that starts above the origin."""
     x, ratio = human.positions, match.leg_ratio
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
     first = x[0].mean(axis=0) if pelvis is None else x[0, pelvis]
     ankles = {"l_ankle", "r_ankle"} & set(match.keypoints)
     low = human.ankle_height - match.ankle_height / ratio if ankles else 0.0
-    return Carriage(ratio, np.array([*first[:2], low]), pelvis)
+    return RootScaling(ratio, np.array([*first[:2], low]), pelvis)
 
 
 def pelvis_path(human: HumanFeatures, match: Match) -> Floats:
-    """Return (T, 3) the human pelvis, scaled by the leg, from above the origin, ankles at the robot's height [m]."""
-    return carriage_of(human, match).path(human)
+    """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m]."""
+    return root_scaling_of(human, match).path(human)

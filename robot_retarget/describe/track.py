@@ -156,7 +156,7 @@ def exact(
     axes: Sequence[str] = (),
     give: float = np.inf,
 ) -> Track:
-    """Return edges with one target value each (T, E)."""
+    """Edges that targets for one value each (T, E)."""
     return Track(
         kind,
         tuple(ends),

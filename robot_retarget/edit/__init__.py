@@ -1,4 +1,4 @@
-"""Manual changes: edits of a trajectory's graph, and cutting, mirroring, repeating and joining of trajectories."""
+"""What a person changes by hand: all_targets for a touch-up, and where a trajectory is cut, mirrored, repeated and joined."""
 
 from robot_retarget.edit.cuts import joined as joined
 from robot_retarget.edit.cuts import mirrored as mirrored

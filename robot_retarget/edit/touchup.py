@@ -22,7 +22,7 @@ from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks
 from robot_retarget.solve.options import Options, Smoothing
-from robot_retarget.solve.problem import Wishes, build_problem, wishes_of
+from robot_retarget.solve.problem import ClipTargets, build_problem, targets_of
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.unmet import unmet_edges
@@ -78,7 +78,7 @@ def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
     solver = FrameSolver(build_problem(graph.robot, graph.match, wished.tracks), Options())
     known = [np.array(q) for q in trajectory.qpos]
     tracks = renewed_tracks(solver, wished, known)
-    offsets = _offsets(solver, wishes_of(tracks), known, first, last)
+    offsets = _offsets(solver, targets_of(tracks), known, first, last)
     around = max(round(AROUND * graph.fps), _frames_needed(solver, offsets, graph.fps))
     fading = round(FADING * graph.fps)
     start, stop = max(first - around, 0), min(last + around + fading + 1, len(graph))
@@ -101,11 +101,13 @@ def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
     return Mended(wished, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
-def _offsets(solver: FrameSolver, wishes: Wishes, known: Sequence[Floats], first: int, last: int) -> list[Floats]:
+def _offsets(
+    solver: FrameSolver, all_targets: ClipTargets, known: Sequence[Floats], first: int, last: int
+) -> list[Floats]:
     """Per frame of the edge (nv,) the change that solves it alone, from the change of the frame before."""
     offsets, offset = [], np.zeros(solver.robot.model.nv)
     for t in range(first, last + 1):
-        pose = solver.descend(integrate(solver.robot, known[t], offset), wishes.at(t))
+        pose = solver.solve_frame(integrate(solver.robot, known[t], offset), all_targets.at(t))
         offset = difference(solver.robot, known[t], pose.qpos)
         offsets.append(offset)
     return offsets

@@ -24,14 +24,14 @@ from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import HINGE
 from robot_retarget.robot.root import put
 from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import Wish, Wishes
+from robot_retarget.solve.problem import ClipTargets, EdgeTargets
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
 def coarse_path(
-    solver: FrameSolver, graph: Graph, wishes: Wishes, search: Search, known: list[Floats] | None = None
+    solver: FrameSolver, graph: Graph, all_targets: ClipTargets, search: Search, known: list[Floats] | None = None
 ) -> list[Floats]:
     """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments.
 
@@ -42,7 +42,7 @@ def coarse_path(
     step, start = max(1, round(fps / search.rate)), max(len(first) - 1, 0)
     beats = np.arange(0, len(graph), step)  # independent of known frames: every window seeks at the same ones
     frames = np.unique([start, *beats[beats > start], len(graph) - 1])
-    found = Candidates(solver, graph, wishes, frames, search)
+    found = Candidates(solver, graph, all_targets, frames, search)
     stride = max(1, round(search.every * fps / step))
     if first:
         found.set_out(first[-1])
@@ -62,8 +62,8 @@ def coarse_path(
 class Candidates:
     """Poses found until now, per moment."""
 
-    def __init__(self, solver: FrameSolver, graph: Graph, wishes: Wishes, frames: np.ndarray, search: Search):
-        self.solver, self.graph, self.wishes, self.search = solver, graph, wishes, search
+    def __init__(self, solver: FrameSolver, graph: Graph, all_targets: ClipTargets, frames: np.ndarray, search: Search):
+        self.solver, self.graph, self.all_targets, self.search = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[Pose]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
@@ -76,8 +76,8 @@ class Candidates:
         self._follow(pose, 0, range(1, len(self.frames)))
 
     def seek(self, moment: int) -> None:
-        """Find candidates at a moment; follow each to both sides until it meets another pose or the clip ends."""
-        found = seek(self.solver, self.graph, self.wishes, int(self.frames[moment]), self.search)
+        """Find candidates at a moment and follow each to both sides, to the ends if it meets no other."""
+        found = seek(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)
         for pose in found[: self.search.candidates]:
             if pose.cost < self.search.worth * found[0].cost:
                 self._go_on(pose, moment)
@@ -167,10 +167,10 @@ class Candidates:
             here = moment
 
     def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
-        """Return the end of a rough descent whose hinges stay in a box."""
-        wish = self.wishes.at(int(self.frames[moment]))
-        return self.solver.descend(
-            qpos, wish, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
+        """Where a rough descent ends whose hinges stay in a box."""
+        targets = self.all_targets.at(int(self.frames[moment]))
+        return self.solver.solve_frame(
+            qpos, targets, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
         )
 
     def _add(self, moment: int, pose: Pose) -> bool:
@@ -182,28 +182,28 @@ class Candidates:
         return True
 
 
-def seek(solver: FrameSolver, graph: Graph, wishes: Wishes, frame: int, search: Search) -> list[Pose]:
-    """Descend from several starts and return the ends, the cheapest first.
+def seek(solver: FrameSolver, graph: Graph, all_targets: ClipTargets, frame: int, search: Search) -> list[Pose]:
+    """Where descents from several starts end, the cheapest first.
 
     The starts are the reference pose, the standing pose, and standing poses with drawn limbs. Each limb is drawn many
     times within its ranges, and the draws are sorted by cost: the first start has the best draw of each limb, the
     second start the second best, and so on.
     """
-    wish, robot = wishes.at(frame), solver.robot
+    targets, robot = all_targets.at(frame), solver.robot
     placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
-    placed += _limbs_drawn(solver, placed[1], wish, search)
+    placed += _limbs_drawn(solver, placed[1], targets, search)
     most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
-    ends = [solver.descend(q, wish, iterations=most, tolerance=tolerance) for q in placed]
+    ends = [solver.solve_frame(q, targets, iterations=most, tolerance=tolerance) for q in placed]
     return sorted(ends, key=lambda end: end.cost)
 
 
-def _limbs_drawn(solver: FrameSolver, base: Floats, wish: Wish, search: Search) -> list[Floats]:
+def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search: Search) -> list[Floats]:
     best = [base.copy() for _ in range(search.starts)]
     for limb, angles in drawn_limbs(solver, search).items():
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
-        cost = [solver.problem.cost(pose, wish) for pose in poses]
+        cost = [solver.problem.cost(pose, targets) for pose in poses]
         for start, k in zip(best, np.argsort(cost, kind="stable"), strict=False):
             start[columns] = angles[k]
     return best

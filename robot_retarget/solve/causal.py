@@ -10,24 +10,26 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import seek
 from robot_retarget.solve.options import Search
-from robot_retarget.solve.problem import wishes_of
+from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
 def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count) -> list[Pose]:
-    """Solve each frame from the ones before, within the joints' speeds; solve the first from several starts."""
-    wishes, poses = wishes_of(graph.tracks), []
-    before = seek(solver, graph, wishes, 0, search)[0].qpos
+    """Each frame from the ones before, no farther than joints turn; the first from several starts."""
+    all_targets, poses = targets_of(graph.tracks), []
+    before = seek(solver, graph, all_targets, 0, search)[0].qpos
     for t in range(len(graph)):
         box = solver.reachable([before] if t else [], 1 / graph.fps)
         start = predicted(solver.robot, poses, box) if t > 2 else before
         past = Past(before, 1 / graph.fps) if t else None
-        pose = solver.descend(start, wishes.at(t), past=past, box=box)
-        if t > 2 and pose.missing > 0:  # links may have gone around each other on the wrong side
-            pose = min(pose, solver.descend(before, wishes.at(t), past=past, box=box), key=lambda end: end.cost)
-        if pose.missing > 0:
-            pose = solver.held_back(before, pose)
-        poses.append(solver.lifted(pose))
+        pose = solver.solve_frame(start, all_targets.at(t), past=past, box=box)
+        if t > 2 and pose.clearance_deficit > 0:  # links may have gone around each other on the wrong side
+            pose = min(
+                pose, solver.solve_frame(before, all_targets.at(t), past=past, box=box), key=lambda end: end.cost
+            )
+        if pose.clearance_deficit > 0:
+            pose = solver.backtrack_to_clearance(before, pose)
+        poses.append(solver.raise_above_floor(pose))
         before = poses[-1].qpos
         count.one()
     return poses

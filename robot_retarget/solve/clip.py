@@ -8,21 +8,21 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.kinds.kind import Past, Renewable
+from robot_retarget.describe.kinds.kind import Past, TwoPassKind
 from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.track import Track, joined
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.between import Between, on_the_way
 from robot_retarget.solve.candidates import coarse_path
 from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.options import Search, Smoothing
-from robot_retarget.solve.problem import Problem, Wishes, wishes_of
+from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.swept_collision import Between, on_the_way
 from robot_retarget.solve.windows import Part
 
 ROUNDS = 3
@@ -41,7 +41,7 @@ class Clip:
     """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
 
     solver: FrameSolver
-    wishes: Wishes
+    all_targets: ClipTargets
     smoothing: Smoothing
     smooth: Floats
     """(nv,) π of squared second differences, per tangent direction."""
@@ -51,7 +51,7 @@ class Clip:
     fixed: int = 0
 
     def __len__(self) -> int:
-        return len(self.wishes)
+        return len(self.all_targets)
 
 
 def clip_poses(
@@ -62,7 +62,7 @@ def clip_poses(
     count: Count,
     part: Part | None = None,
 ) -> tuple[list[Pose], Graph]:
-    """Solve the windows in order; return the poses, and the graph with renewed tracks (`kinds.kind.Renewable`).
+    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.TwoPassKind`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
@@ -74,7 +74,7 @@ def clip_poses(
     count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
     for window in windows:
         own, before = graph.frames(window.first, window.last), [pose.qpos for pose in poses[window.first :]]
-        coarse = coarse_path(solver, own, wishes_of(coarse_tracks(own)), search, before)
+        coarse = coarse_path(solver, own, targets_of(coarse_tracks(own)), search, before)
         count.one(COARSE * (len(own) - window.fixed))
         tracks = renewed_tracks(solver, own, coarse, window.fixed)
         clip = clip_of(solver, tracks, smoothing, graph.fps, window.fixed)
@@ -87,15 +87,15 @@ def clip_poses(
 
 
 def coarse_tracks(graph: Graph) -> list[Track]:
-    """Return the tracks that are the targets of the coarse path."""
-    return [track.kind.coarse(track) if isinstance(track.kind, Renewable) else track for track in graph.tracks]
+    """What is asked of the coarse path."""
+    return [track.kind.coarse(track) if isinstance(track.kind, TwoPassKind) else track for track in graph.tracks]
 
 
 def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
     """Return the tracks; those that depend on the robot's own path are renewed."""
     measured = measured_by(solver.problem, graph, np.array(coarse))
     return [
-        track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, Renewable) else track
+        track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, TwoPassKind) else track
         for track in graph.tracks
     ]
 
@@ -110,7 +110,7 @@ def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Float
 def clip_of(solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0) -> Clip:
     """Return the clip with the targets of tracks (T frames) and their temporal costs."""
     smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
-    return Clip(solver, wishes_of(tracks), smoothing, smooth, inertia, fps, fixed)
+    return Clip(solver, targets_of(tracks), smoothing, smooth, inertia, fps, fixed)
 
 
 def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
@@ -128,24 +128,24 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
     rho = smoothing.proximal * clip.inertia
-    met: set[int] = set()
+    interpenetrating: set[int] = set()
     for number in range(smoothing.passes + smoothing.extra):
         moving = _moving(poses, clip.fixed) if number >= smoothing.passes else range(clip.fixed, len(poses))
         if not moving:
             break
-        if number in smoothing.looks:
-            met |= _interpenetrating(clip, poses)
+        if number in smoothing.collision_checks:
+            interpenetrating |= _interpenetrating(clip, poses)
         moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
         path = _smooth_path(clip, moved, clip.smooth / rho)
         dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
         dual[: clip.fixed] = 0.0
         for t in moving:
-            poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), met)
+            poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), interpenetrating)
             if number < smoothing.passes:
                 count.one()
     proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
     held = _apart(clip, _held(clip, poses, proximal), proximal)
-    return [solver.lifted(pose) for pose in held]
+    return [solver.raise_above_floor(pose) for pose in held]
 
 
 def _moving(poses: list[Pose], fixed: int) -> list[int]:
@@ -160,18 +160,18 @@ def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
     return list(paced)
 
 
-def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
-    """Take one step at a frame, within reach of its neighbours; links that met on the way to them are kept apart."""
+def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
+    """A frame after one more step: within reach of its neighbours, and links apart on the way to them where they interpenetrating."""
     solver = clip.solver
-    after = solver.descend(
+    after = solver.solve_frame(
         poses[t],
-        clip.wishes.at(t),
+        clip.all_targets.at(t),
         proximal=proximal,
         past=Past(poses[t - 1].qpos, 1 / clip.fps) if t else None,
         iterations=1,
         tolerance=clip.smoothing.tolerance,
         box=solver.reachable(_beside(poses, t), 1 / clip.fps),
-        between=_between(clip, poses, t, met),
+        between=_between(clip, poses, t, interpenetrating),
     )
     moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
     falls = after.cost < (1 - clip.smoothing.settled) * poses[t].cost
@@ -192,9 +192,9 @@ def _beside(poses: list[Pose], t: int) -> list[Floats]:
     return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
 
-def _between(clip: Clip, poses: list[Pose], t: int, met: set[int]) -> tuple[Between, ...]:
-    """Return the checks of links between a frame and its neighbours, for the steps after the frames in `met`."""
-    neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in met)
+def _between(clip: Clip, poses: list[Pose], t: int, interpenetrating: set[int]) -> tuple[Between, ...]:
+    """Where links are kept apart between a frame and its neighbours: after the frames in `interpenetrating`."""
+    neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in interpenetrating)
     return tuple(way for q in neighbours for way in on_the_way(clip.solver.robot, q, poses[t].qpos))
 
 
@@ -210,11 +210,13 @@ def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
         missing = [
-            t for t in range(clip.fixed, len(poses)) if solver.problem.missed(poses[t].qpos, clip.wishes.at(t)) > LOOSE
+            t
+            for t in range(clip.fixed, len(poses))
+            if solver.problem.missed(poses[t].qpos, clip.all_targets.at(t)) > LOOSE
         ]
         for t in missing:
             box = solver.reachable(_beside(poses, t), 1 / clip.fps)
-            poses[t] = solver.descend(poses[t], clip.wishes.at(t), proximal=proximal[t], box=box)
+            poses[t] = solver.solve_frame(poses[t], clip.all_targets.at(t), proximal=proximal[t], box=box)
         if not missing:
             break
     return poses
@@ -228,23 +230,23 @@ def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose
     """
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
-        met = _interpenetrating(clip, poses)
+        interpenetrating = _interpenetrating(clip, poses)
         inside = {t for t in range(clip.fixed, len(poses)) if solver.overlapping(poses[t].qpos)}
-        frames = sorted({t for k in met for t in (k, k + 1) if t >= clip.fixed} | inside)
+        frames = sorted({t for k in interpenetrating for t in (k, k + 1) if t >= clip.fixed} | inside)
         for t in frames:
-            poses[t] = _shallower(clip, poses, t, proximal[t], met)
+            poses[t] = _shallower(clip, poses, t, proximal[t], interpenetrating)
         if not frames:
             break
     for t in range(max(clip.fixed, 1), len(poses)):
-        poses[t] = solver.held_back(poses[t - 1].qpos, poses[t])
+        poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
     return poses
 
 
-def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, met: set[int]) -> Pose:
-    """Solve a frame again with links apart on the way; if needed, without the smooth path, from the frame before."""
+def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
+    """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
     solver, box = clip.solver, clip.solver.reachable(_beside(poses, t), 1 / clip.fps)
-    ways, wish = _between(clip, poses, t, met), clip.wishes.at(t)
-    again = solver.descend(poses[t].qpos, wish, proximal=proximal, box=box, between=ways)
+    ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)
+    again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, box=box, between=ways)
     if solver.overlapping(again.qpos):
-        again = solver.descend(poses[max(t - 1, 0)].qpos, wish, box=box, between=ways)
+        again = solver.solve_frame(poses[max(t - 1, 0)].qpos, targets, box=box, between=ways)
     return again if solver.depth(again.qpos) <= solver.depth(poses[t].qpos) else poses[t]

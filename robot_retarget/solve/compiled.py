@@ -52,7 +52,7 @@ class Upgraded:
         return self._serves(*values)
 
     def wait(self) -> None:
-        """Wait until the machine code is ready or cannot be compiled."""
+        """Until the machine code is trial, or cannot be had."""
         if self._compiling:
             self._compiling.join()
 
@@ -68,7 +68,7 @@ def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Comp
 
 
 class QuadraticProgram:
-    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  least ≤ A x; solved by DAQP's dual active set.
+    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  row_lower ≤ A x; solved by DAQP's dual active set.
 
     H, g and the bounds are written in place (`hessian`, `gradient`, `lower`, `upper`); they start at 0.
     """
@@ -80,12 +80,12 @@ class QuadraticProgram:
         given = dict(zip(function.name_in(), self.run.arguments, strict=True))
         self.hessian, self.gradient = given["h"].reshape((variables, variables), order="F"), given["g"]
         self.lower, self.upper = given["lbx"], given["ubx"]
-        self.rows, self.least = given["a"].reshape((rows, variables), order="F"), given["lba"]
+        self.rows, self.row_lower = given["a"].reshape((rows, variables), order="F"), given["lba"]
         given["uba"][:] = np.inf
 
-    def solve(self, rows: Floats, least: Floats) -> Floats | None:
-        """Return the minimiser within its bounds, or None if rows A x ≥ least cannot be met within `WITHIN`."""
-        self.rows[:], self.least[:] = rows, least
+    def solve(self, rows: Floats, row_lower: Floats) -> Floats | None:
+        """The minimiser, within its bounds, or None when rows A x ≥ row_lower cannot be kept within `WITHIN`."""
+        self.rows[:], self.row_lower[:] = rows, row_lower
         found = self.run()[0]
         x = np.clip(found, self.lower, self.upper)
-        return x if np.abs(x - found).max() <= WITHIN and (rows @ x >= least - WITHIN).all() else None
+        return x if np.abs(x - found).max() <= WITHIN and (rows @ x >= row_lower - WITHIN).all() else None

@@ -23,7 +23,7 @@ class Options:
     """Number of refused steps after which a descent stops; each accepted step cancels one of them."""
     reach: float = 0.05
     """Links nearer than this have rows in the quadratic program."""
-    glance: float = 0.02
+    distance_cache_radius: float = 0.02
     """Distances of links are extrapolated along their slopes until a joint turns by more [rad]."""
     tolerated: float = 2e-4
     """Deficit of the margin without a cost: distances bend along a step."""
@@ -86,9 +86,9 @@ class RealTime:
     ease: float = 0.5
     """... the joints regain their full speed within this time [s]."""
     start: int = 32
-    """Maximum number of steps to the first pose, from the standing pose."""
-    looks: float = 30.0
-    """Steps per second of a second pose that starts from the standing pose [1/s] ..."""
+    """Steps at most to the first pose, from the standing one."""
+    home_rate: float = 30.0
+    """Steps per second that another pose takes from the standing one on [1/s] ..."""
     home_steps: int = 16
     """... and number of these steps before the two are compared."""
     same: float = 1.0
@@ -108,9 +108,9 @@ class Smoothing:
     proximal: float = 40.0
     """ρ, the weight that draws a frame to the smooth path [1/rad²]."""
     tolerance: float = 1e-5
-    """A pass skips a frame whose cost it could lower only by a smaller share [-]."""
-    looks: tuple[int, ...] = (2, 4, 6)
-    """Before these passes, links are checked for passing through each other between frames."""
+    """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
+    collision_checks: tuple[int, ...] = (2, 4, 6)
+    """Before these passes links are looked for that pass through each other between frames."""
     extra: int = 16
     """Maximum number of further passes over the frames that have not converged."""
     converged: float = 0.01

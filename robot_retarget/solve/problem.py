@@ -17,8 +17,8 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import Grounded, Symbolic, frame_costs
-from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.role import Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -26,8 +26,8 @@ from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
-    """The targets of one frame: one number per edge, kind after kind."""
+class EdgeTargets:
+    """What is asked of one frame: one number an edge, kind after kind."""
 
     lower: Floats
     upper: Floats
@@ -35,8 +35,8 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
-class Wishes:
-    """The targets of T frames, (T, E) each."""
+class ClipTargets:
+    """What is asked of T frames, (T, E) each."""
 
     lower: Floats
     upper: Floats
@@ -45,15 +45,15 @@ class Wishes:
     def __len__(self) -> int:
         return len(self.lower)
 
-    def at(self, frame: int) -> Wish:
-        """Return the targets of one frame."""
-        return Wish(self.lower[frame], self.upper[frame], self.priority[frame])
+    def at(self, frame: int) -> EdgeTargets:
+        """Of one frame."""
+        return EdgeTargets(self.lower[frame], self.upper[frame], self.priority[frame])
 
 
-def wishes_of(tracks: Sequence[Track]) -> Wishes:
-    """Return the targets of the symbolic costs of a graph's tracks, side by side."""
+def targets_of(tracks: Sequence[Track]) -> ClipTargets:
+    """The symbolic costs of a graph's tracks side by side."""
     costs = frame_costs(tracks)
-    return Wishes(
+    return ClipTargets(
         *(np.concatenate([getattr(track, name) for track in costs], axis=1) for name in ("lower", "upper", "priority"))
     )
 
@@ -62,8 +62,8 @@ class Part:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
-        """Assemble the functions of tracks whose edges start at index `first` of the graph's edges."""
-        body = Measured(robot, match)
+        """Assemble the functions of tracks whose edges begin with the graph's `first`."""
+        body = SymbolicRobot(robot, match)
         found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in tracks])
         self.terms = _Terms(tracks, found.rows)
         self.edges = slice(first, first + self.terms.edges)
@@ -81,9 +81,9 @@ class Part:
         normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
         return ca.Function("model", [q, *asked], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
 
-    def asked(self, wish: Wish) -> tuple[Floats, Floats, Floats]:
-        """Return the targets of these edges."""
-        return wish.lower[self.edges], wish.upper[self.edges], wish.priority[self.edges]
+    def asked(self, targets: EdgeTargets) -> tuple[Floats, Floats, Floats]:
+        """What is asked of these edges."""
+        return targets.lower[self.edges], targets.upper[self.edges], targets.priority[self.edges]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,21 +113,21 @@ class Problem:
             part.model.wait()
             part.cost.wait()
 
-    def model(self, q: Floats, wish: Wish) -> tuple[float, Floats, Floats]:
-        """Return the cost at a configuration, its gradient (nv) and the normal matrix (nv, nv)."""
-        (cost, gradient, normal), *others = [part.model(q, *part.asked(wish)) for part in self.parts]
+    def model(self, q: Floats, targets: EdgeTargets) -> tuple[float, Floats, Floats]:
+        """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
+        (cost, gradient, normal), *others = [part.model(q, *part.asked(targets)) for part in self.parts]
         for more in others:
             cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
         return float(cost[0]), gradient, normal
 
-    def cost(self, q: Floats, wish: Wish) -> float:
-        """Return the cost at a configuration."""
-        return float(sum(part.cost(q, *part.asked(wish))[0][0] for part in self.parts))
+    def cost(self, q: Floats, targets: EdgeTargets) -> float:
+        """The first of these alone."""
+        return float(sum(part.cost(q, *part.asked(targets))[0][0] for part in self.parts))
 
-    def missed(self, q: Floats, wish: Wish) -> float:
-        """Return the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
-        d, hard = self.values(q), wish.priority >= HARD
-        return float(np.abs(d - np.clip(d, wish.lower, wish.upper))[hard].max(initial=0.0))
+    def missed(self, q: Floats, targets: EdgeTargets) -> float:
+        """By how much the worst hard edge misses its interval [m]; 0 where there is none."""
+        d, hard = self.values(q), targets.priority >= HARD
+        return float(np.abs(d - np.clip(d, targets.lower, targets.upper))[hard].max(initial=0.0))
 
     def values(self, q: Floats) -> Floats:
         """Return the measures (E,) of the edges."""
@@ -139,7 +139,7 @@ class Inequalities:
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track]):
         self.tracks = [t for t in tracks if t.role is Role.INEQUALITY and isinstance(t.kind, Symbolic)]
-        self._nv, body = robot.model.nv, Measured(robot, match)
+        self._nv, body = robot.model.nv, SymbolicRobot(robot, match)
         found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in self.tracks])
         rows = found.rows.tolist()
         values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])

@@ -1,4 +1,4 @@
-"""The quadratic model of a frame's cost around a configuration, and the rows that bound a step from there."""
+"""The quadratic model of a frame's cost around a configuration, and the rows that bound a step from trial."""
 
 from dataclasses import dataclass, replace
 from typing import cast
@@ -11,9 +11,9 @@ from robot_retarget.describe.role import FRAME, STEP, Role
 from robot_retarget.describe.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
-from robot_retarget.solve.between import Between
 from robot_retarget.solve.options import Options
-from robot_retarget.solve.problem import Problem, Wish
+from robot_retarget.solve.problem import EdgeTargets, Problem
+from robot_retarget.solve.swept_collision import Between
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ least; the last variable is the slack of separation."""
+    """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ row_lower; the last variable is the slack of separation."""
 
     cost: float
     gradient: Floats
@@ -49,27 +49,26 @@ class Quadratic:
     """N (nv, nv)."""
     rows: Floats
     """(rows, nv + 1)."""
-    least: Floats
-    missing: float
-    """How much the nearest links lack to their margin beyond the tolerance, over the leg."""
-    sunk: bool
+    row_lower: Floats
+    clearance_deficit: float
+    """How much more than the tolerance the nearest links lack to their margin, over the leg."""
+    penetrates_floor: bool
     """Whether a sole is under the floor."""
     near: Near | None = None
     """The links near each other, at their last measurement."""
 
-    def with_rows_met(self, soles: int, there: "Quadratic", step: Floats) -> "Quadratic":
-        """Return the model with the rows of links that a step (nv) brought too near: J v ≥ least + J step.
+    def with_rows_met(self, soles: int, trial: "Quadratic", step: Floats) -> "Quadratic":
+        """The model with the rows of links that a step (nv) brought too near, as they are trial: J v ≥ row_lower + J step.
 
-        If the nearest points of two links change along a step, rows from its start alone lead to the same contact
-        again. The new rows replace those of the farthest links, and a step of zero satisfies them, because these
-        links are apart at the present configuration.
+        Where the nearest places of two links change on the way, rows of the beginning alone lead into the same wall again.
+        They stand in for those of the farthest links, and demand no more than to stay: current these links are apart.
         """
-        hit = soles + np.flatnonzero(there.least[soles:] > 0)
-        least, rows = self.least.copy(), self.rows.copy(order="F")
-        farthest = soles + np.argsort(least[soles:], kind="stable")[: len(hit)]
-        demand = np.minimum(there.least[hit] + there.rows[hit, :-1] @ step, max(least[soles:].max(), 0.0))
-        rows[farthest], least[farthest] = there.rows[hit], demand
-        return replace(self, rows=rows, least=least)
+        hit = soles + np.flatnonzero(trial.row_lower[soles:] > 0)
+        row_lower, rows = self.row_lower.copy(), self.rows.copy(order="F")
+        farthest = soles + np.argsort(row_lower[soles:], kind="stable")[: len(hit)]
+        demand = np.minimum(trial.row_lower[hit] + trial.rows[hit, :-1] @ step, max(row_lower[soles:].max(), 0.0))
+        rows[farthest], row_lower[farthest] = trial.rows[hit], demand
+        return replace(self, rows=rows, row_lower=row_lower)
 
 
 class NumericCost:
@@ -92,7 +91,7 @@ class NumericCost:
 
 
 class CostModel:
-    """The cost of one frame's problem around any configuration, and the inequality rows there."""
+    """The cost of one frame's problem around any configuration, and the inequality rows trial."""
 
     def __init__(self, problem: Problem, options: Options):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
@@ -108,30 +107,30 @@ class CostModel:
         self.rows = len(problem.inequalities) + (self.separation.most if self.separation else 0)
 
     def linearize(
-        self, q: Floats, wish: Wish, between: tuple[Between, ...] = (), known: Near | None = None
+        self, q: Floats, targets: EdgeTargets, between: tuple[Between, ...] = (), known: Near | None = None
     ) -> Quadratic:
         """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
 
         Args:
             known: distances of links measured nearby; within `glance` they are extrapolated along their slopes.
         """
-        total, gradient, normal = self.problem.model(q, wish)
+        total, gradient, normal = self.problem.model(q, targets)
         for cost in self.numeric:
             if cost.stencil == FRAME and (found := cost.terms(q, None, None)) is not None:
                 total, gradient, normal = total + found[0], gradient + found[1], normal + found[2]
         slope, deficit = self.problem.inequalities.rows(q)
         nv, hard = len(gradient), len(deficit)
-        rows, least = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
-        rows[:hard, :nv], least[:hard] = slope, deficit
+        rows, row_lower = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
+        rows[:hard, :nv], row_lower[:hard] = slope, deficit
         near = self._near(q, known)
-        missing = self._apart(q, near, between, rows[hard:], least[hard:]) if near else 0.0
-        total += self.options.overlap_cost * missing**2
-        sunk = bool(deficit.max(initial=0.0) > self.options.sunk)
-        return Quadratic(total, gradient, normal, rows, least, missing, sunk, near)
+        clearance_deficit = self._apart(q, near, between, rows[hard:], row_lower[hard:]) if near else 0.0
+        total += self.options.overlap_cost * clearance_deficit**2
+        penetrates_floor = bool(deficit.max(initial=0.0) > self.options.sunk)
+        return Quadratic(total, gradient, normal, rows, row_lower, clearance_deficit, penetrates_floor, near)
 
-    def cost(self, q: Floats, wish: Wish, past: Past | None = None) -> float:
-        """Return the minimised cost of a frame at a configuration."""
-        return self.problem.cost(q, wish) + sum(self.parts(q, past).values())
+    def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
+        """The minimised cost of a frame at a configuration."""
+        return self.problem.cost(q, targets) + sum(self.parts(q, past).values())
 
     def parts(self, q: Floats, past: Past | None = None) -> dict[str, float]:
         """Return the cost of each numeric kind; that of surfaces is the cost of their slack."""
@@ -154,35 +153,41 @@ class CostModel:
         near = self._near(q, None)
         if near is None or self.separation is None:
             return None
-        rows, least = np.zeros((self.separation.most, near.slope.shape[1] + 1)), np.full(self.separation.most, -np.inf)
-        self._apart(q, near, (), rows, least)
-        return Contacts(rows[:, :-1], least)
+        rows, row_lower = (
+            np.zeros((self.separation.most, near.slope.shape[1] + 1)),
+            np.full(self.separation.most, -np.inf),
+        )
+        self._apart(q, near, (), rows, row_lower)
+        return Contacts(rows[:, :-1], row_lower)
 
     def _missing(self, wanted: Floats) -> float:
         """Return how much the nearest links lack beyond the tolerance, over the leg."""
         return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
 
-    def decrease(self, here: Quadratic, step: Floats, slack: float) -> float:
-        """Return the predicted decrease of the cost for a step (nv), if links then lack `slack` over the leg."""
-        edges = -float(step @ (2 * here.gradient + here.normal @ step))
-        return edges + self.options.overlap_cost * (here.missing**2 - slack**2)
+    def decrease(self, current: Quadratic, step: Floats, slack: float) -> float:
+        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
+        edges = -float(step @ (2 * current.gradient + current.normal @ step))
+        return edges + self.options.overlap_cost * (current.clearance_deficit**2 - slack**2)
 
     def _near(self, q: Floats, known: Near | None) -> Near | None:
         """Return the links near each other: measured here, or the known ones if measured nearby."""
         if self.separation is None:
             return None
-        if known is not None and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.glance:
+        if (
+            known is not None
+            and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.distance_cache_radius
+        ):
             return known
         return Near(np.array(q), *self.separation.near(q))
 
-    def _apart(self, q: Floats, near: Near, between: tuple[Between, ...], rows: Floats, least: Floats) -> float:
-        """Fill in the rows of near links; return how much the nearest lack beyond the tolerance, over the leg."""
+    def _apart(self, q: Floats, near: Near, between: tuple[Between, ...], rows: Floats, row_lower: Floats) -> float:
+        """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
         distance, slope, rest = self._with_ways(q, near, between)
         assert self.separation is not None
         wanted = self.separation.lacking(distance, rest)
         count, tolerance = len(distance), self.options.tolerated * self.leg
         rows[:count, :-1], rows[:count, -1] = slope, 1.0
-        least[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
+        row_lower[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
         return self._missing(wanted)
 
     def _with_ways(self, q: Floats, near: Near, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
@@ -192,12 +197,12 @@ class CostModel:
         the frames more than the passage needs.
         """
         assert self.separation is not None
-        here = near.distance
+        current = near.distance
         if near.qpos is not q:
-            here = here + near.slope @ difference(self.robot, near.qpos, q)
+            current = current + near.slope @ difference(self.robot, near.qpos, q)
         if not between:
-            return here, near.slope, near.rest
-        found = [(here, near.slope, near.rest)]
+            return current, near.slope, near.rest
+        found = [(current, near.slope, near.rest)]
         for way in between:
             distance, slope, rest = self.separation.near(way.at(self.robot, q))
             found.append((distance, way.share * slope, np.minimum(rest, 0.0)))
@@ -205,32 +210,35 @@ class CostModel:
         kept = self.separation.foremost(distance, rest)
         return distance[kept], slope[kept], rest[kept]
 
-    def with_proximal(self, here: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
-        """Return the model with an added proximal term."""
+    def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
+        """The model with a proximal term on top."""
         if proximal is None:
-            return here
+            return current
         change = difference(self.robot, proximal.anchor, q) - proximal.offset
         return replace(
-            here,
-            cost=here.cost + float(proximal.weight @ change**2),
-            gradient=here.gradient + proximal.weight * change,
-            normal=here.normal + np.diag(proximal.weight),
+            current,
+            cost=current.cost + float(proximal.weight @ change**2),
+            gradient=current.gradient + proximal.weight * change,
+            normal=current.normal + np.diag(proximal.weight),
         )
 
-    def with_past(self, here: Quadratic, q: Floats, past: Past | None) -> Quadratic:
-        """Return the model with the added numeric costs that join the frame before."""
+    def with_past(self, current: Quadratic, q: Floats, past: Past | None) -> Quadratic:
+        """The model with the numeric costs that join the frame before on top."""
         joining = [cost for cost in self.numeric if cost.stencil == STEP] if past is not None else []
         if not joining:
-            return here
+            return current
         first = len(self.problem.inequalities)
-        contacts = Contacts(here.rows[first:, :-1], here.least[first:]) if self.separation else None
+        contacts = Contacts(current.rows[first:, :-1], current.row_lower[first:]) if self.separation else None
         for cost in joining:
             if (found := cost.terms(q, past, contacts)) is not None:
                 value, pull, curvature = found
-                here = replace(
-                    here, cost=here.cost + value, gradient=here.gradient + pull, normal=here.normal + curvature
+                current = replace(
+                    current,
+                    cost=current.cost + value,
+                    gradient=current.gradient + pull,
+                    normal=current.normal + curvature,
                 )
-        return here
+        return current
 
     def projected(self, q: Floats) -> Floats:
         """Return the configuration with closed chains and meshed gears."""

@@ -9,17 +9,17 @@ from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raised
-from robot_retarget.solve.between import Between, on_the_way
 from robot_retarget.solve.compiled import QuadraticProgram
 from robot_retarget.solve.limits import joint_bounds
 from robot_retarget.solve.options import Options
-from robot_retarget.solve.problem import Problem, Wish
+from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
 from robot_retarget.solve.solution import Status
+from robot_retarget.solve.swept_collision import Between, on_the_way
 
 SHORT = 0.1
-"""A refused step longer than this adds no separation rows to the next one [rad, m]: slopes at a distant configuration
-do not apply."""
+"""What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
+nothing current."""
 UNSEEN = 0.03
 """The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
 
@@ -43,7 +43,7 @@ class Box:
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
 
     def outside(self, angles: Floats) -> float:
-        """Return the distance from the box [rad]; a step into the box is taken at any cost, unless links meet."""
+        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs, unless links meet trial."""
         return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
 
 
@@ -57,10 +57,9 @@ class Pose:
     """The cost before the last step, which was too small to be evaluated."""
     iterations: int
     model: Quadratic | None = None
-    """The quadratic model at the pose, without a proximal term; a further descent with the same target starts from
-    it."""
-    missing: float = 0.0
-    """How much the nearest links lacked to be apart at the last evaluation, over the leg."""
+    """The quadratic model trial, without any proximal term: a further descent with the same targets starts from it."""
+    clearance_deficit: float = 0.0
+    """How much the nearest links lacked to be apart when last looked at, over the leg."""
 
 
 class _TrustRegion:
@@ -95,10 +94,10 @@ class FrameSolver:
         self.program.hessian[-1, -1] = self.options.overlap_cost / self.leg**2
         self.program.lower[-1], self.program.upper[-1] = 0.0, np.inf
 
-    def descend(
+    def solve_frame(
         self,
         start: Floats | Pose,
-        wish: Wish,
+        targets: EdgeTargets,
         *,
         proximal: Proximal | None = None,
         past: Past | None = None,
@@ -110,60 +109,64 @@ class FrameSolver:
         """Take steps within box, floor and separation until the gain is small or the limit is reached; close chains.
 
         Args:
-            start: a configuration, or a pose that an earlier descent with the same target reached (warm start).
-            between: further configurations at which links are kept apart.
+            start: a configuration, or a pose that an earlier descent with the same targets reached (warm start).
+            between: where links are kept apart besides.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
         known = start.model if isinstance(start, Pose) and not between else None
-        base = known or self.costs.linearize(q, wish, between)
-        here, region, strayed = self._with_terms(base, q, proximal, past), _TrustRegion(self.options), True
+        base = known or self.costs.linearize(q, targets, between)
+        current, region, outside_bounds = self._with_terms(base, q, proximal, past), _TrustRegion(self.options), True
         while region.taken < most and region.refused < self.options.refusals:
-            strayed = strayed and box.outside(q[self.robot.qpos_index]) > 1e-6
-            step, gain = self._step(q, here, region, box)
+            outside_bounds = outside_bounds and box.outside(q[self.robot.qpos_index]) > 1e-6
+            step, gain = self._step(q, current, region, box)
             if step is None:
                 return self._left(q, Status.BLOCKED, base, region, between)
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
-            if gain <= least_gain * here.cost + 1e-12 and small and not (here.sunk or strayed):
+            if gain <= least_gain * current.cost + 1e-12 and small and not (current.penetrates_floor or outside_bounds):
                 last = integrate(self.robot, q, step)
-                return self._closed(Pose(last, Status.CONVERGED, base.cost, region.taken, missing=base.missing))
+                return self._closed(
+                    Pose(last, Status.CONVERGED, base.cost, region.taken, clearance_deficit=base.clearance_deficit)
+                )
             trial = integrate(self.robot, q, step)
-            there = self.costs.linearize(trial, wish, between, here.near)
-            lowered = self._with_terms(there, trial, proximal, past)
-            entering = strayed and there.missing <= here.missing
-            if lowered.cost < here.cost or entering or here.sunk:
-                q, base, here = trial, there, lowered
+            trial = self.costs.linearize(trial, targets, between, current.near)
+            lowered = self._with_terms(trial, trial, proximal, past)
+            moving_into_bounds = outside_bounds and trial.clearance_deficit <= current.clearance_deficit
+            if lowered.cost < current.cost or moving_into_bounds or current.penetrates_floor:
+                q, base, current = trial, trial, lowered
                 region.take()
             else:
-                here = self._warned(here, there, step)
+                current = self._warned(current, trial, step)
                 region.refuse(step)
         return self._left(q, Status.OUT_OF_ITERATIONS, base, region, between)
 
-    def advance(self, start: Floats, wish: Wish, proximal: Proximal | None, box: Box, steps: int) -> Pose:
-        """Take `steps` steps without a line search: the real-time iteration of [Diehl2005], from a predicted start."""
+    def real_time_step(
+        self, start: Floats, targets: EdgeTargets, proximal: Proximal | None, box: Box, steps: int
+    ) -> Pose:
+        """So many steps without a look back: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
         q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
         for taken in range(steps):
-            base = self.costs.linearize(q, wish)
+            base = self.costs.linearize(q, targets)
             step, _ = self._step(q, self.costs.with_proximal(base, q, proximal), region, box)
             if step is None:
-                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, missing=base.missing))
+                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, clearance_deficit=base.clearance_deficit))
             q = integrate(self.robot, q, step)
             status = Status.CONVERGED if float(np.abs(step[self.hinges]).max()) < UNSEEN else Status.OUT_OF_ITERATIONS
         assert base is not None
-        return self._closed(Pose(q, status, base.cost, steps, missing=base.missing))
+        return self._closed(Pose(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
 
     def _left(
         self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
     ) -> Pose:
-        """Return a pose for a warm start; without its model if it has `between`, whose frames move."""
-        return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.missing))
+        """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
+        return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit))
 
     def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
         return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
 
-    def _step(self, q: Floats, here: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
-        """Return the step that minimises the model within box, trust region, floor and separation, and its gain."""
-        program, nv, angle, radius = self.program, len(here.gradient), q[self.robot.qpos_index], region.radius
+    def _step(self, q: Floats, current: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
+        """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
+        program, nv, angle, radius = self.program, len(current.gradient), q[self.robot.qpos_index], region.radius
         program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
         program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)
         program.upper[self.hinges] = (box.upper - angle).clip(-radius, radius)
@@ -172,18 +175,18 @@ class FrameSolver:
             moved = difference(self.robot, anchor, q)[self.roots]
             program.lower[self.roots] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
             program.upper[self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
-        program.hessian[:nv, :nv] = here.normal
+        program.hessian[:nv, :nv] = current.normal
         program.hessian[self.diagonal] += region.damping
-        program.gradient[:nv] = here.gradient
-        found = program.solve(here.rows, here.least)
+        program.gradient[:nv] = current.gradient
+        found = program.solve(current.rows, current.row_lower)
         if found is None:
             return None, 0.0
-        return found[:nv], self.costs.decrease(here, found[:nv], float(found[nv]) / self.leg)
+        return found[:nv], self.costs.decrease(current, found[:nv], float(found[nv]) / self.leg)
 
-    def _warned(self, here: Quadratic, there: Quadratic, step: Floats) -> Quadratic:
-        """Return the model with the rows that a short refused step has met."""
-        met = there.missing > here.missing and np.abs(step).max() < SHORT
-        return here.with_rows_met(len(self.problem.inequalities), there, step) if met else here
+    def _warned(self, current: Quadratic, trial: Quadratic, step: Floats) -> Quadratic:
+        """The model, with what a refused short step has met."""
+        met = trial.clearance_deficit > current.clearance_deficit and np.abs(step).max() < SHORT
+        return current.with_rows_met(len(self.problem.inequalities), trial, step) if met else current
 
     def _closed(self, pose: Pose) -> Pose:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
@@ -211,8 +214,8 @@ class FrameSolver:
         """Whether links are inside each other by more than is accepted."""
         return self.depth(qpos) > self.options.overlap
 
-    def held_back(self, before: Floats, pose: Pose) -> Pose:
-        """Return the pose, or if its links interpenetrate the nearest of seven between it and the frame before."""
+    def backtrack_to_clearance(self, before: Floats, pose: Pose) -> Pose:
+        """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
         if not self.overlapping(pose.qpos):
             return pose
         way = difference(self.robot, before, pose.qpos)
@@ -220,8 +223,8 @@ class FrameSolver:
         qpos = next((q for q in tried if not self.overlapping(q)), before)
         return replace(pose, qpos=qpos, status=Status.BLOCKED, model=None)
 
-    def lifted(self, pose: Pose) -> Pose:
-        """Return the pose with its root raised by the depth to which curvature let it sink under the floor."""
+    def raise_above_floor(self, pose: Pose) -> Pose:
+        """The pose with its root raised by what curvature let it sink under the floor."""
         depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation
         depth = max(depth, apart.sunk(pose.qpos)) if apart else depth

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robot_retarget.describe.causal.wishes import CausalWishes
+from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.track import HARD
 from robot_retarget.human.calibration import calibrate
@@ -11,7 +11,7 @@ from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.problem import wishes_of
+from robot_retarget.solve.problem import targets_of
 
 CLIPS = ("walk", "squat", "wave", "clap", "hips_and_bow")
 
@@ -23,23 +23,23 @@ def graph(request: pytest.FixtureRequest) -> Graph:
 
 def asked(graph: Graph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, E) bounds and π, frame by frame; the robot's soles are where the human's way has them."""
-    human, wishes, motion = (
+    human, all_targets, motion = (
         CausalFeatures(calibrate(graph.motion, graph.match, graph.human)),
-        CausalWishes(graph),
+        CausalTargets(graph),
         graph.motion,
     )
     soles = graph.kinds["foothold"].lower.reshape(len(graph), -1, 4, 3)
     found = []
     for t, positions in enumerate(motion.positions):
         turns = None if motion.rotations is None else motion.rotations[t]
-        frame = wishes.at(human.step(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
+        frame = all_targets.at(human.step(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
         found.append([np.array(each) for each in frame])
     lower, upper, priority = (np.array(each) for each in zip(*found, strict=True))
     return lower, upper, priority
 
 
 def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: Graph) -> None:
-    (lower, upper, priority), whole, first = asked(graph), wishes_of(graph.tracks), 0
+    (lower, upper, priority), whole, first = asked(graph), targets_of(graph.tracks), 0
     for track in graph.tracks:
         edges = slice(first, first + len(track))
         first += len(track)

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds import KINDS
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene, frame_costs
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role, frame_costs
 from robot_retarget.describe.kinds.mass import Mass
-from robot_retarget.describe.measured import Measured, drawn_configurations
 from robot_retarget.describe.soles import sole_corners
+from robot_retarget.describe.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
@@ -38,10 +38,10 @@ class Toy:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        return exact(self, [("l_hand", "head")], np.zeros((len(scene.human), 1)), 1e3, scene.leg, axes=("z",))
+    def targets(self, context: RetargetContext) -> Track | None:
+        return exact(self, [("l_hand", "head")], np.zeros((len(context.human), 1)), 1e3, context.leg, axes=("z",))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         return body.keypoint("l_hand")[2] - body.keypoint("head")[2]
 
 

@@ -13,7 +13,7 @@ from robot_retarget.robot.kinematics import carrying, difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import build_problem, wishes_of
+from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolver, Pose
@@ -86,12 +86,12 @@ def test_a_pose_held_back_is_apart_and_on_the_way() -> None:
     robot, crossed = graph.robot, crossed_arms()[1]
     solver = FrameSolver(build_problem(robot, graph.match, graph.tracks))
     assert solver.overlapping(crossed)
-    held = solver.held_back(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1))
+    held = solver.backtrack_to_clearance(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1))
     assert held.status is Status.BLOCKED and not solver.overlapping(held.qpos)
     way, whole = (difference(robot, robot.standing(), q) for q in (held.qpos, crossed))
     assert np.linalg.norm(way - (share := way @ whole / (whole @ whole)) * whole) < 1e-9 and 0 <= share < 1
     apart = Pose(robot.standing(), Status.CONVERGED, 0.0, 1)
-    assert solver.held_back(crossed, apart) is apart
+    assert solver.backtrack_to_clearance(crossed, apart) is apart
 
 
 def deepest(separated: bool) -> float:
@@ -111,11 +111,11 @@ def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> 
     """Each pose of hands on hips is sent to where it may only be as it is a third of a second later."""
     result = retarget(read_motion(SAMPLES / "hips_and_bow.bvh"), load_robot("op3"), fps=30)
     graph, robot, qpos = result.graph, result.robot, result.trajectory.qpos
-    solver, wishes = FrameSolver(build_problem(robot, graph.match, graph.tracks)), wishes_of(graph.tracks)
+    solver, all_targets = FrameSolver(build_problem(robot, graph.match, graph.tracks)), targets_of(graph.tracks)
     hinges, ahead = robot.qpos_index, 10
     for t in range(0, len(qpos) - ahead, 3):
         box = solver.ranges.around([qpos[t + ahead][hinges]], np.full(len(hinges), 0.02))
-        after = solver.descend(qpos[t], wishes.at(t), box=box, iterations=1).qpos
+        after = solver.solve_frame(qpos[t], all_targets.at(t), box=box, iterations=1).qpos
         assert box.outside(after[hinges]) <= box.outside(qpos[t][hinges]) + 1e-9
         assert not solver.overlapping(after)
 

@@ -13,19 +13,19 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.between import TURN, Between, on_the_way
-from robot_retarget.solve.problem import Wish, build_problem, wishes_of
+from robot_retarget.solve.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.sqp import FrameSolver
+from robot_retarget.solve.swept_collision import TURN, Between, on_the_way
 from robot_retarget.transfer import retarget
 
-Asked = tuple[FrameSolver, Wish]
+Asked = tuple[FrameSolver, EdgeTargets]
 
 
 @pytest.fixture(scope="module")
 def asked() -> Asked:
     graph = describe(read_motion(SAMPLES / "clap.bvh").frames(0, 9), load_robot("op3"), fps=10)
-    return FrameSolver(build_problem(graph.robot, graph.match, graph.tracks)), wishes_of(graph.tracks).at(0)
+    return FrameSolver(build_problem(graph.robot, graph.match, graph.tracks)), targets_of(graph.tracks).at(0)
 
 
 def arms(robot: Robot, pitch: float, roll: float, elbow: float) -> Floats:
@@ -56,13 +56,13 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
 
 
 def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Asked) -> None:
-    solver, wish = asked
+    solver, targets = asked
     robot, soles, step = solver.robot, len(solver.problem.inequalities), 1e-6
     separation, way = solver.costs.separation, Between(arms(robot, -0.5, 1.57, -1.57), 0.3)
     assert separation is not None
     q = arms(robot, -0.3, 1.57, -1.5)
-    own = {tuple(row) for row in solver.costs.linearize(q, wish).rows[soles:]}
-    rows = [row for row in solver.costs.linearize(q, wish, (way,)).rows[soles:] if tuple(row) not in own]
+    own = {tuple(row) for row in solver.costs.linearize(q, targets).rows[soles:]}
+    rows = [row for row in solver.costs.linearize(q, targets, (way,)).rows[soles:] if tuple(row) not in own]
     for joint in ("l_sho_pitch", "l_sho_roll", "l_el"):
         direction = np.zeros(robot.model.nv)
         direction[column := robot.dof_index[robot.joint_names.index(joint)]] = step
@@ -75,18 +75,18 @@ def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Ask
 
 def test_a_frame_wished_beyond_links_stays_on_the_side_it_comes_from(asked: Asked) -> None:
     """The arm is wished behind the trunk and comes from before it: with the way watched it does not go through."""
-    solver, wish = asked
+    solver, targets = asked
     robot, overlap = solver.robot, solver.options.overlap
     front, back = arms(robot, -0.8, 1.57, -1.2), arms(robot, 0.9, 1.57, -1.2)
     assert solver.depth_between(front, back) > 10 * overlap
     assert not solver.overlapping(front) and not solver.overlapping(back)
     drawn = Proximal(back, np.zeros(robot.model.nv), np.full(robot.model.nv, 1e3))
-    through = solver.descend(back, wish, proximal=drawn).qpos
+    through = solver.solve_frame(back, targets, proximal=drawn).qpos
     assert solver.depth_between(front, through) > 10 * overlap
     found = front
     for _ in range(20):
         ways = on_the_way(robot, front, found)
-        found = solver.descend(found, wish, proximal=drawn, iterations=1, between=ways).qpos
+        found = solver.solve_frame(found, targets, proximal=drawn, iterations=1, between=ways).qpos
     assert solver.depth_between(front, found) <= 0.002
     assert np.abs(found - front).max() > 0.2
 

@@ -12,9 +12,9 @@ from robot_retarget.balance.planter import Planter, PlantOptions
 from robot_retarget.describe.edits import Edit
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
-from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, Role, Rows, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
 from robot_retarget.describe.role import SECOND_DIFFERENCE
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.edit.touchup import mended
 from robot_retarget.human.features import HumanFeatures
@@ -94,15 +94,15 @@ class Nod:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        edges = self.edges(scene)
-        heights, priority = edges.asked(scene.human)
-        return exact(self, edges.ends, heights, priority, scene.leg)
+    def targets(self, context: RetargetContext) -> Track | None:
+        edges = self.edges(context)
+        heights, priority = edges.asked(context.human)
+        return exact(self, edges.ends, heights, priority, context.leg)
 
-    def edges(self, scene: Scene) -> "_Heights":
-        return _Heights([("head", "floor")], scene.match.index("head"), 0.5 * scene.match.leg_ratio)
+    def edges(self, context: RetargetContext) -> "_Heights":
+        return _Heights([("head", "floor")], context.match.index("head"), 0.5 * context.match.leg_ratio)
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         return body.keypoint("head")[2]
 
 
@@ -124,8 +124,8 @@ class Elbow:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        return exact(self, [("l_el", "one radian")], np.ones((len(scene.human), 1)), 100.0)
+    def targets(self, context: RetargetContext) -> Track | None:
+        return exact(self, [("l_el", "one radian")], np.ones((len(context.human), 1)), 100.0)
 
     def evaluator(self, track: Track, robot: Robot) -> "_Angle":
         return _Angle(robot, robot.joint_names.index(track.ends[0][0]))

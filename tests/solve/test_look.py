@@ -14,7 +14,7 @@ from robot_retarget.errors import MatchError
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.look import _hands, glances, mismatch
+from robot_retarget.solve.plausibility import _hands, mismatch, plausibility_checks
 from robot_retarget.transfer import Result, retarget
 
 
@@ -24,14 +24,14 @@ def solved(clip: str) -> Result:
 
 
 def wrong(result: Result, qpos: np.ndarray) -> set[str]:
-    return {g.what for g in glances(result.motion, result.robot, result.match, qpos) if g.wrong}
+    return {g.what for g in plausibility_checks(result.motion, result.robot, result.match, qpos) if g.wrong}
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat", "hips_and_bow"])
 def test_what_follows_is_not_doubted(clip: str) -> None:
     result = solved(clip)
     assert not result.doubt and not any(
-        g.against > 0.1 for g in glances(result.motion, result.robot, result.match, result.trajectory.qpos)
+        g.against > 0.1 for g in plausibility_checks(result.motion, result.robot, result.match, result.trajectory.qpos)
     )
 
 

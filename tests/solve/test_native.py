@@ -19,7 +19,7 @@ from robot_retarget.robot.kinematics import point_function
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve import solve as solve_module
 from robot_retarget.solve.native import machine_code
-from robot_retarget.solve.problem import Problem, build_problem, wishes_of
+from robot_retarget.solve.problem import Problem, build_problem, targets_of
 from robot_retarget.transfer import retarget
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -75,12 +75,12 @@ def fake_compiler(folder: Path, script: str) -> Path:
 def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: Graph) -> None:
     problems = [built(case, native) for native in (False, True)]
     assert [problem.native for problem in problems] == [False, True]
-    wish, draw, robot = wishes_of(case.tracks).at(1), np.random.default_rng(0), case.robot
+    targets, draw, robot = targets_of(case.tracks).at(1), np.random.default_rng(0), case.robot
     for _ in range(20):
         q = np.append(draw.normal(size=7), draw.uniform(robot.lower, robot.upper))
-        for ours, theirs in zip(*(problem.model(q, wish) for problem in problems), strict=True):
+        for ours, theirs in zip(*(problem.model(q, targets) for problem in problems), strict=True):
             assert np.all(ours == theirs)
-        assert problems[0].cost(q, wish) == problems[1].cost(q, wish)
+        assert problems[0].cost(q, targets) == problems[1].cost(q, targets)
 
 
 @needs_compiler
@@ -114,7 +114,7 @@ def test_a_compiler_that_fails_leaves_the_virtual_machine(
     monkeypatch.setenv("PATH", f"{fake_compiler(tmp_path / 'bin', script)}{os.pathsep}{os.environ['PATH']}")
     problem = built(case, native=True)
     assert not problem.native
-    assert np.isfinite(problem.cost(case.robot.standing(), wishes_of(case.tracks).at(0)))
+    assert np.isfinite(problem.cost(case.robot.standing(), targets_of(case.tracks).at(0)))
 
 
 def test_no_compiler_and_no_cache_leave_the_virtual_machine(

@@ -9,7 +9,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.problem import Problem, Wish, build_problem, wishes_of
+from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem, targets_of
 
 Case = tuple[Graph, Problem]
 
@@ -26,10 +26,10 @@ def case() -> Case:
     return made("op3")
 
 
-def wish(graph: Graph, frame: int) -> Wish:
+def targets(graph: Graph, frame: int) -> EdgeTargets:
     """All that is asked of a frame, with every edge weighed anew so that no kind hides behind another."""
-    asked = wishes_of(graph.tracks).at(frame)
-    return Wish(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
+    asked = targets_of(graph.tracks).at(frame)
+    return EdgeTargets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
 
 
 def somewhere(problem: Problem, seed: int) -> np.ndarray:
@@ -39,7 +39,7 @@ def somewhere(problem: Problem, seed: int) -> np.ndarray:
 
 def check_gradient(case: Case, seed: int) -> None:
     graph, problem = case
-    q, asked, step = somewhere(problem, seed), wish(graph, 7), 1e-6
+    q, asked, step = somewhere(problem, seed), targets(graph, 7), 1e-6
     gradient = problem.model(q, asked)[1]
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.cost(integrate(problem.robot, q, s * step * direction), asked) for s in (1, -1))
@@ -62,7 +62,7 @@ def test_so_it_is_on_other_robots(name: str) -> None:
 def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
     """J by central differences of what is measured, W = π/scale² · ϱ'(e)/2e; nothing within an open interval."""
     graph, problem = case
-    q, asked, step = somewhere(problem, 1), wish(graph, 3), 1e-6
+    q, asked, step = somewhere(problem, 1), targets(graph, 3), 1e-6
     jacobian = np.empty((len(asked.lower), problem.robot.model.nv))
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))

@@ -17,7 +17,7 @@ from robot_retarget.robot.model import robot_from_model
 from robot_retarget.robot.root import put, raised
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import build_problem, wishes_of
+from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.transfer import retarget
 
 AXES = np.eye(3)
@@ -74,18 +74,18 @@ def test_six_single_joints_carry_a_robot_as_a_free_joint_does(smoothing: Smoothi
 def test_slopes_are_those_of_the_cost_whatever_carries_the_robot(root: str) -> None:
     """By central differences, wherever the root is and however it is turned."""
     graph = describe(turning_walk(), carried_by(root))
-    problem, wish, robot = (
+    problem, targets, robot = (
         build_problem(graph.robot, graph.match, graph.tracks),
-        wishes_of(graph.tracks).at(30),
+        targets_of(graph.tracks).at(30),
         graph.robot,
     )
     for seed in range(3):
         step = np.random.default_rng(seed).normal(scale=0.5, size=robot.model.nv)
         q, gradient = integrate(robot, robot.standing(), step), np.empty(robot.model.nv)
         for column, direction in enumerate(np.eye(robot.model.nv)):
-            ahead, behind = (problem.cost(integrate(robot, q, sign * 1e-6 * direction), wish) for sign in (1, -1))
+            ahead, behind = (problem.cost(integrate(robot, q, sign * 1e-6 * direction), targets) for sign in (1, -1))
             gradient[column] = (ahead - behind) / 4e-6
-        assert np.allclose(problem.model(q, wish)[1], gradient, rtol=1e-5, atol=1e-6 * np.abs(gradient).max())
+        assert np.allclose(problem.model(q, targets)[1], gradient, rtol=1e-5, atol=1e-6 * np.abs(gradient).max())
 
 
 def test_a_robot_bolted_to_the_world_still_moves_its_limbs() -> None:

@@ -11,7 +11,7 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds.posture import Posture
-from robot_retarget.describe.measured import drawn_configurations
+from robot_retarget.describe.symbolic_robot import drawn_configurations
 from robot_retarget.describe.track import Track
 from robot_retarget.dgp import Graph as DgpGraph
 from robot_retarget.dgp.stress import Objective, distances, stress
@@ -20,7 +20,7 @@ from robot_retarget.robot import Points, load_robot, world_points
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import build_problem, wishes_of
+from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.solution import Solution, Status
 from robot_retarget.solve.solve import solve_graph
 
@@ -63,9 +63,9 @@ def check_sum(solution: Solution) -> None:
     total += sum(solution.stress.get(kind, 0.0) for kind in ("separation", "coupling", "interaction"))
     assert np.allclose(solution.cost, total, rtol=1e-9, atol=0)
     assert np.allclose(solution.cost, sum(solution.stress.values()), rtol=1e-9, atol=0)
-    problem, wishes = build_problem(graph.robot, graph.match, graph.tracks), wishes_of(graph.tracks)
+    problem, all_targets = build_problem(graph.robot, graph.match, graph.tracks), targets_of(graph.tracks)
     alone = sum(solution.stress[track.name] for track in graph.costs)
-    assert np.allclose(alone, [problem.cost(q, wishes.at(t)) for t, q in enumerate(qpos)], rtol=1e-9, atol=0)
+    assert np.allclose(alone, [problem.cost(q, all_targets.at(t)) for t, q in enumerate(qpos)], rtol=1e-9, atol=0)
 
 
 @pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])

@@ -6,7 +6,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import LANDING, sole_of
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.foothold import Foothold
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
 from robot_retarget.describe.track import HARD
 from robot_retarget.human.features import HumanFeatures
@@ -21,10 +21,10 @@ class CausalFootholds:
     """The edges of one robot's soles; F feet."""
 
     def __init__(self, graph: Graph, feet: tuple[str, ...], kind: Foothold):
-        scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
+        context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         self.soles = [sole_of(graph.human, graph.match, graph.robot, foot) for foot in feet]
         self.feet, self.weights = feet, graph.weights
-        self.hard = np.array([HARD, HARD, kind.across(scene)])
+        self.hard = np.array([HARD, HARD, kind.across(context)])
         self.held = np.zeros((len(feet), CORNERS), dtype=bool)
         self.places = np.zeros((len(feet), CORNERS, 3))
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)

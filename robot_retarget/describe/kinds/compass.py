@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Role, Scene, coordinates
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import AXES, FRAME, RetargetContext, Role, coordinates
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
 
@@ -40,27 +40,27 @@ class Compass:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return the human's directions."""
-        return coordinates(self, self.edges(scene), scene.human)
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The human's directions."""
+        return coordinates(self, self.edges(context), context.human)
 
-    def edges(self, scene: Scene) -> "_Lines | None":
-        """Return the lines; None without any."""
-        match, lines = scene.match, list(self._lines(scene))
+    def edges(self, context: RetargetContext) -> "_Lines | None":
+        """The lines."""
+        match, lines = context.match, list(self._lines(context))
         if not lines:
             return None
         one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
         ends = [(a, b) for a, b, _ in lines for _ in AXES]
         return _Lines(ends, one, other, np.repeat([line[2] for line in lines], len(AXES)))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the coordinates of unit vectors, x y z of one line after the other."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """The coordinates of unit vectors, x y z of one line after the other."""
         apart = [body.keypoint(a) - body.keypoint(b) for a, b in track.ends[:: len(AXES)]]
         return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
 
-    def _lines(self, scene: Scene) -> Iterator[tuple[str, str, float]]:
-        """Yield both keypoints of each line, from the second to the first, and the weight of its direction."""
-        match, w = scene.match, scene.weights
+    def _lines(self, context: RetargetContext) -> Iterator[tuple[str, str, float]]:
+        """From the second keypoint to the first, and what the direction counts."""
+        match, w = context.match, context.weights
         for k, keypoint in enumerate(match.keypoints):
             weight = w.bones.get(keypoint.split("_")[-1], 0.0)
             if match.parents[k] >= 0 and weight and match.robot_bones[k] > 1e-6:

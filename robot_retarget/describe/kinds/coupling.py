@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, Role, Rows, Scene
+from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.robot import Robot
 from robot_retarget.robot.coupling import Coupling as Constraints
@@ -21,14 +21,14 @@ class Coupling:
     priority: float = 30.0
     """π over the squared leg: descents bend chains a little, and close them at the end [-]."""
 
-    def wish(self, scene: Scene) -> Track | None:
+    def targets(self, context: RetargetContext) -> Track | None:
         """0; none of a robot without constraints."""
-        constraints = Constraints(scene.robot)
+        constraints = Constraints(context.robot)
         if not constraints.present:
             return None
-        count = len(constraints(scene.robot.neutral())[0])
+        count = len(constraints(context.robot.neutral())[0])
         ends = [(f"constraint {k}", "closed") for k in range(count)]
-        return exact(self, ends, np.zeros((len(scene.human), count)), self.priority, scene.leg)
+        return exact(self, ends, np.zeros((len(context.human), count)), self.priority, context.leg)
 
     def evaluator(self, track: Track, robot: Robot) -> "Closure":
         """MuJoCo's constraints."""

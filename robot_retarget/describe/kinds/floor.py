@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, limit
 
 
@@ -19,13 +19,13 @@ class Floor:
     role: Role = Role.INEQUALITY
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return [0, ∞); None for a robot with a fixed base."""
-        soles = scene.match.anatomy.soles if scene.robot.root_joints.size else {}
+    def targets(self, context: RetargetContext) -> Track | None:
+        """[0, ∞); none of a robot that is bolted to the world."""
+        soles = context.match.anatomy.soles if context.robot.root_joints.size else {}
         ends = [(f"{foot} sole point {k}", "floor") for foot, sole in soles.items() for k in range(len(sole))]
-        return limit(self, ends, 0.0, np.inf, len(scene.human)) if ends else None
+        return limit(self, ends, 0.0, np.inf, len(context.human)) if ends else None
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """Heights [m]."""
         found = []
         for name, _ in track.ends:

@@ -12,9 +12,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, settled
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role
 from robot_retarget.describe.soles import CORNER_NAMES
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import HARD, Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.robot.kinematics import carrying
@@ -35,10 +35,10 @@ class Foothold:
     [-]: 0.03 … 0.1 in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips
     do."""
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return footholds derived from the human."""
-        footholds = footholds_of(scene.human, scene.match, scene.robot)
-        return self.track(footholds, scene.leg, scene.weights, self.across(scene)) if footholds.feet else None
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Footholds read off the human."""
+        footholds = footholds_of(context.human, context.match, context.robot)
+        return self.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
         """Return edges to given footholds."""
@@ -52,8 +52,8 @@ class Foothold:
         places = footholds.places.reshape(len(footholds.places), -1)
         return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the places of the corners, x y z of one after the other [m]."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the corners are, x y z of one after the other [m]."""
         found = []
         for sole, _ in track.ends[:: len(AXES)]:
             foot, corner = sole.split(" sole ")
@@ -99,10 +99,10 @@ class Foothold:
         along = track.priority[:, :: len(AXES)] >= HARD
         return along.reshape(len(along), -1, len(CORNER_NAMES))
 
-    def across(self, scene: Scene) -> float:
-        """Return π normal to the floor of standing soles."""
-        moves = carrying(scene.robot.model)
-        spots, soles = scene.match.anatomy.spots, scene.match.anatomy.soles
-        pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[scene.robot.root_body]
+    def across(self, context: RetargetContext) -> float:
+        """π across the floor of soles that stand."""
+        moves = carrying(context.robot.model)
+        spots, soles = context.match.anatomy.spots, context.match.anatomy.soles
+        pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[context.robot.root_body]
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
         return HARD if min(hinges, default=6) >= 6 else self.tilting

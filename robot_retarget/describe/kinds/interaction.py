@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import Contacts, Past, Role, Rows, Scene
+from robot_retarget.describe.kinds.kind import Contacts, Past, RetargetContext, Role, Rows
 from robot_retarget.describe.role import STEP
 from robot_retarget.describe.track import Track
 from robot_retarget.robot import Robot
@@ -30,14 +30,14 @@ class Interaction:
     horizon: float = 0.3
     """Prediction horizon of the interaction distance [s]."""
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return one edge for all pairs near each other, of priority `Weights.interaction`."""
-        frames, priority = len(scene.human), scene.weights.interaction
+    def targets(self, context: RetargetContext) -> Track | None:
+        """One edge for all pairs near each other, of priority `Weights.interaction`."""
+        frames, priority = len(context.human), context.weights.interaction
         if priority == 0:
             return None
         lower, upper = np.full((frames, 1), -np.inf), np.zeros((frames, 1))
         ends = (("links near each other", "a frame before"),)
-        return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, scene.leg))
+        return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, context.leg))
 
     def evaluator(self, track: Track, robot: Robot) -> "Approach":
         """Return the evaluator on the rows of separation."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.role import STEP
 from robot_retarget.describe.track import Track, limit
 
@@ -17,10 +17,10 @@ class Range:
     role: Role = Role.BOUND
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
+    def targets(self, context: RetargetContext) -> Track | None:
         """[lower, upper] of the robot."""
-        robot = scene.robot
-        return limit(self, [(j, "zero") for j in robot.joint_names], robot.lower, robot.upper, len(scene.human))
+        robot = context.robot
+        return limit(self, [(j, "zero") for j in robot.joint_names], robot.lower, robot.upper, len(context.human))
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Speed:
     role: Role = Role.BOUND
     stencil: tuple[int, ...] = STEP
 
-    def wish(self, scene: Scene) -> Track | None:
+    def targets(self, context: RetargetContext) -> Track | None:
         """[−v, v] of the robot."""
-        robot = scene.robot
+        robot = context.robot
         most = np.asarray(robot.max_speed)
-        return limit(self, [(j, f"{j} a frame before") for j in robot.joint_names], -most, most, len(scene.human))
+        return limit(self, [(j, f"{j} a frame before") for j in robot.joint_names], -most, most, len(context.human))

@@ -12,9 +12,9 @@ from typing import Protocol, runtime_checkable
 import casadi as ca
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.measured import Measured
 from robot_retarget.describe.role import FRAME as FRAME
 from robot_retarget.describe.role import Role as Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.human.features import HumanFeatures
@@ -25,7 +25,7 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class RetargetContext:
     """The inputs of a kind's targets."""
 
     human: HumanFeatures
@@ -57,8 +57,8 @@ class Kind(Protocol):
         """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
         ...
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return ends, intervals and priorities over time; None if the bodies have no edges of this kind."""
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Ends, intervals and priorities over time; None where the bodies have no such edges."""
         ...
 
 
@@ -66,8 +66,8 @@ class Kind(Protocol):
 class Symbolic(Protocol):
     """A kind with a measure of one frame that CasADi differentiates; a cost or an inequality."""
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return (E,) values of the edges, an expression of the robot's points, axes and joints."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """(E,) values of the edges, an expression of the robot's points, axes and joints."""
         ...
 
 
@@ -189,7 +189,7 @@ class Nearby(Protocol):
         ...
 
 
-class Asking(Protocol):
+class InstantTargets(Protocol):
     """Targets of edges at T frames: values and π, each (T, E) or broadcast to it."""
 
     @property
@@ -203,16 +203,16 @@ class Asking(Protocol):
 
 
 @runtime_checkable
-class Instant(Protocol):
-    """A kind whose targets at a frame depend only on the human at that frame; a stream evaluates it frame by frame."""
+class CausalKind(Protocol):
+    """A kind whose targets at a frame depend on the human of that frame alone: a stream evaluates it frame by frame."""
 
-    def edges(self, scene: Scene) -> Asking | None:
-        """Return the part that is constant over time; None if the bodies have no edges of this kind."""
+    def edges(self, context: RetargetContext) -> InstantTargets | None:
+        """The part that is constant over time; None where the bodies have no such edges."""
         ...
 
 
-def coordinates(kind: Kind, edges: Asking | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
-    """Return the track of edges with the targets x, y and z of vectors; None without edges."""
+def coordinates(kind: Kind, edges: InstantTargets | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
+    """The track of edges with the targets x, y and z of vectors; None where there are none."""
     if edges is None:
         return None
     wished, priority = edges.asked(human)
@@ -260,7 +260,7 @@ class Stood(Protocol):
 
 
 @runtime_checkable
-class Renewable(Protocol):
+class TwoPassKind(Protocol):
     """A kind whose targets depend on the robot's own path: they are updated once, after the coarse path."""
 
     def coarse(self, track: Track) -> Track:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 
 OVER = 3e3
@@ -21,14 +21,14 @@ class Mass:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return None: the human's mass is unknown."""
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Nothing: the human's mass is not known."""
         return None
 
     def track(self, spots: Floats, leg: float, priority: float = OVER) -> Track:
         """Edges to spots (T, 2) on the floor [m]."""
         return exact(self, [("centre of mass", "support")] * 2, spots, priority, leg, axes=("x", "y"))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the position of the centre of mass along the floor [m]."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the centre of mass is along the floor [m]."""
         return body.mass()[:2]

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, Role, Scene, coordinates
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
 
@@ -40,13 +40,13 @@ class Orientation:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return the human's directions, for segments that both bodies have."""
-        return coordinates(self, self.edges(scene), scene.human)
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The human's, of segments that both bodies have."""
+        return coordinates(self, self.edges(context), context.human)
 
-    def edges(self, scene: Scene) -> "_Markers | None":
-        """Return the markers; None without segments."""
-        segments, w = tuple(scene.human.segments), scene.weights
+    def edges(self, context: RetargetContext) -> "_Markers | None":
+        """The markers."""
+        segments, w = tuple(context.human.segments), context.weights
         if not segments:
             return None
         weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
@@ -58,8 +58,8 @@ class Orientation:
         weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return R e, x y z of one marker after the other."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """R e, x y z of one marker after the other."""
         frames = body.match.anatomy.frames
         found = []
         for segment, marker in track.ends[:: len(AXES)]:

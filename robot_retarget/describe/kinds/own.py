@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track
 
 End = str | tuple[str, ArrayLike] | ArrayLike
@@ -23,21 +23,21 @@ class Own:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return None: these edges have no targets from the human."""
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Nothing: the human does not ask for them."""
         return None
 
     def of(self, edges: np.ndarray) -> "Own":
         """Return some of the edges."""
         return replace(self, ends=tuple(self.ends[k] for k in edges))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the distance of each pair of ends [m]."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """The distance of each pair of ends [m]."""
         apart = ca.horzcat(*(self._place(a, body) - self._place(b, body) for a, b in self.ends))
         return ca.sqrt(ca.sum1(apart**2).T + 1e-12)
 
     @staticmethod
-    def _place(end: End, body: Measured) -> ca.SX:
+    def _place(end: End, body: SymbolicRobot) -> ca.SX:
         if isinstance(end, str):
             return body.keypoint(end)
         if isinstance(end, tuple) and isinstance(end[0], str):

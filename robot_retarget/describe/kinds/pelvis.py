@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, Role, Scene, coordinates
-from robot_retarget.describe.measured import Measured
-from robot_retarget.describe.path import Carriage, carriage_of
+from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
+from robot_retarget.describe.path import RootScaling, root_scaling_of
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
 
@@ -18,12 +18,12 @@ class _Carried:
     """The pelvis, three edges."""
 
     ends: list[tuple[str, str]]
-    carriage: Carriage
+    root_scaling: RootScaling
     priority: float
 
     def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
-        """Return the target position [m], and π."""
-        return self.carriage.path(human), self.priority
+        """Where it should be [m], and π."""
+        return self.root_scaling.path(human), self.priority
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,16 @@ class Path:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
+    def targets(self, context: RetargetContext) -> Track | None:
         """The scaled path."""
-        return coordinates(self, self.edges(scene), scene.human, scene.leg)
+        return coordinates(self, self.edges(context), context.human, context.leg)
 
-    def edges(self, scene: Scene) -> "_Carried":
-        """Return the map of places from the human to the robot."""
-        keypoint = "pelvis" if "pelvis" in scene.match.keypoints else scene.match.keypoints[0]
-        return _Carried([(keypoint, "path")] * len(AXES), carriage_of(scene.human, scene.match), scene.weights.path)
+    def edges(self, context: RetargetContext) -> "_Carried":
+        """How places are carried over."""
+        keypoint = "pelvis" if "pelvis" in context.match.keypoints else context.match.keypoints[0]
+        return _Carried(
+            [(keypoint, "path")] * len(AXES), root_scaling_of(context.human, context.match), context.weights.path
+        )
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
         """The height alone, no higher than in the stand: balance moves the pelvis over the floor."""
@@ -59,6 +61,6 @@ class Path:
         )
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the position of the pelvis [m]."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the pelvis is [m]."""
         return body.keypoint(track.ends[0][0])

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.adapt import path_weights
@@ -45,29 +45,29 @@ class Posture:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
+    def targets(self, context: RetargetContext) -> Track | None:
         """δ by the paths of both bodies."""
-        edges = self.edges(scene)
-        wished, priority = edges.asked(scene.human)
-        return exact(self, edges.ends, wished, priority, edges.tau, give=scene.weights.give)
+        edges = self.edges(context)
+        wished, priority = edges.asked(context.human)
+        return exact(self, edges.ends, wished, priority, edges.tau, give=context.weights.give)
 
-    def edges(self, scene: Scene) -> "_Pairs":
+    def edges(self, context: RetargetContext) -> "_Pairs":
         """The pairs."""
-        match = scene.match
+        match = context.match
         i, j = np.triu_indices(len(match.keypoints), 1)
         tau = path_weights(match.parents, match.robot_bones)[i, j]
         bone = (match.parents[j] == i) | (match.parents[i] == j)
         keep = (tau > 1e-6) & ~bone
         i, j, tau = i[keep], j[keep], tau[keep]
         ends = [(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)]
-        return _Pairs(ends, i, j, tau, scene.weights, len(match.keypoints) / max(len(i), 1))
+        return _Pairs(ends, i, j, tau, context.weights, len(match.keypoints) / max(len(i), 1))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """d_uv."""
         return distances(track, body)
 
 
-def distances(track: Track, body: Measured) -> ca.SX:
+def distances(track: Track, body: SymbolicRobot) -> ca.SX:
     """(E,) between two keypoints each [m]; smooth where they meet."""
     apart = ca.horzcat(*(body.keypoint(a) - body.keypoint(b) for a, b in track.ends))
     return ca.sqrt(ca.sum1(apart**2).T + 1e-12)

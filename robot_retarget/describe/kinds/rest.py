@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Playback, Role, Scene
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.kinds.kind import FRAME, Playback, RetargetContext, Role
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.robot.kinematics import carrying
 
@@ -20,12 +20,12 @@ class Rest:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return the targets of the standing pose."""
-        robot, w = scene.robot, scene.weights
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The standing pose."""
+        robot, w = context.robot, context.weights
         standing = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
-        weight = np.where(_wrists(scene), w.wrist, w.rest)
-        wished = np.broadcast_to(standing, (len(scene.human), len(standing)))
+        weight = np.where(_wrists(context), w.wrist, w.rest)
+        wished = np.broadcast_to(standing, (len(context.human), len(standing)))
         return exact(self, [(name, "standing pose") for name in robot.joint_names], wished, weight)
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
@@ -39,16 +39,16 @@ class Rest:
         """Return the joints' standing angles with the priority of a stand."""
         return replace(track, priority=np.full((1, len(track)), playback.standing))
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return angles [rad]."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Angles [rad]."""
         return body.angles()[[body.robot.joint_names.index(name) for name, _ in track.ends]]
 
 
-def _wrists(scene: Scene) -> np.ndarray:
-    """Return (n,) the wrists without a marker: hinges that move a hand and no other keypoint."""
-    robot, match = scene.robot, scene.match
+def _wrists(context: RetargetContext) -> np.ndarray:
+    """(n,) the wrists that no marker leads: hinges that move a hand and no other keypoint."""
+    robot, match = context.robot, context.match
     bodies = match.points.bodies
     moves = carrying(robot.model)[bodies][:, robot.dof_index]
-    marked = {match.anatomy.frames[segment][0] for segment in scene.human.segments}
+    marked = {match.anatomy.frames[segment][0] for segment in context.human.segments}
     hands = [k for k, name in enumerate(match.keypoints) if name[2:] == "hand" and int(bodies[k]) not in marked]
     return np.asarray((moves.sum(axis=0) == 1) & moves[hands].any(axis=0))

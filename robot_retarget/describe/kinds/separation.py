@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.track import Track, limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -25,11 +25,11 @@ class Separation:
     margin: float = 0.006
     """Over the leg [-]: distances bend along a step, by a third of this."""
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return [margin, ∞) for every pair of links that may touch."""
-        body = scene.robot.model.body
-        ends = [(body(a).name, body(b).name) for a, b in sorted(allowed(scene.robot))]
-        return limit(self, ends, self.margin * scene.leg, np.inf, len(scene.human)) if ends else None
+    def targets(self, context: RetargetContext) -> Track | None:
+        """[margin, ∞) for every pair of links that may touch."""
+        body = context.robot.model.body
+        ends = [(body(a).name, body(b).name) for a, b in sorted(allowed(context.robot))]
+        return limit(self, ends, self.margin * context.leg, np.inf, len(context.human)) if ends else None
 
     def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Surfaces:
         """Return the distances of the track's pairs; a pair without an edge may overlap."""

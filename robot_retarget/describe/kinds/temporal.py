@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.describe.kinds.kind import Role, Scene
+from robot_retarget.describe.kinds.kind import RetargetContext, Role
 from robot_retarget.describe.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.robot import Robot
@@ -21,11 +21,11 @@ class Smoothness:
     role: Role = Role.COST
     stencil: tuple[int, ...] = SECOND_DIFFERENCE
 
-    def wish(self, scene: Scene) -> Track:
+    def targets(self, context: RetargetContext) -> Track:
         """κ at the frame rate: a second difference scales with the squared time between frames."""
-        kappa = scene.weights.smooth * (scene.human.fps / REFERENCE_FPS) ** 4
-        ends = [(name, "second difference") for name in tangent_names(scene.robot)]
-        return exact(self, ends, np.zeros((len(scene.human), len(ends))), kappa, _scales(scene))
+        kappa = context.weights.smooth * (context.human.fps / REFERENCE_FPS) ** 4
+        ends = [(name, "second difference") for name in tangent_names(context.robot)]
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), kappa, _scales(context))
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Inertia:
     role: Role = Role.COST
     stencil: tuple[int, ...] = CAUSAL_DIFFERENCE
 
-    def wish(self, scene: Scene) -> Track:
+    def targets(self, context: RetargetContext) -> Track:
         """1 for hinges, times the weight of the time since the frame before (`realtime.follower`)."""
-        ends = [(name, "two frames before") for name in tangent_names(scene.robot)]
-        return exact(self, ends, np.zeros((len(scene.human), len(ends))), 1.0, _scales(scene))
+        ends = [(name, "two frames before") for name in tangent_names(context.robot)]
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, _scales(context))
 
 
 def tangent_names(robot: Robot) -> list[str]:
@@ -50,8 +50,8 @@ def tangent_names(robot: Robot) -> list[str]:
     return names
 
 
-def _scales(scene: Scene) -> np.ndarray:
+def _scales(context: RetargetContext) -> np.ndarray:
     """(nv,) 1 for hinges; smaller for the root, which weighs more."""
-    scales = np.full(scene.robot.model.nv, 1 / np.sqrt(max(scene.weights.smooth_root, 1e-9)))
-    scales[scene.robot.dof_index] = 1.0
+    scales = np.full(context.robot.model.nv, 1 / np.sqrt(max(context.weights.smooth_root, 1e-9)))
+    scales[context.robot.dof_index] = 1.0
     return scales

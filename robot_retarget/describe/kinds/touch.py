@@ -7,9 +7,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import FRAME, Role, Scene
+from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.kinds.posture import distances
-from robot_retarget.describe.measured import Measured
+from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.track import Track, exact
 from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.human.features import HumanFeatures
@@ -54,18 +54,18 @@ class Touch:
     lead: float = 0.1
     """Rise time and fall time of a touch [s]."""
 
-    def wish(self, scene: Scene) -> Track | None:
-        """Return the normalised distances of the human, with π while they are those of a touch."""
-        edges = self.edges(scene)
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The normalised distance of the human, while it is that of a touch."""
+        edges = self.edges(context)
         if edges is None:
             return None
-        wished, strength = edges.asked(scene.human)
-        gently = self._gently(strength, round(self.lead * scene.human.fps))
-        return exact(self, edges.ends, wished, scene.weights.touch * gently, edges.tau)
+        wished, strength = edges.asked(context.human)
+        gently = self._gently(strength, round(self.lead * context.human.fps))
+        return exact(self, edges.ends, wished, context.weights.touch * gently, edges.tau)
 
-    def edges(self, scene: Scene) -> "Touches | None":
-        """Return the pairs; None without any."""
-        match = scene.match
+    def edges(self, context: RetargetContext) -> "Touches | None":
+        """The pairs."""
+        match = context.match
         pairs = [
             (a, b)
             for a in range(len(match.keypoints))
@@ -79,8 +79,8 @@ class Touch:
         tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], 1e-6)
         return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
 
-    def measure(self, track: Track, body: Measured) -> ca.SX:
-        """Return the distances d_uv."""
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """d_uv."""
         return distances(track, body)
 
     def reach(self, a: str, b: str) -> float:

@@ -7,11 +7,11 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.wishes import CausalWishes
+from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.kinds.kind import Scene
+from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.kinds.temporal import Smoothness
-from robot_retarget.describe.path import carriage_of
+from robot_retarget.describe.path import root_scaling_of
 from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.human.calibration import calibrate
@@ -25,7 +25,7 @@ from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.lag import FixedLag, Solved
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
-from robot_retarget.solve.problem import Wish, build_problem
+from robot_retarget.solve.problem import EdgeTargets, build_problem
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.sqp import FrameSolver, Pose
 
@@ -51,15 +51,15 @@ class Follower:
 
     def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
         match = graph.match
-        self.graph, self.wishes = graph, CausalWishes(graph)
+        self.graph, self.all_targets = graph, CausalTargets(graph)
         self.human = CausalFeatures(calibrate(graph.motion, match, graph.human))
-        self.carriage = carriage_of(graph.human, match)
+        self.root_scaling = root_scaling_of(graph.human, match)
         self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
         frames = FrameSolver(self.problem)
         self.solver = RealTimeSolver(frames, options)
         self.lag = FixedLag(frames, lag, *_smoothness(graph), Smoothing()) if lag else None
-        self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.wishes.feet])
-        self.asked: Wish | None = None
+        self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.all_targets.feet])
+        self.asked: EdgeTargets | None = None
         self.latest: HumanFeatures | None = None
 
     def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
@@ -88,7 +88,7 @@ class Follower:
     def _standing(self, human: HumanFeatures) -> Floats:
         """Return the standing pose (nq,) with the human's pelvis position and heading."""
         robot = self.graph.robot
-        place, turn = self.carriage.path(human)[0], human.facing[0]
+        place, turn = self.root_scaling.path(human)[0], human.facing[0]
         return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
 
     def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
@@ -98,15 +98,15 @@ class Follower:
         late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
         return StreamPose(late.qpos, time, late.status, time - answered)
 
-    def _asked(self, human: HumanFeatures, qpos: Floats, seconds: float) -> Wish:
-        asked = self.wishes.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
-        return Wish(*(np.array(each) for each in asked)) if self.lag else Wish(*asked)
+    def _asked(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
+        asked = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
+        return EdgeTargets(*(np.array(each) for each in asked)) if self.lag else EdgeTargets(*asked)
 
 
 def _smoothness(graph: Graph) -> tuple[Floats, Floats]:
-    """Return the weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
-    scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
-    return difference_weights(graph.robot, [Smoothness().wish(scene)], SECOND_DIFFERENCE)
+    """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
+    context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
+    return difference_weights(graph.robot, [Smoothness().targets(context)], SECOND_DIFFERENCE)
 
 
 def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:

@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.sqp import FrameSolver, Pose
@@ -23,7 +23,7 @@ class Solved:
     """A frame of a stream after the real-time iteration."""
 
     pose: Pose
-    wish: Wish
+    targets: EdgeTargets
     time: float
     seconds: float
     """Time since the frame before [s]."""
@@ -69,5 +69,7 @@ class FixedLag:
         box = self.solver.reachable([before], first.seconds)
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)
-        pose = self.solver.advance(start, first.wish, Proximal(start, np.zeros(len(offset)), self.weight), box, 1)
-        return self.solver.lifted(self.solver.held_back(before, pose))
+        pose = self.solver.real_time_step(
+            start, first.targets, Proximal(start, np.zeros(len(offset)), self.weight), box, 1
+        )
+        return self.solver.raise_above_floor(self.solver.backtrack_to_clearance(before, pose))

@@ -15,9 +15,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.role import CAUSAL_DIFFERENCE
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.limits import difference_weights
-from robot_retarget.solve.live.home import Home
+from robot_retarget.solve.live.basin_escape import BasinEscape
 from robot_retarget.solve.options import RealTime
-from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.solution import Status
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
@@ -33,22 +33,22 @@ class RealTimeSolver:
         dofs, free = solver.roots, self.robot.floating
         self.root = np.full(len(dofs), options.root_turn)
         self.root[: 3 if free else 0] = options.root_speed
-        self.home = Home(solver, options)
+        self.home = BasinEscape(solver, options)
         self.pose: Pose | None = None
         self.velocity = np.zeros(self.robot.model.nv)
         """(nv,) velocity of the pose [rad/s, m/s]."""
         self.pace = 1.0
         """The usable share of the joints' speeds [-]."""
 
-    def begin(self, start: Floats, wish: Wish) -> Pose:
-        """Return the first pose, from a start that is independent of the past."""
-        pose = self.solver.descend(start, wish, iterations=self.options.start)
-        return self._kept(self.solver.lifted(pose), np.zeros_like(self.velocity))
+    def begin(self, start: Floats, targets: EdgeTargets) -> Pose:
+        """The first pose, from a start that does not depend on what was before."""
+        pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
+        return self._kept(self.solver.raise_above_floor(pose), np.zeros_like(self.velocity))
 
-    def stand(self, qpos: Floats, wish: Wish) -> Pose:
-        """Return the first pose, standing at rest; a transition to the targets starts there."""
-        pose = self.solver.lifted(Pose(qpos, Status.CALIBRATING, 0.0, 0))
-        self.home.at_once(pose.qpos, wish, pose.qpos)
+    def stand(self, qpos: Floats, targets: EdgeTargets) -> Pose:
+        """The first pose, standing at rest: from there it is led to what is asked."""
+        pose = self.solver.raise_above_floor(Pose(qpos, Status.CALIBRATING, 0.0, 0))
+        self.home.at_once(pose.qpos, targets, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
 
     @property
@@ -57,8 +57,8 @@ class RealTimeSolver:
         assert self.pose is not None
         return self.pose.qpos
 
-    def step(self, wish: Wish, seconds: float, standing: Callable[[], Floats]) -> Pose:
-        """Return the next pose, `seconds` after the one before [s].
+    def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> Pose:
+        """The next pose, so long after the one before [s].
 
         Args:
             standing: returns the standing pose (nq,) at the human's place.
@@ -72,12 +72,12 @@ class RealTimeSolver:
         anchor = integrate(self.robot, before, kept * seconds * self.velocity)
         anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * self.inertia)
-        pose = self.solver.advance(anchor, wish, proximal, box, max(1, round(options.steps * seconds)))
+        pose = self.solver.real_time_step(anchor, targets, proximal, box, max(1, round(options.steps * seconds)))
         if pose.status is Status.BLOCKED:
             self.home.lead = None
-            pose = self.solver.advance(before, wish, proximal, self.solver.reachable([before], seconds), 1)
-        pose = self.solver.lifted(self.solver.held_back(before, pose))
-        self.home.look(pose, wish, standing, seconds)
+            pose = self.solver.real_time_step(before, targets, proximal, self.solver.reachable([before], seconds), 1)
+        pose = self.solver.raise_above_floor(self.solver.backtrack_to_clearance(before, pose))
+        self.home.look(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 
     def _kept(self, pose: Pose, velocity: Floats) -> Pose:

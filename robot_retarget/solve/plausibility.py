@@ -38,8 +38,8 @@ LIMBS = {"knee": ("hip", "ankle"), "elbow": ("shoulder", "hand")}
 
 
 @dataclass(frozen=True)
-class Glance:
-    """The result of one check."""
+class PlausibilityCheck:
+    """One thing that was looked at."""
 
     what: str
     frames: int
@@ -63,15 +63,15 @@ def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
     Args:
         qpos: (T, nq), a configuration for every frame of the motion.
     """
-    wrong = [glance for glance in glances(motion, robot, match, qpos) if glance.wrong]
+    wrong = [glance for glance in plausibility_checks(motion, robot, match, qpos) if glance.wrong]
     if not wrong:
         return ""
     seen = "; ".join(f"{g.what} in {g.against:.0%} of the frames that show it" for g in wrong)
     return f"{robot.name} does not do what {motion.source or 'the human'} shows: {seen}. {wrong[0].cause}"
 
 
-def glances(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[Glance]:
-    """Return the results of all checks."""
+def plausibility_checks(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[PlausibilityCheck]:
+    """All that is looked at."""
     human = _named(match, match.human_positions(motion))
     own = _named(match, world_points(robot, match.points, qpos))
     return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human, own)]
@@ -81,8 +81,8 @@ def _named(match: Match, places: Floats) -> dict[str, Floats]:
     return {keypoint: places[:, k] for k, keypoint in enumerate(match.keypoints)}
 
 
-def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
-    """Check that knees and elbows bend in the human's direction."""
+def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[PlausibilityCheck]:
+    """Knees and elbows bend the human's way."""
     for side, called in (("l", "left"), ("r", "right")):
         for joint, ends in LIMBS.items():
             keys = [f"{side}_{k}" for k in (ends[0], joint, ends[1])]
@@ -103,8 +103,8 @@ def _fold(start: Floats, middle: Floats, end: Floats) -> Floats:
     return np.cross(unit(middle - start), unit(end - middle))
 
 
-def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glance]:
-    """Check that the head is above or below the pelvis, as the human's is."""
+def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[PlausibilityCheck]:
+    """The head is over the pelvis, or under it, as the human's is."""
     top = next((k for k in ("head", "neck", "chest") if k in human), None)
     if top and "pelvis" in human:
         there, here = (unit(body[top] - body["pelvis"]) for body in (human, own))
@@ -114,8 +114,8 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Glanc
 
 def _sides(
     robot: Robot, match: Match, qpos: Floats, human: dict[str, Floats], own: dict[str, Floats]
-) -> Iterator[Glance]:
-    """Check that pelvis and chest face as the human's do, and that hands are on their own sides."""
+) -> Iterator[PlausibilityCheck]:
+    """Pelvis and chest face where the human's do; hands are on their own sides."""
     rotations = body_frames(robot, qpos)[1]
     cause = (
         "Left and right of one of the two are likely taken for each other: `forward = [x, y, z]` in [robot], or lines "
@@ -132,11 +132,10 @@ def _sides(
                 yield _hands(human, own, there, here, cause)
 
 
-def _hands(human: dict[str, Floats], own: dict[str, Floats], there: Floats, here: Floats, cause: str) -> Glance:
-    """Check that the left hand is to the left of the right one, as seen from chests with these left directions (T, 3).
-
-    Arms that the human crosses must be crossed.
-    """
+def _hands(
+    human: dict[str, Floats], own: dict[str, Floats], there: Floats, here: Floats, cause: str
+) -> PlausibilityCheck:
+    """The left hand is to the left of the right one, seen from the chests with such lefts (T, 3), or arms are crossed."""
     apart = [
         ((body["l_hand"] - body["r_hand"]) * left).sum(axis=1)
         / np.linalg.norm(body["l_shoulder"] - body["r_shoulder"], axis=1)
@@ -148,13 +147,13 @@ def _hands(human: dict[str, Floats], own: dict[str, Floats], there: Floats, here
     return _share(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 
-def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> Glance:
-    """Compare directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
+def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> PlausibilityCheck:
+    """Directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
     return _share(what, shown, (unit(there) * unit(here)).sum(axis=1) < AGAINST, cause)
 
 
-def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> Glance:
-    """Count the frames (T,) that show a feature, and those in which the robot opposes the human."""
-    return Glance(
+def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> PlausibilityCheck:
+    """In which frames (T,) something shows, and in which the robot goes the other way."""
+    return PlausibilityCheck(
         what, int(shown.sum()), float(shown.mean()), float(against[shown].mean()) if shown.any() else 0.0, cause
     )

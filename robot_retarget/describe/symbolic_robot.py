@@ -36,7 +36,7 @@ class Expressions:
     """(E,) the row of every edge."""
 
 
-class Measured:
+class SymbolicRobot:
     """The points, axes and joints of one robot; each is a symbol until `resolved`."""
 
     def __init__(self, robot: Robot, match: Match):

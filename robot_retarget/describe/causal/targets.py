@@ -9,7 +9,7 @@ from robot_retarget.describe.causal.footholds import CausalFootholds
 from robot_retarget.describe.footholds import placed_feet
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.foothold import Foothold
-from robot_retarget.describe.kinds.kind import Asking, Instant, Scene
+from robot_retarget.describe.kinds.kind import CausalKind, InstantTargets, RetargetContext
 from robot_retarget.describe.kinds.touch import Touch
 from robot_retarget.describe.track import Track
 from robot_retarget.human.features import HumanFeatures
@@ -17,20 +17,20 @@ from robot_retarget.human.features import HumanFeatures
 Asked = tuple[Floats, Floats | float]
 
 
-class CausalWishes:
-    """The targets of a graph, updated frame by frame; targets without a human counterpart keep their first frame."""
+class CausalTargets:
+    """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
 
     def __init__(self, graph: Graph):
         self.lower = np.concatenate([track.lower[0] for track in graph.costs])
         self.upper = np.concatenate([track.upper[0] for track in graph.costs])
         self.priority = np.concatenate([track.priority[0] for track in graph.costs])
         self.feet = placed_feet(graph.match, graph.robot)
-        scene = Scene(graph.human, graph.match, graph.robot, graph.weights)
+        context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         firsts = np.cumsum([0, *(len(track) for track in graph.costs)])
         self.askers = [
             (slice(int(first), int(first) + len(track)), asker)
             for first, track in zip(firsts, graph.costs, strict=False)
-            if (asker := self._asker(track, scene, graph)) is not None
+            if (asker := self._asker(track, context, graph)) is not None
         ]
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
@@ -46,16 +46,16 @@ class CausalWishes:
         return self.lower, self.upper, self.priority
 
     def _asker(
-        self, track: Track, scene: Scene, graph: Graph
+        self, track: Track, context: RetargetContext, graph: Graph
     ) -> Callable[[HumanFeatures, Floats, float], Asked] | None:
         kind = track.kind
         if isinstance(kind, Foothold):
             return CausalFootholds(graph, self.feet, kind).at
-        edges = kind.edges(scene) if isinstance(kind, Instant) else None
+        edges = kind.edges(context) if isinstance(kind, CausalKind) else None
         if edges is None:
             return None
         if isinstance(kind, Touch):
-            return _Gently(edges, kind.lead, scene.weights.touch).at
+            return _Gently(edges, kind.lead, context.weights.touch).at
         return lambda human, corners, seconds: _first(edges.asked(human))
 
 
@@ -67,7 +67,7 @@ def _first(asked: Asked) -> Asked:
 class _Gently:
     """Targets of touches whose strength changes gradually."""
 
-    def __init__(self, edges: Asking, lead: float, priority: float):
+    def __init__(self, edges: InstantTargets, lead: float, priority: float):
         self.edges, self.lead, self.priority = edges, lead, priority
         self.strength: Floats | float = 0.0
 

@@ -13,7 +13,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.soles import smoothstep
 from robot_retarget.solve.options import RealTime
-from robot_retarget.solve.problem import Wish
+from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 LED = 0.25
@@ -52,8 +52,8 @@ class Lead:
         return Box(lower, upper, box.root)
 
 
-class Home:
-    """Seek the home pose of a stream, and move to it."""
+class BasinEscape:
+    """Seeks the home pose of a stream, and leads over to it."""
 
     def __init__(self, solver: FrameSolver, options: RealTime):
         self.solver, self.options = solver, options
@@ -61,22 +61,22 @@ class Home:
         self.steps, self.waited = 0, 0.0
         self.lead: Lead | None = None
 
-    def at_once(self, standing: Floats, wish: Wish, before: Floats) -> None:
-        """Seek the home pose to the end and start the transition, from a standing robot."""
-        self.pose = self.solver.descend(standing, wish, iterations=self.options.start)
+    def at_once(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
+        """Seek to the end and lead over, from a robot that stands."""
+        self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
         self._set_out(before)
 
-    def look(self, current: Pose, wish: Wish, standing: Callable[[], Floats], seconds: float) -> None:
-        """Take the next step if it is due; start a transition once the home pose is found and cheaper."""
+    def look(self, current: Pose, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float) -> None:
+        """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
         self.waited += seconds
-        if self.waited < ROUNDING / self.options.looks:
+        if self.waited < ROUNDING / self.options.home_rate:
             return
         self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
         if there and self.pose is not None and self._better(self.pose, current):
             self._set_out(current.qpos)
         elif there or self.pose is None:
             self.pose, self.steps = Pose(standing(), current.status, np.inf, 0), 0
-        self.pose = self.solver.advance(self.pose.qpos, wish, None, self.solver.ranges, 1)
+        self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges, 1)
         self.steps += 1
 
     def box(self, box: Box, seconds: float) -> Box:
