@@ -95,6 +95,11 @@ class Track:
             return error**2
         return 2 * self.give**2 * (np.sqrt(1 + (error / self.give) ** 2) - 1)
 
+    def stress(self, values: Floats) -> Floats:
+        """(T, E) π ϱ(e) of measured values (T, E)."""
+        errors = (values - np.clip(values, self.lower, self.upper)) / self.scale
+        return self.priority * self.loss(errors)
+
     def edge_name(self, edge: int) -> str:
         """Return a name such as `touch l_hand – head`, with the axis of a coordinate."""
         a, b = self.ends[edge]

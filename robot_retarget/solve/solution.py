@@ -136,9 +136,8 @@ class Solution:
         return [edge for _, edge in sorted(found, key=lambda item: -item[0])[:count]]
 
     def edge_stress(self, kind: str) -> Floats:
-        """Return (T, E) π ϱ(e) of a kind's edges."""
-        track = self.graph.kinds[kind]
-        return track.priority * track.loss(self.errors(kind))
+        """(T, E) π ϱ(e) of a kind's edges."""
+        return self.graph.kinds[kind].stress(self.measured[kind])
 
 
 @dataclass(frozen=True)

@@ -83,10 +83,8 @@ def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: d
     """Evaluate the cost of every frame and the stress of every kind at solved poses."""
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = trajectory_of(graph.motion, graph.robot, qpos)
-    measured, stress = measured_by(problem, graph, qpos), {}
-    for track in graph.costs:
-        errors = (measured[track.name] - np.clip(measured[track.name], track.lower, track.upper)) / track.scale
-        stress[track.name] = (track.priority * track.loss(errors)).sum(axis=1)
+    measured = measured_by(problem, graph, qpos)
+    stress = {track.name: track.stress(measured[track.name]).sum(axis=1) for track in graph.costs}
     stress |= _numeric_stress(solver, qpos, graph.fps) | _temporal_stress(graph, qpos)
     unmet = unmet_edges(solver, graph, measured, qpos)
     missed = {t for edge in unmet for t in edge.frames}

@@ -18,8 +18,8 @@ from robot_retarget.solve.solution import Status
 from robot_retarget.solve.swept_collision import Between, on_the_way
 
 SHORT = 0.1
-"""What a refused step met goes along with the next one where it moved nothing farther [rad, m]: slopes from far off tell
-nothing current."""
+"""A refused step hands its contact rows to the next one if it moved nothing farther [rad, m]: slopes from farther off do not
+hold here."""
 UNSEEN = 0.03
 """The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
 
@@ -128,12 +128,12 @@ class FrameSolver:
                 return self._closed(
                     Pose(last, Status.CONVERGED, base.cost, region.taken, clearance_deficit=base.clearance_deficit)
                 )
-            trial = integrate(self.robot, q, step)
-            trial = self.costs.linearize(trial, targets, between, current.near)
-            lowered = self._with_terms(trial, trial, proximal, past)
+            moved = integrate(self.robot, q, step)
+            trial = self.costs.linearize(moved, targets, between, current.near)
+            lowered = self._with_terms(trial, moved, proximal, past)
             moving_into_bounds = outside_bounds and trial.clearance_deficit <= current.clearance_deficit
             if lowered.cost < current.cost or moving_into_bounds or current.penetrates_floor:
-                q, base, current = trial, trial, lowered
+                q, base, current = moved, trial, lowered
                 region.take()
             else:
                 current = self._warned(current, trial, step)
