@@ -61,7 +61,7 @@ PARTS: Places = {
         (CostModel, "with_proximal"),
         (FrameSolver, "_step"),
     ],
-    "Python of the descent": [(FrameSolver, "descend")],
+    "Python of the descent": [(FrameSolver, "solve_frame")],
 }
 """What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""
 

@@ -29,9 +29,12 @@ from robot_retarget.solve.sqp import FrameSolver
 
 RATES = (30.0, 60.0, 120.0)
 PARTS = {
-    "describing the human": [(CausalFeatures, "at"), (CausalTargets, "at")],
-    "looking for links inside each other, lifting": [(FrameSolver, "held_back"), (FrameSolver, "lifted")],
-    "Python of the steps": [(FrameSolver, "advance")],
+    "describing the human": [(CausalFeatures, "step"), (CausalTargets, "at")],
+    "looking for links inside each other, lifting": [
+        (FrameSolver, "backtrack_to_clearance"),
+        (FrameSolver, "raise_above_floor"),
+    ],
+    "Python of the steps": [(FrameSolver, "real_time_step")],
     **{name: places for name, places in bench_solve.PARTS.items() if name != "Python of the descent"},
 }
 HEAD = "| case | solver | code | frames/s | × mink | p50 [ms] | p99 [ms] | limb_deg | skate_cm_s | jerk |"
