@@ -31,7 +31,7 @@ from robot_retarget.solve.sqp import FrameSolver
 class PlantOptions:
     """Options of a planted robot; lengths are shares of a leg."""
 
-    margin: float = 0.05
+    margin: float = 0.06
     """Distance of arms from all other links: servos lag, and links that are planned to pass closely touch ..."""
     legs_margin: float = 0.025
     """... and of other links: legs lag less, have to pass each other in a step, and to bend under a trunk."""

@@ -37,7 +37,7 @@ def test_every_humanoid_of_the_package_is_known_by_its_own_name() -> None:
 
 
 def test_robots_that_are_no_humanoids_are_unknown() -> None:
-    with pytest.raises(RobotError, match=r"unknown robot 'spot'; known: op3.*g1"):
+    with pytest.raises(RobotError, match=r"unknown robot 'spot'; known: g1_class, op3.*g1"):
         load_robot("spot")
 
 
