@@ -63,7 +63,7 @@ def test_a_servo_robot_gets_a_stand_before_and_after_unless_balance_is_off(tmp_p
 
 def test_the_version_is_that_of_the_package() -> None:
     done = run("--version")
-    assert done.returncode == 0 and done.stdout == f"{version('robot-retarget')}\n" and not done.stderr
+    assert done.returncode == 0 and done.stdout == f"{version('humanoid-retarget')}\n" and not done.stderr
 
 
 def test_info_prints_the_map_of_a_motion_and_of_a_robot() -> None:

@@ -124,11 +124,11 @@ def _tried(result: "Result", target: Path, draws: int, progress: "Progress") -> 
 
 
 def keep(report: "Report", trajectory: Path, where: Path) -> None:
-    """Write the trajectory with the goals that were judged, and its report: both, or neither."""
+    """Write the trajectory with the goals that were judged, then its report; an error in writing leaves neither."""
     from robot_retarget.files import replacing
 
     assert report.trajectory is not None
-    with replacing(trajectory) as judged, replacing(where) as said:
+    with replacing(where) as said, replacing(trajectory) as judged:
         judged.write_bytes(report.trajectory.serialised())
         said.write_text(report.text(), encoding="utf-8")
 
