@@ -1,8 +1,8 @@
 """Play a trajectory on emulated Dynamixel servos: the same bytes as on a real bus."""
 
 import robot_retarget as rr
+from robot_retarget.actuators.map import load_map
 from robot_retarget.servo.emulated import play_emulated
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 
 robot = rr.load_robot("op3")

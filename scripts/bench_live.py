@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.actuators.map import load_map
 from robot_retarget.goals import RATE
 from robot_retarget.live.faults import Faults
 from robot_retarget.live.loop import Loop, Pose
@@ -26,7 +27,6 @@ from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
 from robot_retarget.live.sinks.servos import ServoSink, moved
 from robot_retarget.servo.emulated import emulator_process
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 
 HOST = "127.0.0.1"

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
 from robot_retarget.servo.clock import on_time, wide_awake
 from robot_retarget.servo.emulator.pace import TURNAROUND
 from robot_retarget.servo.link import READING, Link
-from robot_retarget.servo.map import ServoMap, load_map
 from robot_retarget.servo.outcome import Options
 from robot_retarget.servo.plan import Plan
 from robot_retarget.servo.play import play

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.actuators.map import load_map
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.timing import sample_hinges
 from robot_retarget.servo.emulated import play_emulated
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.figures import at_frames

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made_trajectories import wander
 
+from robot_retarget.actuators.map import load_map
 from robot_retarget.describe.edits import read_edits
 from robot_retarget.errors import MatchError, MotionError, RobotError, RobotRetargetError, ServoError, TrajectoryError
 from robot_retarget.human.match import match
@@ -17,7 +18,6 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.catalog import read_limits
 from robot_retarget.servo.judgement import require_judged
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.thresholds import read_thresholds
 from robot_retarget.trajectory import load_trajectory

@@ -12,38 +12,52 @@ from shared_files import ROOT
 import robot_retarget
 
 PACKAGE = ROOT / "robot_retarget"
-LAYERS = {
-    "motion": {"motion"},
-    "dgp": {"dgp"},
-    "robot": {"robot"},
-    "human": {"motion", "dgp", "robot", "human"},
-    "describe": {"motion", "dgp", "robot", "human", "describe"},
-    "solve": {"motion", "dgp", "robot", "human", "describe", "solve"},
-    "collision": {"robot", "collision"},
-    "balance": {"motion", "robot", "human", "describe", "solve", "balance"},
-    "simulate": {
-        "motion",
-        "dgp",
-        "robot",
-        "human",
-        "describe",
-        "solve",
-        "collision",
-        "balance",
-        "feedback",
-        "simulate",
-    },
-    "score": {"motion", "dgp", "robot", "human", "describe", "balance", "simulate", "score"},
-    "formats": {"motion", "robot", "servo", "formats"},
-    "feedback": {"feedback"},
-    "servo": {"motion", "robot", "feedback", "servo"},
-    "edit": {"motion", "robot", "human", "describe", "solve", "edit"},
-    "view": {"motion", "dgp", "robot", "human", "describe", "solve", "collision", "simulate", "view"},
-    "batch": {"motion", "robot", "describe", "solve", "score", "formats", "edit", "view", "batch"},
-    "live": {"motion", "robot", "servo", "collision", "simulate", "view", "live"},
+BASE = {
+    "archive",
+    "arrays",
+    "documents",
+    "errors",
+    "files",
+    "keypoints",
+    "notebook",
+    "progress",
+    "report_file",
+    "shipped",
+    "toml_lines",
+    "unpack",
+    "unpickle",
 }
-DATASHEETS = {"robot_retarget.servo.map", "robot_retarget.servo.bounds"}
-"""What servos turn a robot's joints, and what they may: read by those who plan and judge."""
+"""Modules that know nothing of motions and robots; every layer may import them."""
+CORE = {"trajectory", "motion", "dgp", "robot", "human", "describe", "solve", "balance"}
+LAYERS = {
+    **{module: set[str]() for module in BASE},
+    "actuators": set(),
+    "feedback": {"actuators"},
+    "goals": {"feedback"},
+    "trajectory": {"goals"},
+    "motion": set(),
+    "dgp": set(),
+    "robot": {"actuators", "trajectory"},
+    "human": {"motion", "dgp", "robot"},
+    "describe": {"motion", "dgp", "robot", "human"},
+    "solve": {"trajectory", "motion", "dgp", "robot", "human", "describe"},
+    "balance": CORE - {"dgp", "balance"},
+    "edit": {"trajectory", "motion", "robot", "describe", "solve"},
+    "collision": {"trajectory", "robot"},
+    "servo": {"actuators", "feedback", "goals", "trajectory"},
+    "summary": {"motion", "robot", "describe", "solve"},
+    "transfer": CORE - {"dgp"} | {"collision"},
+    "simulate": CORE - {"motion", "dgp", "human"} | {"actuators", "feedback", "goals", "collision"},
+    "score": {"trajectory", "motion", "robot", "human", "describe", "simulate"},
+    "formats": {"actuators", "trajectory", "motion", "robot"},
+    "view": {"trajectory", "motion", "robot", "human", "solve", "transfer", "collision", "simulate"},
+    "doctor": {"robot", "view"},
+    "batch": {"trajectory", "motion", "robot", "describe", "solve", "transfer", "score", "formats", "edit", "view"},
+    "live": {"actuators", "goals", "motion", "robot", "servo", "collision", "simulate", "view"},
+}
+"""Every folder and module below the commands, lower ones first, and what it may import besides `BASE`."""
+TOP = {"__init__", "__main__", "cli"}
+"""The public names and the commands, which may import everything."""
 LIBRARIES = {
     "casadi": ("robot/kinematics.py", "describe/", "solve/", "balance/", "dgp/"),
     "mujoco": (
@@ -67,54 +81,63 @@ LIBRARIES = {
     "ezc3d": ("motion/formats/c3d/child.py",),
     "fast_simplification": ("view/web/",),
 }
-MODULES = sorted(PACKAGE.rglob("*.py"))
+UNITS = sorted({path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in PACKAGE.rglob("*.py")})
+
+
+def modules(unit: str) -> list[Path]:
+    """The files of a folder or of a single module."""
+    folder = PACKAGE / unit
+    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
 
 
 def imports(path: Path) -> set[str]:
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    """The modules that a file imports, by their full names."""
+    names = set[str]()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names.add(node.module)
         elif isinstance(node, ast.ImportFrom) and node.level:
-            names.add(".".join(["robot_retarget", *path.relative_to(PACKAGE).parts[:-1], node.module or ""]))
+            names.add(".".join(["robot_retarget", *path.relative_to(PACKAGE).parts[: -node.level], node.module or ""]))
+        elif isinstance(node, ast.ImportFrom):
+            whole = node.module == "robot_retarget"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} if whole else {node.module or ""}
     return names
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_a_module_imports_only_from_its_layers(path: Path) -> None:
-    folder = path.relative_to(PACKAGE).parts[0]
-    used = {name.split(".")[1] for name in imports(path) - DATASHEETS if name.startswith("robot_retarget.")}
-    layered = used & LAYERS.keys()
-    if folder in LAYERS:
-        assert layered <= LAYERS[folder]
-    elif path.name == "goals.py":
-        assert layered <= {"feedback"}
-    elif path.name in (
-        "archive.py",
-        "documents.py",
-        "errors.py",
-        "files.py",
-        "arrays.py",
-        "keypoints.py",
-        "trajectory.py",
-        "toml_lines.py",
-        "shipped.py",
-        "motors.py",
-        "unpack.py",
-        "unpickle.py",
-        "notebook.py",
-        "progress.py",
-    ):
-        assert not layered
+def imported_units(unit: str) -> set[str]:
+    """The other folders and modules of the package that a unit imports."""
+    names = {name for path in modules(unit) for name in imports(path) if name.startswith("robot_retarget.")}
+    return {name.split(".")[1] for name in names} - {unit, "__version__"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_libraries_appear_only_where_they_belong(path: Path) -> None:
-    place = str(path.relative_to(PACKAGE))
-    for library in {name.split(".")[0] for name in imports(path)} & LIBRARIES.keys():
-        assert place.startswith(LIBRARIES[library]), f"{library} is imported in {place}"
+def test_every_module_is_in_a_layer() -> None:
+    assert set(UNITS) == LAYERS.keys() | TOP
+
+
+def test_layers_import_only_lower_ones() -> None:
+    order = list(LAYERS)
+    assert {u: upper for u in order if (upper := LAYERS[u] - set(order[: order.index(u)]))} == {}
+
+
+@pytest.mark.parametrize("unit", LAYERS)
+def test_a_layer_imports_only_what_is_stated(unit: str) -> None:
+    stated = LAYERS[unit] | (BASE if unit not in BASE else BASE - {unit})
+    assert imported_units(unit) <= stated
+
+
+@pytest.mark.parametrize("unit", [unit for unit, stated in LAYERS.items() if stated])
+def test_a_layer_states_no_more_than_it_imports(unit: str) -> None:
+    assert LAYERS[unit] <= imported_units(unit)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_library_appears_only_where_it_belongs(library: str) -> None:
+    users = [path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if _uses(path, library)]
+    assert users and all(user.startswith(LIBRARIES[library]) for user in users), users
+
+
+def _uses(path: Path, library: str) -> bool:
+    return library in {name.split(".")[0] for name in imports(path)}
 
 
 def loading_time(command: list[str]) -> float:

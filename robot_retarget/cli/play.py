@@ -13,7 +13,7 @@ from robot_retarget.cli.stages import judged_plain, load
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
-    from robot_retarget.servo.map import ServoMap
+    from robot_retarget.actuators.map import ServoMap
     from robot_retarget.servo.outcome import Outcome
     from robot_retarget.servo.plan import Plan
     from robot_retarget.trajectory import Trajectory
@@ -67,9 +67,9 @@ def play(
     quiet: Quiet = False,
 ) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
+    from robot_retarget.actuators.map import load_map
     from robot_retarget.files import require_writable
     from robot_retarget.servo.judgement import require_judged
-    from robot_retarget.servo.map import load_map
     from robot_retarget.servo.outcome import Options
     from robot_retarget.servo.plan import goal_plan
     from robot_retarget.servo.play import play as perform

@@ -39,8 +39,8 @@ def emulate(
     ] = None,
 ) -> None:
     """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""
+    from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.emulator.run import emulator, scene_of
-    from robot_retarget.servo.map import load_map
 
     if view and not physics:
         raise UsageError("--view needs --physics: without it there is no robot to show")
@@ -61,8 +61,8 @@ def scan(
     quiet: Quiet = False,
 ) -> None:
     """Find the servos on a port, at every baud rate."""
+    from robot_retarget.actuators.control_tables import model_numbered
     from robot_retarget.servo.bus import Bus
-    from robot_retarget.servo.tables import model_numbered
 
     found = []
     for rate in baud or (2_000_000, 1_000_000, 57_600, 3_000_000, 4_000_000, 115_200):
@@ -91,10 +91,10 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Compare the servos with the map; every difference at once. Exit code 1 when playing would be refused."""
+    from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.bus import Bus
     from robot_retarget.servo.check import check as ask
     from robot_retarget.servo.check import fix as put_right
-    from robot_retarget.servo.map import load_map
 
     servo_map = load_map(map_name)
     with Bus(port, baud or servo_map.baud) as bus:
@@ -125,9 +125,9 @@ def calibrate(
     quiet: Quiet = False,
 ) -> None:
     """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
+    from robot_retarget.actuators.map import dump_map, load_map
     from robot_retarget.servo.bus import Bus
     from robot_retarget.servo.calibrate import record_zeros
-    from robot_retarget.servo.map import dump_map, load_map
 
     servo_map = load_map(map_name)
     with Bus(port, baud or servo_map.baud) as bus:
@@ -155,10 +155,10 @@ def identify(
     quiet: Quiet = False,
 ) -> None:
     """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
+    from robot_retarget.actuators.map import dump_map, load_map
     from robot_retarget.files import require_writable
     from robot_retarget.servo.identify import Pendulum, with_identified
     from robot_retarget.servo.identify import identify as find
-    from robot_retarget.servo.map import dump_map, load_map
 
     servo_map, pendulum = load_map(map_name), Pendulum(mass, length, inertia)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
@@ -181,8 +181,8 @@ def import_map(
     quiet: Quiet = False,
 ) -> None:
     """Make a servo map from another project's configuration."""
+    from robot_retarget.actuators.map import dump_map
     from robot_retarget.servo.foreign import read_foreign
-    from robot_retarget.servo.map import dump_map
 
     servo_map = read_foreign(file, offsets, model)
     _write(output, dump_map(servo_map))

@@ -191,8 +191,8 @@ def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
 
 def played_on_emulated(robot: str, folder: Path) -> "Outcome | None":
     """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
+    from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.emulated import play_emulated
-    from robot_retarget.servo.map import load_map
     from robot_retarget.shipped import MODELS
     from robot_retarget.trajectory import load_trajectory
 

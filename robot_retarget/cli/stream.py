@@ -13,11 +13,11 @@ from robot_retarget.cli.options import Json, Limits, Quiet
 from robot_retarget.errors import UsageError, known
 
 if TYPE_CHECKING:
+    from robot_retarget.actuators.map import ServoMap
     from robot_retarget.live.loop import Loop, Sink
     from robot_retarget.live.receiver import Source
     from robot_retarget.motion import Skeleton
     from robot_retarget.robot import Robot
-    from robot_retarget.servo.map import ServoMap
 
 commands = typer.Typer()
 
@@ -254,7 +254,7 @@ def _to_servos(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
 
 
 def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
-    from robot_retarget.servo.map import load_map
+    from robot_retarget.actuators.map import load_map
 
     if servos is not None:
         return load_map(servos)

@@ -7,9 +7,9 @@ A push or a step makes ‖a‖ differ from g and switches the correction off for
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
 from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading, tilt_of
-from robot_retarget.feedback.tables import STANDARD_GRAVITY
 
 TRUST = STANDARD_GRAVITY / 2
 """An acceleration that differs from gravity by this much says nothing about the vertical [m/s²]."""

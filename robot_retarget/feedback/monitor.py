@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
 from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading, tilt_of
-from robot_retarget.feedback.tables import STANDARD_GRAVITY, Imu
 
 FROZEN = 0.05
 """A sensor without a new reading, or with the same one, for this time is at fault [s]."""

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY
 from robot_retarget.arrays import Floats
-from robot_retarget.feedback.tables import STANDARD_GRAVITY
 
 
 class Reading(NamedTuple):

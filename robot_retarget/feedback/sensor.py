@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading
-from robot_retarget.feedback.tables import Imu
 
 
 class BodyMotion:

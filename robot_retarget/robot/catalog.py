@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.map import load_map
 from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, RobotError, known
 from robot_retarget.keypoints import ARM
@@ -16,7 +17,6 @@ from robot_retarget.robot.names import described
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, rod_notes, urdf_notes, urdf_speeds
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import MODELS
 
 Limits = dict[str, dict[str, Any]]
@@ -54,7 +54,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
         limits: a TOML file of joint limits that fill or replace the model's, tables `range` [rad], `speed` [rad/s] and
             `torque` [N m] by joint name (`"*"` = every joint). By default `limits.toml` or `STEM.limits.toml` next to
             the MJCF applies, if it exists.
-        servos: the map of the servos that turn its joints (`servo.map.load_map`); by default `servos.toml` next to the
+        servos: the map of the servos that turn its joints (`actuators.map.load_map`); by default `servos.toml` next to the
             MJCF, if it exists. Planned motions keep the servos' ranges and speed.
 
     Raises:

@@ -8,11 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.notebook import card
 from robot_retarget.robot.source import Quaternion, read_spec
-from robot_retarget.servo.map import ServoMap
 
 FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_FREE,

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.errors import RobotError, known
 from robot_retarget.robot.model import Robot
-from robot_retarget.servo.map import ServoMap
 
 
 def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:

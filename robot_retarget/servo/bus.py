@@ -21,10 +21,10 @@ from typing import Literal, NamedTuple, Self
 import serial
 from dynamixel_sdk import PortHandler
 
+from robot_retarget.actuators.control_tables import Register
 from robot_retarget.errors import ServoError
 from robot_retarget.servo import protocol
 from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, Error, Frame, Instruction, Parser
-from robot_retarget.servo.tables import Register
 
 PATIENCE = 0.02
 """Timeout of an answer beyond its time on the wire [s]; covers the 16 ms of a USB adapter with default settings."""

@@ -3,9 +3,9 @@
 from collections.abc import Collection
 from dataclasses import replace
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.map import ServoMap
 
 
 def record_zeros(bus: Bus, servo_map: ServoMap, joints: Collection[str]) -> ServoMap:

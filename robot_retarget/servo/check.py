@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from robot_retarget.actuators.control_tables import HARDWARE_ERRORS, model_numbered
+from robot_retarget.actuators.map import Servo, ServoMap
 from robot_retarget.servo.bus import Bus, NoAnswerError, StatusError
-from robot_retarget.servo.map import Servo, ServoMap
-from robot_retarget.servo.tables import HARDWARE_ERRORS, model_numbered
 
 TABLE_SPAN = 147
 """Bytes from 0 that are read of each servo, up to its temperature."""

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from robot_retarget.actuators.map import ServoMap, dump_map
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.map import ServoMap, dump_map
 from robot_retarget.servo.outcome import Options, Outcome
 from robot_retarget.servo.plan import goal_plan, plain_plan
 from robot_retarget.servo.play import play

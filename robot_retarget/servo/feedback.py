@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback, Law
 from robot_retarget.feedback.monitor import Monitor, rest_faults
 from robot_retarget.feedback.reading import Reading
-from robot_retarget.feedback.tables import Imu
 from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.sensor import Sensor
 

@@ -5,10 +5,10 @@ from math import isfinite, nan, pi, radians
 from pathlib import Path
 from typing import Any
 
+from robot_retarget.actuators.control_tables import CENTRE, MODELS
+from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
 from robot_retarget.documents import parse_json, read_text
 from robot_retarget.errors import ServoError, known
-from robot_retarget.servo.map import TICKS_PER_RADIAN, Servo, ServoMap
-from robot_retarget.servo.tables import CENTRE, MODELS
 
 TODDLERBOT = {
     "XM430": "XM430-W210",

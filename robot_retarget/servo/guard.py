@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
-from robot_retarget.servo.map import Limits
 from robot_retarget.servo.scale import Scale
 
 

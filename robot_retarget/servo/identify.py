@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
+from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
+from robot_retarget.actuators.motors import Motor
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
-from robot_retarget.motors import Motor
-from robot_retarget.servo.map import Identified, Servo, ServoMap, Stop
 from robot_retarget.servo.outcome import Ended, Options
 from robot_retarget.servo.plan import Plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.scale import Scale
-from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN
 
 GRAVITY = 9.81
 """[m/s²]."""

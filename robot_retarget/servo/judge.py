@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError
-from robot_retarget.servo.tables import XM430_W350
 
 MISSES = 2
 """Number of ticks without an answer that counts as silence."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.documents import read_json
 from robot_retarget.errors import ServoError
 from robot_retarget.report_file import FORMAT_VERSION, NAMES, content_sha256
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.scale import Scale
 from robot_retarget.trajectory import Trajectory, fingerprint

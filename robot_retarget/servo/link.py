@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robot_retarget.actuators.control_tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
 from robot_retarget.servo.gate import Gate
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.scale import Scale
-from robot_retarget.servo.tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 
 GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
 READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])

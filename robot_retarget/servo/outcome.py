@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from robot_retarget.servo.bounds import require_bounds, within
+from robot_retarget.actuators.bounds import require_bounds, within
 
 
 class FaultError(Exception):

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback
 from robot_retarget.goals import RATE
-from robot_retarget.servo.map import Limits, ServoMap
 from robot_retarget.trajectory import Trajectory
 
 PEAK = 1.875

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
@@ -21,7 +22,6 @@ from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.outcome import Ended, FaultError, Options, Outcome
 from robot_retarget.servo.plan import Plan, glide
 from robot_retarget.servo.record import Record

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.outcome import FaultError
 
 

@@ -7,12 +7,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import Imu
+from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.errors import ServoError, known
 from robot_retarget.feedback.reading import LEVEL
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
-from robot_retarget.feedback.tables import Imu
 from robot_retarget.goals import RATE
-from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.window import Window
 
 SUPPORT = 0.3

@@ -10,16 +10,16 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from robot_retarget.actuators.balance_tables import Balance, Imu
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.feedback.law import Feedback, Law
 from robot_retarget.feedback.reading import tilt_of, vertical_in
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu, calibrated
-from robot_retarget.feedback.tables import Balance, Imu
 from robot_retarget.goals import Goals
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.trajectory import Trajectory
 

@@ -7,12 +7,12 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 

@@ -15,9 +15,9 @@ from math import tau
 
 import numpy as np
 
+from robot_retarget.actuators.motors import MOTORS, Motor, motor_named
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
-from robot_retarget.motors import MOTORS, Motor, motor_named
 from robot_retarget.robot.model import Robot
 
 TICKS_PER_TURN = 4096

@@ -6,13 +6,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu, JointGain
+from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.errors import ServoError, TrajectoryError
 from robot_retarget.feedback.fusion import Fusion
 from robot_retarget.feedback.law import Feedback, Law, read_feedback
 from robot_retarget.feedback.reading import Reading, tilt_of, vertical_in
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
-from robot_retarget.feedback.tables import STANDARD_GRAVITY, Balance, Imu, JointGain
-from robot_retarget.servo.map import dump_map, load_map
 from robot_retarget.simulate.feedback import gain_matrices
 
 DT = 0.008

@@ -10,6 +10,7 @@ import pytest
 from made_trajectories import wander
 from performers import Answer, Swing, clip
 
+from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.errors import MotionError, ServoError
 from robot_retarget.live.calibration import keep, kept
 from robot_retarget.live.faults import Faults
@@ -21,7 +22,6 @@ from robot_retarget.live.sinks.servos import ServoSink, moved
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.map import Servo, ServoMap, load_map
 from robot_retarget.servo.scale import Scale
 from robot_retarget.simulate.contacts import replay_contacts
 

@@ -16,11 +16,11 @@ import pytest
 from performers import HOST, clip, listening, performing
 from shared_files import ROOT
 
+from robot_retarget.actuators.map import load_map
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.protocols.lines import line_of, told
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
-from robot_retarget.servo.map import load_map
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.live.stream import Stream
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
+from robot_retarget.actuators.map import load_map
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.robot import load_robot, recognise, shipped_robots
 from robot_retarget.robot.names import humanoids, resolved
-from robot_retarget.servo.map import load_map
 
 OURS = {
     "g1_class": ("unitree_g1/unitree_g1.xml", 29, 1.3),

@@ -12,7 +12,7 @@ from typing import Any
 
 from shared_files import ROOT
 
-from robot_retarget.servo.map import Limits, Servo, ServoMap, Stop, dump_map
+from robot_retarget.actuators.map import Limits, Servo, ServoMap, Stop, dump_map
 
 QUICK = Limits(approach_time=0.12, approach_speed=3.0)
 ARM = ServoMap(

@@ -10,7 +10,7 @@ import pytest
 from emulated import emulated
 
 import robot_retarget as rr
-from robot_retarget.servo.map import load_map
+from robot_retarget.actuators.map import load_map
 from robot_retarget.servo.outcome import Ended, Options
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play

@@ -9,9 +9,9 @@ import pytest
 from dynamixel_sdk import GroupSyncRead, PortHandler, Protocol2PacketHandler, port_handler
 from emulated import ARM, Emulated, emulated
 
+from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError
-from robot_retarget.servo.tables import XM430_W350
 
 POSITION = XM430_W350["present_position"]
 IDS = [1, 2, 3, 4]

@@ -15,10 +15,10 @@ import pytest
 from emulated import ARM, emulated, until
 from shared_files import ROOT
 
+from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.goals import Goals
 from robot_retarget.report_file import sealed
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.map import dump_map, load_map
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 

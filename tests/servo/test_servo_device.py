@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_retarget.actuators.control_tables import OVERLOAD, XM430_W350, model_named
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device, rested
 from robot_retarget.servo.emulator.motor import OVERLOAD_TIME
@@ -15,7 +16,6 @@ from robot_retarget.servo.emulator.pace import TURNAROUND, Pace
 from robot_retarget.servo.emulator.profile import ACCELERATION, VELOCITY, time_based, velocity_based
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import BROADCAST, Error, Frame, Instruction, Parser, fast_blocks, frame
-from robot_retarget.servo.tables import OVERLOAD, XM430_W350, model_named
 
 XM = model_named("XM430-W350")
 

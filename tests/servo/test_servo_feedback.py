@@ -13,13 +13,13 @@ from emulated import emulated
 from made_trajectories import hold
 
 import robot_retarget as rr
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
+from robot_retarget.actuators.map import load_map
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.monitor import Monitor, rest_faults
 from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.feedback.sensor import VirtualImu
-from robot_retarget.feedback.tables import STANDARD_GRAVITY, Imu
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.map import load_map
 from robot_retarget.servo.opencr import OpenCr, decoded, encoded
 from robot_retarget.servo.outcome import Ended, Options
 from robot_retarget.servo.plan import goal_plan

@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from shared_files import ROOT
 
+from robot_retarget.actuators.control_tables import XM430_W350
+from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.cycle import Cycle
 from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.servo.outcome import FaultError, Options
 from robot_retarget.servo.play import Player
 from robot_retarget.servo.record import Record
-from robot_retarget.servo.tables import XM430_W350
 
 BAD = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e308, 5e-324]
 ANGLES = st.floats(-9, 9) | st.sampled_from(BAD)
@@ -98,7 +98,8 @@ def test_a_register_takes_whole_numbers_of_its_range_only(value: Any) -> None:
 def test_goals_leave_through_the_link_and_its_gate_alone() -> None:
     senders = {
         path.name
-        for path in (ROOT / "robot_retarget" / "servo").glob("*.py")
+        for folder in ("actuators", "servo")
+        for path in (ROOT / "robot_retarget" / folder).glob("*.py")
         if '"goal_position"' in path.read_text(encoding="utf-8")
     }
-    assert senders == {"tables.py", "link.py"}
+    assert senders == {"control_tables.py", "link.py"}

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from emulated import QUICK, emulated
 
+from robot_retarget.actuators.map import Identified, Servo, ServoMap, dump_map, load_map
+from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.errors import ServoError
-from robot_retarget.motors import MOTORS
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.identify import SWING, Pendulum, excitation, identify
-from robot_retarget.servo.map import Identified, Servo, ServoMap, dump_map, load_map
 from robot_retarget.servo.outcome import Options
 from robot_retarget.simulate.servo_model import drives_of
 

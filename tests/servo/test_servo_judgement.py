@@ -12,12 +12,12 @@ from emulated import ARM
 from made_trajectories import hold
 from test_servo_commands import call
 
+from robot_retarget.actuators.map import Servo, ServoMap
 from robot_retarget.errors import ServoError, TrajectoryError
 from robot_retarget.goals import Goals
 from robot_retarget.report_file import sealed
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
-from robot_retarget.servo.map import Servo, ServoMap
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 

@@ -14,10 +14,10 @@ from emulated import ARM, QUICK, Emulated, emulated
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Follower, Wishes, follow
-from robot_retarget.servo.map import Limits
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.scale import Scale
 

@@ -6,9 +6,9 @@ from emulated import ARM
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_retarget.actuators.map import Limits
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import Goals
-from robot_retarget.servo.map import Limits
 from robot_retarget.servo.plan import glide, goal_plan, part_of, plain_plan
 from robot_retarget.servo.play import MADE_UP, overdue
 from robot_retarget.trajectory import Trajectory

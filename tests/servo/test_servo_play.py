@@ -19,12 +19,12 @@ import pytest
 from emulated import ARM, QUICK, Emulated, emulated, until
 from shared_files import ROOT
 
+from robot_retarget.actuators.map import TICKS_PER_RADIAN, dump_map, load_map
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.map import TICKS_PER_RADIAN, dump_map, load_map
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import Plan
 from robot_retarget.servo.play import Player, play

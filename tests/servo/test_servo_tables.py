@@ -5,9 +5,9 @@ from pathlib import Path
 import dynamixel_sdk
 import pytest
 
+from robot_retarget.actuators.control_tables import MODELS, TABLE_END, model_named, model_numbered
+from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.errors import ServoError
-from robot_retarget.motors import MOTORS
-from robot_retarget.servo.tables import MODELS, TABLE_END, model_named, model_numbered
 
 SHIPPED = Path(dynamixel_sdk.__file__).parents[1] / "dynamixel_easy_sdk" / "control_table"
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from shared_files import ROOT
 
+from robot_retarget.actuators.control_tables import OVERLOAD
+from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.map import Servo, ServoMap, load_map
 from robot_retarget.servo.outcome import Ended, Options
-from robot_retarget.servo.tables import OVERLOAD
 from robot_retarget.servo.twin import Twin
 from robot_retarget.trajectory import Trajectory
 

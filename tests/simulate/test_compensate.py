@@ -8,8 +8,8 @@ from made_trajectories import hold, robot_of, swing, wander
 from shared_files import SHARED, needs_shared
 from simulate.motions import bob
 
+from robot_retarget.actuators.map import load_map
 from robot_retarget.robot import load_robot
-from robot_retarget.servo.map import load_map
 from robot_retarget.simulate.compensate import _rates, _spline, _torques, compensated
 from robot_retarget.simulate.figures import at_frames
 from robot_retarget.simulate.goals import plain_goals

@@ -7,9 +7,9 @@ import pytest
 from made_trajectories import hold
 from scipy.spatial.transform import Rotation
 
+from robot_retarget.actuators.balance_tables import Balance
 from robot_retarget.errors import UsageError
 from robot_retarget.feedback.reading import tilt_of
-from robot_retarget.feedback.tables import Balance
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.feedback import with_feedback

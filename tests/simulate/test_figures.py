@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 from simulate.motions import at_times, bob, kick, lean
 
+from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import RobotError, UsageError
-from robot_retarget.motors import MOTORS
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from made_trajectories import hold, robot_of, swing
 
+from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.errors import RobotError, ServoError
-from robot_retarget.motors import MOTORS
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.plant import build_plant
 from robot_retarget.simulate.rollout import simulate

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.actuators.map import ServoMap, load_map, shipped_maps
 from robot_retarget.errors import TrajectoryError, UsageError, known
 from robot_retarget.formats.columns import Columns, joint_called
 from robot_retarget.formats.format import Format
@@ -18,7 +19,6 @@ from robot_retarget.formats.source import Source
 from robot_retarget.formats.text.named_csv import TIME, named_table, rate
 from robot_retarget.formats.text.rows import NUMBER
 from robot_retarget.robot.model import Robot
-from robot_retarget.servo.map import ServoMap, load_map, shipped_maps
 
 TICK = " [tick]"
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.guard import SelfCollisionGuard
 from robot_retarget.errors import ServoError
 from robot_retarget.live.loop import Loop, Pose, Tally
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import Wishes, follow
-from robot_retarget.servo.map import ServoMap
 from robot_retarget.servo.outcome import Outcome
 
 

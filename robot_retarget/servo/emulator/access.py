@@ -1,9 +1,9 @@
 """Resolve a write: byte ranges become registers and values, or an error code."""
 
+from robot_retarget.actuators.control_tables import EEPROM_END, INDIRECT, TABLE_END
 from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, allowed_modes
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.protocol import Error
-from robot_retarget.servo.tables import EEPROM_END, INDIRECT, TABLE_END
 
 
 def runs(registers: Registers, address: int, data: bytes) -> list[tuple[int, bytes]]:

@@ -1,10 +1,10 @@
 """The controllers of a servo by operating mode: from goals and gains to the duty of the motor."""
 
+from robot_retarget.actuators.control_tables import FULL_PWM
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import CURRENT, CURRENT_POSITION, POSITIONS, PWM, VELOCITY
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.emulator.shaft import Shaft
-from robot_retarget.servo.tables import FULL_PWM
 
 
 def drive(mode: int, r: Registers, shaft: Shaft, now: float, dt: float, stopped: bool) -> None:

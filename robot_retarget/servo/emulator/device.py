@@ -2,15 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from robot_retarget.servo.emulator.access import collect, refusal, runs, shut_down
-from robot_retarget.servo.emulator.control import drive
-from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
-from robot_retarget.servo.emulator.motor import Motor
-from robot_retarget.servo.emulator.registers import Registers
-from robot_retarget.servo.emulator.shaft import Shaft
-from robot_retarget.servo.emulator.witness import Witness
-from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
-from robot_retarget.servo.tables import (
+from robot_retarget.actuators.control_tables import (
     CENTRE,
     INDIRECT,
     OVERHEATING,
@@ -19,6 +11,14 @@ from robot_retarget.servo.tables import (
     WATCHDOG_UNIT,
     Model,
 )
+from robot_retarget.servo.emulator.access import collect, refusal, runs, shut_down
+from robot_retarget.servo.emulator.control import drive
+from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
+from robot_retarget.servo.emulator.motor import Motor
+from robot_retarget.servo.emulator.registers import Registers
+from robot_retarget.servo.emulator.shaft import Shaft
+from robot_retarget.servo.emulator.witness import Witness
+from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
 
 PRESENT = range(120, 148)
 """Addresses that are worked out when somebody looks."""

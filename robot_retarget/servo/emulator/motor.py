@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import exp, tau
 
-from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN, Model
+from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN, Model
 
 RADIANS = tau / TICKS_PER_TURN
 AMBIENT = 30.0

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from robot_retarget.actuators.control_tables import EEPROM_END, RETURN_DELAY_UNIT
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, Error, Frame, Instruction
-from robot_retarget.servo.tables import EEPROM_END, RETURN_DELAY_UNIT
 
 ANSWERED_FROM: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
 """The status return level from which an instruction is answered; all others from 2."""

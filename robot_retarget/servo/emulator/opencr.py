@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.feedback.reading import Reading
-from robot_retarget.feedback.tables import Imu
 from robot_retarget.servo import protocol
 from robot_retarget.servo.opencr import GYRO, TABLE_END, encoded
 from robot_retarget.servo.protocol import Error, Frame, Instruction

@@ -1,6 +1,6 @@
 """The memory of one servo: bytes by address, names on top, indirect addresses, EEPROM defaults and backup."""
 
-from robot_retarget.servo.tables import EEPROM_END, INDIRECT, TABLE_END, Model, Register
+from robot_retarget.actuators.control_tables import EEPROM_END, INDIRECT, TABLE_END, Model, Register
 
 REBOUND_FROM = 64
 """Indirect addresses reach from here to the end of the table."""

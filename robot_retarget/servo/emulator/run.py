@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robot_retarget.actuators.control_tables import BAUDS, CENTRE
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.reading import LEVEL
 from robot_retarget.feedback.sensor import VirtualImu
@@ -13,8 +15,6 @@ from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.server import Server
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.map import ServoMap
-from robot_retarget.servo.tables import BAUDS, CENTRE
 from robot_retarget.shipped import MODELS
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.clock import on_time
 from robot_retarget.servo.emulator.faults import Faults, Wire
@@ -23,7 +24,6 @@ from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import Frame, Instruction, Parser
-from robot_retarget.servo.tables import BAUDS, XM430_W350
 
 SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""

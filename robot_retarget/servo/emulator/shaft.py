@@ -1,10 +1,10 @@
 """What hosts see of a servo's shaft: reversed, offset, folded to a turn; and the path it is on."""
 
+from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
 from robot_retarget.servo.emulator.motor import Motor
 from robot_retarget.servo.emulator.registers import Registers
-from robot_retarget.servo.tables import FULL_PWM, TICKS_PER_TURN
 
 IN_POSITION = 20
 """Distance from its goal within which a servo is in position [ticks]."""

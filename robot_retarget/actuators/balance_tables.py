@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.bounds import MapError, require_bounds, within
 from robot_retarget.arrays import Floats
-from robot_retarget.servo.bounds import MapError, require_bounds, within
 
 STANDARD_GRAVITY = 9.80665
 """[m/s²]."""

@@ -8,8 +8,8 @@ from functools import cache
 from numbers import Integral
 from typing import NamedTuple
 
+from robot_retarget.actuators.motors import MOTORS, Motor, motor_named
 from robot_retarget.errors import ServoError
-from robot_retarget.motors import MOTORS, Motor, motor_named
 
 TICKS_PER_TURN = 4096
 CENTRE = 2048
