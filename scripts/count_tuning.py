@@ -1,24 +1,48 @@
 """Count tuning values of the core: `python scripts/count_tuning.py [FOLDER …]` prints a Markdown table.
 
-Three kinds count: module constants that are numbers, numeric defaults of the fields of options classes, and numbers written
-in function bodies other than those of `ARITHMETIC`. Indices, shapes and docstrings do not count.
+Three kinds count: module constants (a number, a tuple of numbers, or each value of a dictionary), numeric defaults of the
+fields of classes, and floats in function bodies. These do not count, because another value would be wrong and not worse:
+
+- numbers of `ARITHMETIC`, which belong to formulas;
+- numbers up to `ROUNDING`, which guard divisions and compare what is equal;
+- the field default 0, which stands for nothing;
+- constants whose docstring cites a source, such as [Winter2009];
+- `READERS` and `FIGURES`: numbers of file formats, and of the scenes in the papers' figures.
+
+Integers in function bodies do not count either: most are indices, powers and strides. Weights belong into constants.
 """
 
 import argparse
 import ast
+import re
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeGuard
 
 PACKAGE = Path(__file__).resolve().parents[1] / "robot_retarget"
 CORE = ("motion", "human", "robot", "describe", "dgp", "solve", "collision", "balance")
 READERS = "formats"
-"""Folders of readers hold the numbers of file formats, which are facts."""
-ARITHMETIC = {0, 1, 2, 3, 0.5, -1, 4, 6, 12, 180, 360}
+"""Folders that hold the numbers of file formats, which are facts; their lines do not count either."""
+FIGURES = {"scenes.py", "body.py", "instances.py"}
+"""Modules that hold the numbers of the papers' figures."""
+ARITHMETIC = {0, 1, 2, 3, 0.5, 4, 6, 12, 90, 180, 270, 360}
 """Numbers of formulas: dimensions, halves, degrees, twelve coordinates of two by six."""
+ROUNDING = 1e-9
+"""Numbers up to this separate zero from rounding errors."""
+CITATION = re.compile(r"\[[A-Z][A-Za-z]+\d{4}\]")
 
 
-def numeric(node: ast.expr | None) -> bool:
+def numbers(node: ast.expr | None) -> int:
+    """Return how many tuning values an expression of numbers holds; 0 for any other expression."""
+    if isinstance(node, ast.Dict):
+        return sum(map(numbers, node.values))
+    if isinstance(node, ast.Call):
+        inner = next((k.value for k in node.keywords if k.arg == "default_factory"), None)
+        return numbers(inner.body) if isinstance(inner, ast.Lambda) else 0
+    return int(numeric(node) and not all(rounding(leaf) for leaf in ast.walk(node) if isinstance(leaf, ast.Constant)))
+
+
+def numeric(node: ast.expr | None) -> TypeGuard[ast.expr]:
     """Whether an expression is made of numbers alone."""
     if isinstance(node, ast.Constant):
         return isinstance(node.value, int | float) and not isinstance(node.value, bool)
@@ -27,31 +51,42 @@ def numeric(node: ast.expr | None) -> bool:
     return isinstance(node, ast.Tuple) and bool(node.elts) and all(map(numeric, node.elts))
 
 
-def inline(tree: ast.AST) -> Iterator[float]:
-    """Floats in function bodies."""
-    for function in ast.walk(tree):
-        if isinstance(function, ast.FunctionDef):
-            for statement in function.body:
-                for node in ast.walk(statement):
-                    if (
-                        isinstance(node, ast.Constant)
-                        and isinstance(node.value, float)
-                        and node.value not in ARITHMETIC
-                    ):
-                        yield node.value
+def rounding(leaf: ast.Constant) -> bool:
+    """Whether a number separates zero from rounding errors."""
+    return isinstance(leaf.value, float) and 0 < leaf.value <= ROUNDING
+
+
+def inline(tree: ast.AST) -> int:
+    """Return the number of floats in function bodies."""
+    bodies = [statement for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for statement in f.body]
+    leaves = {node for body in bodies for node in ast.walk(body) if isinstance(node, ast.Constant)}
+    return sum(isinstance(x.value, float) and x.value not in ARITHMETIC and not rounding(x) for x in leaves)
+
+
+def constants(tree: ast.Module) -> int:
+    """Return the number of tuning values among the constants of a module."""
+    count = 0
+    for node, after in zip(tree.body, [*tree.body[1:], None], strict=True):
+        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
+        count += 0 if CITATION.search(str(text)) else numbers(value)
+    return count
+
+
+def defaults(tree: ast.Module) -> int:
+    """Return the number of tuning values among the defaults of fields."""
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    values = [item.value for node in classes for item in node.body if isinstance(item, ast.AnnAssign)]
+    return sum(numbers(v) for v in values if not (isinstance(v, ast.Constant) and v.value == 0))
 
 
 def counts(path: Path) -> Counter[str]:
-    """The tuning values of one module, by kind."""
-    tree, found = ast.parse(path.read_text(encoding="utf-8")), Counter[str]()
-    for node in tree.body:
-        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
-        found["constants"] += numeric(value)
-        if isinstance(node, ast.ClassDef):
-            fields = (item for item in node.body if isinstance(item, ast.AnnAssign))
-            found["option defaults"] += sum(numeric(item.value) for item in fields)
-    found["inline floats"] += sum(1 for _ in inline(tree))
-    return found
+    """Return the tuning values of one module, by kind."""
+    if path.name in FIGURES:
+        return Counter()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = {"constants": constants(tree), "option defaults": defaults(tree), "inline floats": inline(tree)}
+    return Counter(found)
 
 
 def main() -> None:
@@ -64,7 +99,7 @@ def main() -> None:
     print("| folder | lines | " + " | ".join(kinds) + " | values |\n|" + "---|" * 6)
     total, lines = Counter[str](), 0
     for folder in given.folders:
-        paths = [path for path in sorted((PACKAGE / folder).rglob("*.py")) if READERS not in path.parts[:-1]]
+        paths = [path for path in sorted((PACKAGE / folder).rglob("*.py")) if READERS not in path.parts]
         groups = {str(path.relative_to(PACKAGE)): [path] for path in paths} if given.files else {folder: paths}
         for name, group in groups.items():
             found = sum((counts(path) for path in group), Counter())
