@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.track import HARD, Track
+from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion, leg_length, stature
 from robot_retarget.motion import recognise as recognise_human

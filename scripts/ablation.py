@@ -37,7 +37,7 @@ KINDS: dict[str, Variant] = {
         for kind in ("posture", "touch", "compass", "orientation", "path", "foothold")
     },
     "no hip and shoulder lines": Variant(Weights(hips=0.0, shoulders=0.0)),
-    "distances by squares": Variant(Weights(give=1e6)),
+    "distances by squares": Variant(Weights(huber_delta=1e6)),
     "no separation": Variant(without="separation"),
     "no second differences": Variant(Weights(smooth=1e-3)),
     "frame by frame": Variant(smoothing=Smoothing(passes=0)),

@@ -15,9 +15,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Nearby, Playback, Played, Stood
 from robot_retarget.describe.kinds.mass import Mass
-from robot_retarget.describe.role import Role
 from robot_retarget.describe.soles import CORNERS, sole_corners
-from robot_retarget.describe.track import HARD, Track
+from robot_retarget.dgp.role import Role
+from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function

@@ -10,7 +10,7 @@ from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.balance.zmp import Plan, Steadiness
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 from robot_retarget.errors import BalanceError
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.own import End, Own
-from robot_retarget.describe.track import HARD, Track
+from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.errors import GraphError, known
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot

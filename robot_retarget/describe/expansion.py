@@ -19,9 +19,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.own import Own
-from robot_retarget.describe.track import HARD, Track
 from robot_retarget.dgp.graph import Graph as Instance
 from robot_retarget.dgp.graph import Kind
+from robot_retarget.dgp.track import HARD, Track
 
 if TYPE_CHECKING:
     from robot_retarget.describe.graph import Graph
@@ -72,7 +72,7 @@ def _edges(track: Track, vertices: tuple[str, ...], frames: int) -> Instance:
         track.upper[present],
         (track.priority / track.scale**2)[present],
         np.array(LABELS.get(track.name, Kind.POSTURE), np.int8),
-        np.broadcast_to(track.give * track.scale, present.shape)[present],
+        np.broadcast_to(track.huber_delta * track.scale, present.shape)[present],
     )
 
 

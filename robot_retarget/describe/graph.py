@@ -17,13 +17,13 @@ from robot_retarget import dgp
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
-from robot_retarget.describe.kinds import KINDS, Kind
-from robot_retarget.describe.kinds.kind import RetargetContext, TwoPassKind, frame_costs
+from robot_retarget.describe.kinds import KINDS
+from robot_retarget.describe.kinds.kind import MotionKind, RetargetContext, TwoPassKind, frame_costs
 from robot_retarget.describe.kinds.own import End, Own
 from robot_retarget.describe.path import pelvis_path
-from robot_retarget.describe.role import FRAME, Role
-from robot_retarget.describe.track import HARD, Track
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.role import FRAME, Role
+from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.errors import GraphError, UsageError, known
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match
@@ -258,7 +258,7 @@ def describe(
     overrides: str | Path | None = None,
     weights: Weights | None = None,
     favour: str = "balanced",
-    kinds: Iterable[Kind] = KINDS,
+    kinds: Iterable[MotionKind] = KINDS,
 ) -> Graph:
     """Build the graph of a human motion on a robot.
 
@@ -304,7 +304,9 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
     return replace(resampled, notes=(*resampled.notes, told))
 
 
-def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[Kind] = KINDS) -> Graph:
+def graph_of(
+    motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[MotionKind] = KINDS
+) -> Graph:
     """The graph of matched bodies."""
     context = RetargetContext(features_of(motion, matched), matched, robot, weights)
     return _built(motion, context, kinds)
@@ -312,15 +314,18 @@ def graph_of(motion: Motion, robot: Robot, matched: Match, weights: Weights, kin
 
 def graph_from(graph: Graph, human: HumanFeatures) -> Graph:
     """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
-    context, costs = (
-        RetargetContext(human, graph.match, graph.robot, graph.weights),
-        {track.name for track in graph.costs},
-    )
-    tracks = tuple((track.kind.targets(context) or track) if track.name in costs else track for track in graph.tracks)
+    context = RetargetContext(human, graph.match, graph.robot, graph.weights)
+    costs = {track.name for track in graph.costs}
+    tracks = tuple(_retargeted(track, context) if track.name in costs else track for track in graph.tracks)
     return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
 
 
-def _built(motion: Motion, context: RetargetContext, kinds: Iterable[Kind]) -> Graph:
+def _retargeted(track: Track, context: RetargetContext) -> Track:
+    """Return a track with the targets of another human; the same where its kind has none."""
+    return (track.kind.targets(context) if isinstance(track.kind, MotionKind) else None) or track
+
+
+def _built(motion: Motion, context: RetargetContext, kinds: Iterable[MotionKind]) -> Graph:
     tracks = tuple(track for kind in kinds if (track := kind.targets(context)) is not None)
     path = pelvis_path(context.human, context.match)
     return Graph(motion, context.robot, context.match, context.human, tracks, path, context.weights)

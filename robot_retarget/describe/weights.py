@@ -18,7 +18,7 @@ class Weights:
     """... and between distant ones; the sum over a frame, over the number of keypoints."""
     reach: float = 0.35
     """Two keypoints at this share of the path between them are half near [-]."""
-    give: float = 0.028
+    huber_delta: float = 0.028
     """Errors of distances well above this count linearly, those below it by their square [-]."""
     touch: float = 2000.0
     """A hand and the part it touches, or two feet, in addition to their distance."""
@@ -63,7 +63,7 @@ class Weights:
 
     def __post_init__(self) -> None:
         for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
-            positive = name in ("reach", "give")
+            positive = name in ("reach", "huber_delta")
             if not (value > 0 if positive else value >= 0) or value == float("inf"):
                 raise UsageError(
                     f"Weights.{name} must be a number {'above 0' if positive else 'of 0 or more'}, got {value}"

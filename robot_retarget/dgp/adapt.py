@@ -113,5 +113,5 @@ def adapt(
         ahead = interaction_distance(x[:-1], x[1:], **measure)[0]
         ratio = path_weights(target.parents, target.lengths)[u, v] / path_weights(source.parents, source.lengths)[u, v]
         delta = np.concatenate([delta[:1], np.where(bone, delta[1:], ratio * ahead)])
-    flat, columns = delta.ravel(), {"priority": priority.ravel(), "kind": kind.ravel(), "give": np.inf}
+    flat, columns = delta.ravel(), {"priority": priority.ravel(), "kind": kind.ravel(), "huber_delta": np.inf}
     return replace(graph, i=i, j=j, lower=flat, upper=flat, interaction=interaction or graph.interaction, **columns)

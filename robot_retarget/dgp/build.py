@@ -31,7 +31,7 @@ def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[Graph, Floats]
 
 def measured(graph: Graph, animation: Floats, i: Ints, j: Ints, kind: Kind, priority: ArrayLike = 1.0) -> Graph:
     """The graph with exact edges whose δ is the distance in the animation."""
-    bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind), give=np.inf)
+    bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind), huber_delta=np.inf)
     delta = distances(bare, animation)
     return replace(bare, lower=delta, upper=delta)
 
@@ -92,7 +92,9 @@ def bone_edges(graph: Graph, structure: SkeletalStructure, priority: float = 10.
     parent, child = structure.bones.T
     i, j = every_frame(places[parent], places[child], graph)
     delta = np.tile(structure.lengths[1:], graph.frames)
-    return replace(graph, i=i, j=j, lower=delta, upper=delta, priority=priority, kind=int(Kind.BONE), give=np.inf)
+    return replace(
+        graph, i=i, j=j, lower=delta, upper=delta, priority=priority, kind=int(Kind.BONE), huber_delta=np.inf
+    )
 
 
 def pair_edges(
@@ -124,7 +126,7 @@ def pair_edges(
         name: np.tile(np.broadcast_to(np.asarray(value, dtype=np.float64), len(ends)), graph.frames - first)
         for name, value in (("lower", lower), ("upper", upper), ("priority", priority))
     }
-    return replace(graph, i=i, j=j, kind=int(kind), give=np.inf, **columns)
+    return replace(graph, i=i, j=j, kind=int(kind), huber_delta=np.inf, **columns)
 
 
 def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> Graph:

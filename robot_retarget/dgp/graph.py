@@ -38,7 +38,7 @@ class Kind(IntEnum):
     GROUND = 10
 
 
-_COLUMNS = ("i", "j", "lower", "upper", "priority", "kind", "give")
+_COLUMNS = ("i", "j", "lower", "upper", "priority", "kind", "huber_delta")
 """The columns of the edges."""
 
 
@@ -87,7 +87,7 @@ class Graph:
     """(E,) π ≥ 0, the importance of the edge."""
     kind: NDArray[np.int8] = field(default_factory=lambda: np.array(Kind.POSTURE, np.int8))
     """(E,) of `Kind`."""
-    give: Floats = field(default_factory=lambda: np.array(np.inf))
+    huber_delta: Floats = field(default_factory=lambda: np.array(np.inf))
     """(E,) Huber scale g > 0 [m]: errors well above it count linearly under the squared objectives; ∞ counts
     squares."""
     fixed: NDArray[np.bool_] = field(default_factory=lambda: np.array(False))
@@ -113,7 +113,7 @@ class Graph:
         if len(edges) != 1:
             raise GraphError(f"edge ends must be one-dimensional, got shape {edges}")
         self._spread(("i", "j"), edges, np.int64)
-        self._spread(("lower", "upper", "priority", "give"), edges, np.float64)
+        self._spread(("lower", "upper", "priority", "huber_delta"), edges, np.float64)
         self._spread(("kind",), edges, np.int8)
         self._spread(("fixed",), places, np.bool_)
         self._spread(("box_lower", "box_upper"), (*places, self.dimension), np.float64)
@@ -147,12 +147,12 @@ class Graph:
         self._refuse((self.kind == Kind.SMOOTHNESS) & apart, "is smoothness but does not join v_(t−1) and v_(t+1)")
 
     def _check_bounds(self) -> None:
-        for name in ("lower", "upper", "priority", "give"):
+        for name in ("lower", "upper", "priority", "huber_delta"):
             self._refuse(np.isnan(getattr(self, name)), f"has {name} NaN")
         self._refuse(self.lower < 0, "has a negative lower bound")
         self._refuse(np.isinf(self.lower), "has an infinite lower bound")
         self._refuse(self.lower > self.upper, "has lower > upper")
-        self._refuse(self.give <= 0, "has a Huber scale that is not above 0")
+        self._refuse(self.huber_delta <= 0, "has a Huber scale that is not above 0")
         self._refuse((self.priority < 0) | np.isinf(self.priority), "has a priority outside [0, ∞)")
         crossed = np.argwhere(~(self.box_lower <= self.box_upper))
         if crossed.size:

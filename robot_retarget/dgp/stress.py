@@ -41,7 +41,7 @@ class Bounds:
     lower: Floats
     upper: Floats
     priority: Floats
-    give: Floats | None = None
+    huber_delta: Floats | None = None
     """None where every edge counts squares."""
 
     def nearest(self, distance: Floats) -> Floats:
@@ -50,15 +50,15 @@ class Bounds:
 
 
 def edge_terms(
-    objective: Objective, error: Floats, target: Floats, priority: Floats, give: Floats | None = None
+    objective: Objective, error: Floats, target: Floats, priority: Floats, huber_delta: Floats | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """Each edge's share of σ and its first and second derivative by d, from e, y, π and g."""
     if objective in (Objective.HALF_SQUARED, Objective.SQUARED):
         weight = priority if objective is Objective.SQUARED else 0.5 * priority
         pull = weight * error
-        if give is None:
+        if huber_delta is None:
             return pull * error, 2.0 * pull, 2.0 * weight
-        root = np.sqrt(1.0 + (error / give) ** 2)
+        root = np.sqrt(1.0 + (error / huber_delta) ** 2)
         return 2.0 * pull * error / (1.0 + root), 2.0 * pull / root, 2.0 * weight / root**3
     scale = np.maximum(target, FLOOR)
     if objective is Objective.RELATIVE_SQUARED:
@@ -72,7 +72,7 @@ def value_and_gradient(inc: Incidence, bounds: Bounds, objective: Objective, x: 
     r, k = inc.differences(x)
     distance = lengths(r)
     target = bounds.nearest(distance)
-    share, slope, _ = edge_terms(objective, distance - target, target, bounds.priority, bounds.give)
+    share, slope, _ = edge_terms(objective, distance - target, target, bounds.priority, bounds.huber_delta)
     slope /= np.where(distance > 0, distance, np.inf)
     r *= slope[:, None]
     return share.sum(0), inc.gather(r, k)
@@ -88,8 +88,8 @@ def lengths(r: Floats) -> Floats:
 
 def bounds_of(graph: Graph) -> Bounds:
     """The graph's intervals, priorities and Huber scales as one column."""
-    give = None if np.isinf(graph.give).all() else graph.give[:, None]
-    return Bounds(graph.lower[:, None], graph.upper[:, None], graph.priority[:, None], give)
+    huber_delta = None if np.isinf(graph.huber_delta).all() else graph.huber_delta[:, None]
+    return Bounds(graph.lower[:, None], graph.upper[:, None], graph.priority[:, None], huber_delta)
 
 
 def rows(x: Floats) -> Floats:

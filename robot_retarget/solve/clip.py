@@ -9,8 +9,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Past, TwoPassKind
-from robot_retarget.describe.role import SECOND_DIFFERENCE
-from robot_retarget.describe.track import Track, joined
+from robot_retarget.dgp.role import SECOND_DIFFERENCE
+from robot_retarget.dgp.track import Track, joined
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import coarse_path

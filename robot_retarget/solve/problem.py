@@ -2,7 +2,7 @@
 
     minimise  Σ π ϱ((d(q ⊕ v) − y)/scale)    subject to    z_sole(q ⊕ v) ≥ 0
 
-over the edges of all kinds (`describe.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
+over the edges of all kinds (`dgp.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
 the measures, r = d − y the residuals and w = π/scale² · ϱ'(e)/2e the weights (iteratively reweighted least squares,
 whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
 """
@@ -17,9 +17,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import Grounded, Symbolic, frame_costs
-from robot_retarget.describe.role import Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import HARD, Track
+from robot_retarget.dgp.role import Role
+from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
@@ -198,7 +198,7 @@ class _Terms:
     def __init__(self, tracks: Sequence[Track], rows: Ints):
         self.edges, self.rows = len(rows), rows
         self.scale = np.concatenate([track.scale for track in tracks])
-        self.give = np.concatenate([np.full(len(track), track.give) for track in tracks])
+        self.huber_delta = np.concatenate([np.full(len(track), track.huber_delta) for track in tracks])
         self.open = np.flatnonzero(np.concatenate([np.full(len(track), not track.exact) for track in tracks])).tolist()
         self.gather = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
         """(M, E) matrix that sums edges over the rows they share."""
@@ -211,12 +211,12 @@ class _Terms:
             low, high, own = lower[self.open], upper[self.open], d[self.open]
             residual[self.open] = ca.fmin(own - low, 0) + ca.fmax(own - high, 0)
             weight[self.open] *= 1 - ca.logic_and(own > low, own < high)
-        soft = np.flatnonzero(np.isfinite(self.give)).tolist()
-        stiff = np.flatnonzero(~np.isfinite(self.give)).tolist()
+        soft = np.flatnonzero(np.isfinite(self.huber_delta)).tolist()
+        stiff = np.flatnonzero(~np.isfinite(self.huber_delta)).tolist()
         cost = ca.dot(weight[stiff], residual[stiff] ** 2)
         if soft:
-            give = ca.DM(self.give[soft])
-            root = ca.sqrt(1 + (residual[soft] / (self.scale[soft] * self.give[soft])) ** 2)
-            cost += ca.dot(2 * give**2 * priority[soft], root - 1)
+            huber_delta = ca.DM(self.huber_delta[soft])
+            root = ca.sqrt(1 + (residual[soft] / (self.scale[soft] * self.huber_delta[soft])) ** 2)
+            cost += ca.dot(2 * huber_delta**2 * priority[soft], root - 1)
             weight[soft] /= root
         return cost, self.gather @ (weight * residual), self.gather @ weight

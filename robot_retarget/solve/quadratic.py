@@ -7,8 +7,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import Contacts, Nearby, Numeric, Past, Projecting
-from robot_retarget.describe.role import FRAME, STEP, Role
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.role import FRAME, STEP, Role
+from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.options import Options

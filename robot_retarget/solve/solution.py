@@ -101,7 +101,7 @@ class Solution:
             d, scale = measured[:, free], track.scale[free]
             y = np.clip(d, track.lower[:, free], track.upper[:, free])
             for objective, total in found.items():
-                terms = edge_terms(objective, d - y, y, track.priority[:, free] / scale**2, track.give * scale)
+                terms = edge_terms(objective, d - y, y, track.priority[:, free] / scale**2, track.huber_delta * scale)
                 total += terms[0].sum(axis=1)
         return found
 

@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import Past
-from robot_retarget.describe.role import SECOND_DIFFERENCE, Role
+from robot_retarget.dgp.role import SECOND_DIFFERENCE, Role
 from robot_retarget.motion import Motion
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import Graph
-from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.track import HARD
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver

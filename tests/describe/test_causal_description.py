@@ -5,7 +5,7 @@ import pytest
 
 from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import Graph, describe
-from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.track import HARD
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.motion import read_motion

@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import footholds_of, median_pose, nearing, relaxed, settled
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
-from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.track import HARD
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.features import features_of
 from robot_retarget.human.ground import grounded

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robot_retarget.describe.added import FADE
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds import KINDS
-from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.track import HARD
 from robot_retarget.errors import GraphError
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot

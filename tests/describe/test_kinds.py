@@ -18,7 +18,7 @@ from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role, fra
 from robot_retarget.describe.kinds.mass import Mass
 from robot_retarget.describe.soles import sole_corners
 from robot_retarget.describe.symbolic_robot import SymbolicRobot, drawn_configurations
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.shipped import SAMPLES

@@ -57,13 +57,17 @@ def test_places_without_a_tree_are_numbered_and_obstacles_stay() -> None:
 def test_huber_scales_count_small_errors_by_squares_and_large_ones_linearly(seed: int, objective: Objective) -> None:
     draw = np.random.default_rng(seed)
     x, y = draw.normal(size=(2, 5, 3))
-    graph = replace(frame_edges("abcde", x), give=draw.uniform(0.05, 2.0, 10), priority=draw.uniform(0.0, 3.0, 10))
-    error, g = distances(graph, y) - graph.lower, graph.give
+    graph = replace(
+        frame_edges("abcde", x), huber_delta=draw.uniform(0.05, 2.0, 10), priority=draw.uniform(0.0, 3.0, 10)
+    )
+    error, g = distances(graph, y) - graph.lower, graph.huber_delta
     loss = graph.priority * 2 * g**2 * (np.sqrt(1 + (error / g) ** 2) - 1)
     half = 0.5 if objective is Objective.HALF_SQUARED else 1.0
     assert stress(graph, y, objective) == pytest.approx(half * loss.sum(), rel=1e-10)
-    wide = replace(graph, give=1e9)
-    assert stress(wide, y, objective) == pytest.approx(stress(replace(graph, give=np.inf), y, objective), rel=1e-9)
+    wide = replace(graph, huber_delta=1e9)
+    assert stress(wide, y, objective) == pytest.approx(
+        stress(replace(graph, huber_delta=np.inf), y, objective), rel=1e-9
+    )
     step, move = 1e-6, draw.normal(size=(5, 3))
     slope = (stress(graph, y + step * move, objective) - stress(graph, y - step * move, objective)) / (2 * step)
     assert (gradient(graph, y, objective)[0] * move).sum() == pytest.approx(slope, rel=1e-5, abs=1e-6)
@@ -73,8 +77,8 @@ def test_three_solvers_agree_on_edges_with_huber_scales() -> None:
     draw = np.random.default_rng(1)
     x = draw.normal(size=(2, 5, 3))
     graph = frame_edges("abcde", x)
-    wished, give = graph.lower * draw.uniform(0.5, 1.0, len(graph)), draw.uniform(0.05, 0.2, len(graph))
-    graph = replace(graph, lower=wished, upper=wished, give=give)
+    target, huber_delta = graph.lower * draw.uniform(0.5, 1.0, len(graph)), draw.uniform(0.05, 0.2, len(graph))
+    graph = replace(graph, lower=target, upper=target, huber_delta=huber_delta)
     newton, ipopt, spectral = solve(graph, x, Newton()), solve(graph, x, Ipopt(hard=())), solve_frames(graph, x)
     assert newton.status.converged and 0.0 < newton.stress < 0.3 * stress(graph, x)
     assert ipopt.stress == pytest.approx(newton.stress, rel=1e-6) and spectral.stress == pytest.approx(
@@ -85,4 +89,4 @@ def test_three_solvers_agree_on_edges_with_huber_scales() -> None:
 
 def test_a_huber_scale_of_nothing_is_refused_by_name() -> None:
     with pytest.raises(GraphError, match=r"edge 1 \(a–c\) has a Huber scale that is not above 0"):
-        replace(frame_edges("abc", np.eye(3)), give=[1.0, 0.0, 1.0])
+        replace(frame_edges("abc", np.eye(3)), huber_delta=[1.0, 0.0, 1.0])

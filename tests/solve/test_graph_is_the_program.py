@@ -13,9 +13,9 @@ from robot_retarget.describe.edits import Edit
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
 from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
-from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.dgp.role import SECOND_DIFFERENCE
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.edit.touchup import mended
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.motion import read_motion
@@ -96,7 +96,7 @@ class Nod:
 
     def targets(self, context: RetargetContext) -> Track | None:
         edges = self.edges(context)
-        heights, priority = edges.asked(context.human)
+        heights, priority = edges.targets(context.human)
         return exact(self, edges.ends, heights, priority, context.leg)
 
     def edges(self, context: RetargetContext) -> "_Heights":
@@ -112,7 +112,7 @@ class _Heights:
     head: int
     ratio: float
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, float]:
         return self.ratio * human.positions[:, self.head, 2:], 300.0
 
 

@@ -68,11 +68,11 @@ def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))
         jacobian[:, column] = (ahead - behind) / (2 * step)
     scale = np.concatenate([track.scale for track in graph.costs])
-    give = np.concatenate([np.full(len(track), track.give) for track in graph.costs])
+    huber_delta = np.concatenate([np.full(len(track), track.huber_delta) for track in graph.costs])
     d = problem.values(q)
     error = (d - np.clip(d, asked.lower, asked.upper)) / scale
     inside = (asked.lower < d) & (d < asked.upper)
-    weight = asked.priority / scale**2 / np.sqrt(1 + (error / give) ** 2) * ~inside
+    weight = asked.priority / scale**2 / np.sqrt(1 + (error / huber_delta) ** 2) * ~inside
     cost, _, normal = problem.model(q, asked)
     assert cost == pytest.approx(problem.cost(q, asked), rel=1e-12)
     assert np.allclose(normal, jacobian.T @ (weight[:, None] * jacobian), rtol=1e-6, atol=1e-6 * np.abs(normal).max())

@@ -12,9 +12,9 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.describe.graph import Graph, describe
 from robot_retarget.describe.kinds.posture import Posture
 from robot_retarget.describe.symbolic_robot import drawn_configurations
-from robot_retarget.describe.track import Track
 from robot_retarget.dgp import Graph as DgpGraph
 from robot_retarget.dgp.stress import Objective, distances, stress
+from robot_retarget.dgp.track import Track
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Points, load_robot, world_points
 from robot_retarget.robot.kinematics import difference
@@ -49,7 +49,7 @@ def check_sum(solution: Solution) -> None:
     for track in graph.costs:
         d = solution.measured[track.name]
         e = (d - np.minimum(np.maximum(d, track.lower), track.upper)) / track.scale
-        g = track.give
+        g = track.huber_delta
         loss = e**2 if np.isinf(g) else 2 * g**2 * (np.sqrt(1 + (e / g) ** 2) - 1)
         own = (track.priority * loss).sum(axis=1)
         assert np.allclose(solution.stress[track.name], own, rtol=1e-9, atol=1e-12)

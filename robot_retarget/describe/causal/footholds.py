@@ -8,7 +8,7 @@ from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
-from robot_retarget.describe.track import HARD
+from robot_retarget.dgp.track import HARD
 from robot_retarget.human.features import HumanFeatures
 
 STRAYED = 0.2
@@ -40,7 +40,7 @@ class CausalFootholds:
         Args:
             corners: (F, 4, 3) positions of the robot's corners [m].
         """
-        wished, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
+        target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
         for k, sole in enumerate(self.soles):
             carried = sole.places(human)[0]
             held = self._stands(human, sole.foot) & self._still(k, carried)
@@ -52,8 +52,8 @@ class CausalFootholds:
             if stood and not stands:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
-            wished[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
-        return wished.ravel(), priority.ravel()
+            target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
+        return target.ravel(), priority.ravel()
 
     def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
         held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)

@@ -11,10 +11,10 @@ from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.kind import CausalKind, InstantTargets, RetargetContext
 from robot_retarget.describe.kinds.touch import Touch
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
 
-Asked = tuple[Floats, Floats | float]
+Targets = tuple[Floats, Floats | float]
 
 
 class CausalTargets:
@@ -27,10 +27,10 @@ class CausalTargets:
         self.feet = placed_feet(graph.match, graph.robot)
         context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         firsts = np.cumsum([0, *(len(track) for track in graph.costs)])
-        self.askers = [
-            (slice(int(first), int(first) + len(track)), asker)
+        self.sources = [
+            (slice(int(first), int(first) + len(track)), source)
             for first, track in zip(firsts, graph.costs, strict=False)
-            if (asker := self._asker(track, context, graph)) is not None
+            if (source := self._source(track, context, graph)) is not None
         ]
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
@@ -39,15 +39,15 @@ class CausalTargets:
         Args:
             corners: (F, 4, 3) positions of the robot's sole corners [m].
         """
-        for edges, asker in self.askers:
-            wished, priority = asker(human, corners, seconds)
-            self.lower[edges] = self.upper[edges] = wished
+        for edges, source in self.sources:
+            target, priority = source(human, corners, seconds)
+            self.lower[edges] = self.upper[edges] = target
             self.priority[edges] = priority
         return self.lower, self.upper, self.priority
 
-    def _asker(
+    def _source(
         self, track: Track, context: RetargetContext, graph: Graph
-    ) -> Callable[[HumanFeatures, Floats, float], Asked] | None:
+    ) -> Callable[[HumanFeatures, Floats, float], Targets] | None:
         kind = track.kind
         if isinstance(kind, Foothold):
             return CausalFootholds(graph, self.feet, kind).at
@@ -56,12 +56,12 @@ class CausalTargets:
             return None
         if isinstance(kind, Touch):
             return _Gently(edges, kind.lead, context.weights.touch).at
-        return lambda human, corners, seconds: _first(edges.asked(human))
+        return lambda human, corners, seconds: _first(edges.targets(human))
 
 
-def _first(asked: Asked) -> Asked:
-    wished, priority = asked
-    return wished[0], priority[0] if isinstance(priority, np.ndarray) and priority.ndim > 1 else priority
+def _first(targets: Targets) -> Targets:
+    target, priority = targets
+    return target[0], priority[0] if isinstance(priority, np.ndarray) and priority.ndim > 1 else priority
 
 
 class _Gently:
@@ -71,9 +71,9 @@ class _Gently:
         self.edges, self.lead, self.priority = edges, lead, priority
         self.strength: Floats | float = 0.0
 
-    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> Asked:
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> Targets:
         """Return δ and π."""
-        wished, strength = _first(self.edges.asked(human))
+        target, strength = _first(self.edges.targets(human))
         reach = seconds / self.lead
         self.strength = np.clip(strength, self.strength - reach, self.strength + reach)
-        return wished, self.priority * self.strength
+        return target, self.priority * self.strength

@@ -6,7 +6,7 @@ from robot_retarget.describe.kinds.floor import Floor
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.interaction import Interaction
 from robot_retarget.describe.kinds.joints import Range, Speed
-from robot_retarget.describe.kinds.kind import Kind
+from robot_retarget.describe.kinds.kind import MotionKind
 from robot_retarget.describe.kinds.orientation import Orientation
 from robot_retarget.describe.kinds.pelvis import Path
 from robot_retarget.describe.kinds.posture import Posture
@@ -15,7 +15,7 @@ from robot_retarget.describe.kinds.separation import Separation
 from robot_retarget.describe.kinds.temporal import Inertia, Smoothness
 from robot_retarget.describe.kinds.touch import Touch
 
-KINDS: tuple[Kind, ...] = (
+KINDS: tuple[MotionKind, ...] = (
     Posture(),
     Touch(),
     Compass(),
@@ -32,5 +32,5 @@ KINDS: tuple[Kind, ...] = (
     Speed(),
 )
 """The kinds of whole clips."""
-STREAM_KINDS: tuple[Kind, ...] = (*(kind for kind in KINDS if kind.name != Smoothness.name), Inertia())
+STREAM_KINDS: tuple[MotionKind, ...] = (*(kind for kind in KINDS if kind.name != Smoothness.name), Inertia())
 """The kinds of streams."""

@@ -13,7 +13,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.describe.kinds.kind import AXES, FRAME, RetargetContext, Role, coordinates
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
 
 
@@ -26,7 +26,7 @@ class _Lines:
     other: list[int]
     priority: Floats
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return coordinates of unit vectors, and π."""
         x = human.positions
         return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.robot import Robot
 from robot_retarget.robot.coupling import Coupling as Constraints
 

@@ -8,7 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, limit
+from robot_retarget.dgp.track import Track, limit
 
 
 @dataclass(frozen=True)

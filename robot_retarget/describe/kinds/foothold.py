@@ -15,8 +15,8 @@ from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, 
 from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role
 from robot_retarget.describe.soles import CORNER_NAMES
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import HARD, Track, exact
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.track import HARD, Track, exact
 from robot_retarget.robot.kinematics import carrying
 
 

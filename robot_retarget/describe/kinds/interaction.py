@@ -14,8 +14,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import Contacts, Past, RetargetContext, Role, Rows
-from robot_retarget.describe.role import STEP
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.role import STEP
+from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 

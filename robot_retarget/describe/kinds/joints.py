@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
-from robot_retarget.describe.role import STEP
-from robot_retarget.describe.track import Track, limit
+from robot_retarget.dgp.role import STEP
+from robot_retarget.dgp.track import Track, limit
 
 
 @dataclass(frozen=True)

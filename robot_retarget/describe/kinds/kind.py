@@ -12,11 +12,11 @@ from typing import Protocol, runtime_checkable
 import casadi as ca
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.role import FRAME as FRAME
-from robot_retarget.describe.role import Role as Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.role import FRAME as FRAME
+from robot_retarget.dgp.role import Role as Role
+from robot_retarget.dgp.track import EdgeKind, Track, exact
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -39,23 +39,9 @@ class RetargetContext:
         return self.match.robot_leg
 
 
-class Kind(Protocol):
-    """One kind of edge."""
-
-    @property
-    def name(self) -> str:
-        """The name in tables and reports."""
-        ...
-
-    @property
-    def role(self) -> Role:
-        """Cost, inequality or bound."""
-        ...
-
-    @property
-    def stencil(self) -> tuple[int, ...]:
-        """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
-        ...
+@runtime_checkable
+class MotionKind(EdgeKind, Protocol):
+    """A kind of edge with targets from a human motion."""
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Ends, intervals and priorities over time; None where the bodies have no such edges."""
@@ -197,7 +183,7 @@ class InstantTargets(Protocol):
         """(E,) names of both ends."""
         ...
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
         """Return the targets for a human of T frames."""
         ...
 
@@ -211,12 +197,14 @@ class CausalKind(Protocol):
         ...
 
 
-def coordinates(kind: Kind, edges: InstantTargets | None, human: HumanFeatures, scale: float = 1.0) -> Track | None:
+def coordinates(
+    kind: MotionKind, edges: InstantTargets | None, human: HumanFeatures, scale: float = 1.0
+) -> Track | None:
     """The track of edges with the targets x, y and z of vectors; None where there are none."""
     if edges is None:
         return None
-    wished, priority = edges.asked(human)
-    return exact(kind, edges.ends, wished, priority, scale, axes=AXES * (len(edges.ends) // len(AXES)))
+    target, priority = edges.targets(human)
+    return exact(kind, edges.ends, target, priority, scale, axes=AXES * (len(edges.ends) // len(AXES)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import casadi as ca
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.dgp.track import Track, exact
 
 OVER = 3e3
 """π of the centre of mass along the floor, over the squared leg: feet come first, all else after [-]."""

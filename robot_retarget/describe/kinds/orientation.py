@@ -11,7 +11,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
 
 MARKERS = ("forward", "up")
@@ -26,7 +26,7 @@ class _Markers:
     segments: tuple[str, ...]
     priority: Floats
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return coordinates of unit vectors, and π."""
         turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
         return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority

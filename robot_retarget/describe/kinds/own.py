@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 
 End = str | tuple[str, ArrayLike] | ArrayLike
 """A keypoint, a point (3,) [m] in the frame of a body, or a place (3,) in the world [m]."""

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
 from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track
+from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
 
 
@@ -21,7 +21,7 @@ class _Carried:
     root_scaling: RootScaling
     priority: float
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, float]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, float]:
         """Where it should be [m], and π."""
         return self.root_scaling.path(human), self.priority
 

@@ -13,9 +13,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
 from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.human.features import HumanFeatures
 
 
@@ -31,7 +31,7 @@ class _Pairs:
     weights: Weights
     share: float
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """δ [m] and π."""
         close, w = human.closeness[:, self.i, self.j], self.weights
         return self.tau * close, self.share * (w.far + w.near * np.exp(-((close / w.reach) ** 2)))
@@ -48,8 +48,8 @@ class Posture:
     def targets(self, context: RetargetContext) -> Track | None:
         """δ by the paths of both bodies."""
         edges = self.edges(context)
-        wished, priority = edges.asked(context.human)
-        return exact(self, edges.ends, wished, priority, edges.tau, give=context.weights.give)
+        target, priority = edges.targets(context.human)
+        return exact(self, edges.ends, target, priority, edges.tau, huber_delta=context.weights.huber_delta)
 
     def edges(self, context: RetargetContext) -> "_Pairs":
         """The pairs."""

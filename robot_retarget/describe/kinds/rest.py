@@ -8,7 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import FRAME, Playback, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.robot.kinematics import carrying
 
 
@@ -25,8 +25,8 @@ class Rest:
         robot, w = context.robot, context.weights
         standing = np.clip(robot.standing()[robot.qpos_index], robot.lower, robot.upper)
         weight = np.where(_wrists(context), w.wrist, w.rest)
-        wished = np.broadcast_to(standing, (len(context.human), len(standing)))
-        return exact(self, [(name, "standing pose") for name in robot.joint_names], wished, weight)
+        target = np.broadcast_to(standing, (len(context.human), len(standing)))
+        return exact(self, [(name, "standing pose") for name in robot.joint_names], target, weight)
 
     def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
         """Return the stand's angles with a higher priority outside the human's motion."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
-from robot_retarget.describe.track import Track, limit
+from robot_retarget.dgp.track import Track, limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.robot.geoms import allowed

@@ -10,8 +10,8 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.describe.track import Track, exact
 from robot_retarget.dgp.adapt import path_weights
+from robot_retarget.dgp.track import Track, exact
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.keypoints import ARM
 
@@ -28,7 +28,7 @@ class Touches:
     reach: Floats
     faint: float
 
-    def asked(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
         """Return δ [m], and the strength of each touch, 0 … 1; π follows it gradually."""
         close = human.closeness[:, self.i, self.j]
         return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
@@ -59,9 +59,9 @@ class Touch:
         edges = self.edges(context)
         if edges is None:
             return None
-        wished, strength = edges.asked(context.human)
+        target, strength = edges.targets(context.human)
         gently = self._gently(strength, round(self.lead * context.human.fps))
-        return exact(self, edges.ends, wished, context.weights.touch * gently, edges.tau)
+        return exact(self, edges.ends, target, context.weights.touch * gently, edges.tau)
 
     def edges(self, context: RetargetContext) -> "Touches | None":
         """The pairs."""

@@ -45,7 +45,7 @@ class Explicit:
         x = z[:-edges].reshape(-1, self.dimension, z.shape[1])
         r, k = self.inc.differences(x)
         distance, y = lengths(r), z[-edges:]
-        share, slope, _ = edge_terms(self.objective, distance - y, y, self.bounds.priority, self.bounds.give)
+        share, slope, _ = edge_terms(self.objective, distance - y, y, self.bounds.priority, self.bounds.huber_delta)
         r *= (slope / np.where(distance > 0, distance, np.inf))[:, None]
         pull = self.inc.gather(r, k).reshape(len(z) - edges, -1)
         return share.sum(0), np.concatenate([pull, -slope])
@@ -82,8 +82,8 @@ def taken(bounds: Bounds, columns: NDArray[np.int64] | slice) -> Bounds:
     """The bounds of some realizations."""
     if bounds.lower.shape[1] == 1:  # shared by every column
         return bounds
-    give = None if bounds.give is None else bounds.give[:, columns]
-    return Bounds(bounds.lower[:, columns], bounds.upper[:, columns], bounds.priority[:, columns], give)
+    huber_delta = None if bounds.huber_delta is None else bounds.huber_delta[:, columns]
+    return Bounds(bounds.lower[:, columns], bounds.upper[:, columns], bounds.priority[:, columns], huber_delta)
 
 
 def box_of(graph: Graph, x: Floats) -> tuple[Floats, Floats]:
@@ -110,7 +110,7 @@ def by_frame(graph: Graph) -> tuple[Graph, Bounds]:
     row = row.ravel()
     _refuse_doubles(graph, row, frame)
     columns = {"lower": 0.0, "upper": np.inf, "priority": 0.0}
-    columns |= {} if np.isinf(graph.give).all() else {"give": np.inf}
+    columns |= {} if np.isinf(graph.huber_delta).all() else {"huber_delta": np.inf}
     tables = {name: np.full((len(pattern), graph.frames), absent) for name, absent in columns.items()}
     for name, table in tables.items():
         table[row, frame] = getattr(graph, name)
@@ -122,7 +122,7 @@ def by_frame(graph: Graph) -> tuple[Graph, Bounds]:
         lower=0.0,
         upper=np.inf,
         priority=1.0,
-        give=np.inf,
+        huber_delta=np.inf,
     )
     return single, Bounds(**tables)
 

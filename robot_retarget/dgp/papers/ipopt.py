@@ -157,8 +157,8 @@ def _soft(graph: Graph, d: Any, free: Any, soft: Any, slack: Any, objective: Obj
         weight = weight / 2
     if objective is Objective.RELATIVE_SQUARED:
         weight = weight / ca.fmax(target[chosen], FLOOR) ** 2
-    if np.isfinite(graph.give[soft]).any():  # 2 g² (root − 1) = 2 e² / (1 + root), and e² for g = ∞
-        weight = 2 * weight / (1 + ca.sqrt(1 + (error / ca.DM(graph.give[soft])) ** 2))
+    if np.isfinite(graph.huber_delta[soft]).any():  # 2 g² (root − 1) = 2 e² / (1 + root), and e² for g = ∞
+        weight = 2 * weight / (1 + ca.sqrt(1 + (error / ca.DM(graph.huber_delta[soft])) ** 2))
     return ca.dot(weight, error * error), ca.MX(0, 1)
 
 

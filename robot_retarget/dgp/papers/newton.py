@@ -86,7 +86,7 @@ class _Model:
         d = lengths(r)
         target = self.bounds.nearest(d)
         error = d - target
-        share, slope, bend = edge_terms(self.objective, error, target, self.bounds.priority, self.bounds.give)
+        share, slope, bend = edge_terms(self.objective, error, target, self.bounds.priority, self.bounds.huber_delta)
         bend = np.where((error != 0) | self.exact, bend, 0.0)[:, 0]
         inverse = np.divide(1.0, d, out=np.zeros_like(d), where=d > 0)
         pull = (slope * inverse)[:, 0]

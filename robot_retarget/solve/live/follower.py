@@ -12,8 +12,8 @@ from robot_retarget.describe.graph import Graph
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.kinds.temporal import Smoothness
 from robot_retarget.describe.path import root_scaling_of
-from robot_retarget.describe.role import SECOND_DIFFERENCE
 from robot_retarget.describe.soles import CORNERS, sole_corners
+from robot_retarget.dgp.role import SECOND_DIFFERENCE
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures

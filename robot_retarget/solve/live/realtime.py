@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.role import CAUSAL_DIFFERENCE
+from robot_retarget.dgp.role import CAUSAL_DIFFERENCE
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.basin_escape import BasinEscape

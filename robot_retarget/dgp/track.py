@@ -2,26 +2,42 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.describe.role import Role
+from robot_retarget.dgp.role import Role
 from robot_retarget.errors import GraphError
-
-if TYPE_CHECKING:
-    from robot_retarget.describe.kinds.kind import Kind
 
 HARD = 1e4
 """π of a hard edge, over the squared length of a leg: it gives way by a tenth of a millimetre [-]."""
+
+
+class EdgeKind(Protocol):
+    """What the edges of a track have in common."""
+
+    @property
+    def name(self) -> str:
+        """The name in tables and reports."""
+        ...
+
+    @property
+    def role(self) -> Role:
+        """Cost, inequality or bound."""
+        ...
+
+    @property
+    def stencil(self) -> tuple[int, ...]:
+        """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
+        ...
 
 
 @runtime_checkable
 class Selectable(Protocol):
     """A kind that stores data per edge."""
 
-    def of(self, edges: np.ndarray) -> "Kind":
+    def of(self, edges: np.ndarray) -> Any:
         """Return the same kind for some of the edges."""
         ...
 
@@ -36,7 +52,7 @@ class Track:
         π ϱ(e),   ϱ(e) = 2 g² (√(1 + (e/g)²) − 1)  (pseudo-Huber of scale g),   e² for g = ∞.
     """
 
-    kind: "Kind"
+    kind: EdgeKind
     ends: tuple[tuple[str, str], ...]
     """(E,) names of both ends."""
     lower: Floats
@@ -48,7 +64,7 @@ class Track:
     """(E,) scale that makes an error dimensionless, in the unit of the interval."""
     axes: tuple[str, ...] = ()
     """(E,) the axis of a coordinate; empty for distances."""
-    give: float = np.inf
+    huber_delta: float = np.inf
     """g, the Huber scale: errors well above it count linearly [-]."""
 
     def __post_init__(self) -> None:
@@ -91,9 +107,9 @@ class Track:
 
     def loss(self, error: Floats) -> Floats:
         """Return ϱ of errors."""
-        if np.isinf(self.give):
+        if np.isinf(self.huber_delta):
             return error**2
-        return 2 * self.give**2 * (np.sqrt(1 + (error / self.give) ** 2) - 1)
+        return 2 * self.huber_delta**2 * (np.sqrt(1 + (error / self.huber_delta) ** 2) - 1)
 
     def stress(self, values: Floats) -> Floats:
         """(T, E) π ϱ(e) of measured values (T, E)."""
@@ -152,30 +168,30 @@ class Track:
 
 
 def exact(
-    kind: "Kind",
+    kind: EdgeKind,
     ends: Sequence[tuple[str, str]],
-    wished: Floats,
+    target: Floats,
     priority: Floats | float,
     scale: Floats | float = 1.0,
     *,
     axes: Sequence[str] = (),
-    give: float = np.inf,
+    huber_delta: float = np.inf,
 ) -> Track:
     """Edges that targets for one value each (T, E)."""
     return Track(
         kind,
         tuple(ends),
-        wished,
-        wished,
+        target,
+        target,
         np.asarray(priority, dtype=float),
         np.asarray(scale, dtype=float),
         tuple(axes),
-        give,
+        huber_delta,
     )
 
 
 def limit(
-    kind: "Kind", ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
+    kind: EdgeKind, ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
 ) -> Track:
     """Return edges with the same interval at every frame, of an inequality or a bound, without priority."""
     shape = (frames, len(ends))
