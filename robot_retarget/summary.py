@@ -94,10 +94,10 @@ def describe_robot(robot: Robot) -> dict[str, Any]:
             "confidence": round(s.confidence, 2),
             "why": s.evidence,
         }
-        for k, s in ((k, found.spots[k]) for k in found.names)
+        for k, s in ((k, found.sites[k]) for k in found.names)
     }
     remarks = {"missing": list(found.missing), "remarks": list(found.notes)}
-    least = min(s.confidence for s in found.spots.values())
+    least = min(s.confidence for s in found.sites.values())
     return facts | {"humanoid": True, "confidence": round(least, 2), "keypoints": keypoints} | remarks
 
 

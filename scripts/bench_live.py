@@ -115,7 +115,7 @@ def main() -> None:
     for speed, seconds in ((1.0, args.seconds), (10.0, args.seconds / 4)):
         loop, watch, receiver = measured(robot, motion, speed, seconds)
         p50, p99, most = 1000 * np.quantile(watch.latencies, (0.5, 0.99, 1.0))
-        rate, tally = f"{args.fps * speed:g} Hz", loop.tally
+        rate, tally = f"{args.fps * speed:g} Hz", loop.stats
         print(
             f"{rate:>12} {tally.frames:7} {receiver.dropped:7} {tally.held:5} {p50:7.2f} {p99:7.2f} {most:7.2f}  "
             f"{dict(receiver.faults.counts) or 'none'}"

@@ -190,8 +190,8 @@ def _with_sites(graph: Graph) -> mujoco.MjModel:
     anatomy, spec = graph.match.anatomy, mujoco.MjSpec.from_file(str(graph.robot.path))
     body_names = [graph.robot.model.body(b).name for b in range(graph.robot.model.nbody)]
     for keypoint in graph.match.keypoints:
-        spot = anatomy.spots[keypoint]
-        spec.body(body_names[spot.body]).add_site(name=f"point {keypoint}", pos=spot.offset)
+        site = anatomy.sites[keypoint]
+        spec.body(body_names[site.body]).add_site(name=f"point {keypoint}", pos=site.offset)
     for segment, (body, axes) in anatomy.frames.items():
         turn = np.empty(4)
         mujoco.mju_mat2Quat(turn, np.ascontiguousarray(axes).ravel())

@@ -50,7 +50,7 @@ class Case:
 
     def body(self, spec: mujoco.MjSpec, keypoint: str) -> mujoco.MjsBody:
         """The body that carries a keypoint."""
-        return spec.bodies[self.anatomy.spots[keypoint].body]
+        return spec.bodies[self.anatomy.sites[keypoint].body]
 
 
 @dataclass(frozen=True)
@@ -161,11 +161,11 @@ def other_keyframes(case: Case) -> Iterator[Variant]:
 
 def without_parts(case: Case) -> Iterator[Variant]:
     """A robot without a head, arms, or a waist is the same below."""
-    if "head" in case.anatomy.spots and case.anatomy.spots["head"].body != case.anatomy.spots["chest"].body:
+    if "head" in case.anatomy.sites and case.anatomy.sites["head"].body != case.anatomy.sites["chest"].body:
         spec = _bare(case)
         spec.delete(_limb_root(case, spec, "head"))
         yield Variant("no head", spec.to_xml(), lost=frozenset(HEAD))
-    if set(case.anatomy.spots) >= ARMS:
+    if set(case.anatomy.sites) >= ARMS:
         spec = _bare(case)
         for limb in [_limb_root(case, spec, hand) for hand in ("l_hand", "r_hand")]:
             spec.delete(limb)
@@ -273,9 +273,9 @@ def _bare(case: Case) -> mujoco.MjSpec:
 
 def _limb_root(case: Case, spec: mujoco.MjSpec, end: str) -> mujoco.MjsBody:
     """The body nearest to the chest that carries a head or a hand and no other end."""
-    spots = case.anatomy.spots
+    sites = case.anatomy.sites
     others = {
-        spots[k].body for k in ("l_hand", "r_hand", "head", "l_ankle", "r_ankle", "chest") if k in spots and k != end
+        sites[k].body for k in ("l_hand", "r_hand", "head", "l_ankle", "r_ankle", "chest") if k in sites and k != end
     }
     body = case.body(spec, end)
     while not others & {b.id for b in _carried(body.parent)}:
@@ -289,8 +289,8 @@ def _carried(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
 
 def _waist(case: Case) -> set[int]:
     """Hinges between the root and the chest, where the legs hang on the root."""
-    links, spots = Links(case.robot), case.anatomy.spots
-    if "l_hip" not in spots:
+    links, sites = Links(case.robot), case.anatomy.sites
+    if "l_hip" not in sites:
         return set()
-    chest, hip = (links.path(int(links.weld[spots[k].body])) for k in ("chest", "l_hip"))
+    chest, hip = (links.path(int(links.weld[sites[k].body])) for k in ("chest", "l_hip"))
     return {axis.joint for axis in links.axes_along([link for link in chest if link not in hip])}

@@ -13,7 +13,7 @@ from robot_retarget.actuators.map import load_map
 from robot_retarget.describe.edits import read_edits
 from robot_retarget.errors import MatchError, MotionError, RobotError, RobotRetargetError, ServoError, TrajectoryError
 from robot_retarget.human.match import match
-from robot_retarget.live.calibration import keep, kept
+from robot_retarget.live.calibration import load_calibration, save_calibration
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.catalog import read_limits
@@ -32,11 +32,11 @@ def trajectory_file(folder: Path) -> Path:
 
 
 def calibration_file(folder: Path) -> Path:
-    keep(WAVE.frames(0, 5), folder / "c.npz")
+    save_calibration(WAVE.frames(0, 5), folder / "c.npz")
     return folder / "c.npz"
 
 
-READERS = {"trajectory": (trajectory_file, load_trajectory), "calibration": (calibration_file, kept)}
+READERS = {"trajectory": (trajectory_file, load_trajectory), "calibration": (calibration_file, load_calibration)}
 
 
 @pytest.mark.parametrize("kind", READERS)
@@ -111,18 +111,18 @@ def test_goals_beyond_sixteen_turns_are_refused(tmp_path: Path) -> None:
 )
 def test_a_calibration_of_nonsense_is_refused_by_key(wrong: dict[str, Any], message: str, tmp_path: Path) -> None:
     with pytest.raises(MotionError) as refused:
-        kept(altered(calibration_file(tmp_path), **wrong))
+        load_calibration(altered(calibration_file(tmp_path), **wrong))
     assert message in str(refused.value)
 
 
 def test_joints_at_a_million_kilometres_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match=r"positions must be in -1000 … 1000, got 1e\+09 at \[0, 0, 0\]"):
-        kept(altered(calibration_file(tmp_path), positions=np.full(WAVE.frames(0, 5).positions.shape, 1e9)))
+        load_calibration(altered(calibration_file(tmp_path), positions=np.full(WAVE.frames(0, 5).positions.shape, 1e9)))
 
 
 def test_rotations_that_are_no_quaternions_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match="rotations must be unit quaternions"):
-        kept(altered(calibration_file(tmp_path), rotations=np.zeros((5, len(WAVE.skeleton), 4))))
+        load_calibration(altered(calibration_file(tmp_path), rotations=np.zeros((5, len(WAVE.skeleton), 4))))
 
 
 def test_a_header_of_a_thousand_million_rows_takes_no_memory(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ class Planter:
         """(nv,) whether a dof moves a sole but not the pelvis."""
         moves = carrying(self.robot.model)
         soles = [moves[int(sole.bodies[0])] for sole in self.match.anatomy.soles.values()]
-        return np.logical_or.reduce(soles) & ~moves[self.match.anatomy.spots["pelvis"].body]
+        return np.logical_or.reduce(soles) & ~moves[self.match.anatomy.sites["pelvis"].body]
 
     @property
     def leg_coordinates(self) -> np.ndarray:
@@ -143,7 +143,7 @@ def knees_bent(graph: Graph, bent: float) -> Graph:
     """Return the graph with joint ranges that exclude knees that are straight or bent backward."""
     robot, anatomy = graph.robot, graph.match.anatomy
     for knee in ("l_knee", "r_knee"):
-        own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.spots[knee].body
+        own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.sites[knee].body
         for hinge in np.flatnonzero(own)[-1:]:
             ends = robot.joint_names[hinge], "zero"
             lower, upper = float(robot.lower[hinge]), float(robot.upper[hinge])
@@ -168,7 +168,7 @@ def held_apart(graph: Graph, options: PlantOptions) -> Graph:
 
 def _on_arms(robot: Robot, match: Match) -> np.ndarray:
     """Return (B,) the bodies that a hinge between chest and hands moves."""
-    moves, spots = carrying(robot.model), match.anatomy.spots
-    hands = [moves[spots[hand].body] for hand in ("l_hand", "r_hand") if hand in spots]
+    moves, sites = carrying(robot.model), match.anatomy.sites
+    hands = [moves[sites[hand].body] for hand in ("l_hand", "r_hand") if hand in sites]
     chest = moves[match.anatomy.frames["chest"][0]]
     return np.asarray(moves[:, np.logical_or.reduce([*hands, chest]) & ~chest].any(axis=1))

@@ -140,12 +140,12 @@ class Poses:
 
     def loop(self, sink: "Sink") -> "Loop":
         """The loop into a sink."""
-        from robot_retarget.live.calibration import kept
+        from robot_retarget.live.calibration import load_calibration
         from robot_retarget.live.loop import Loop
         from robot_retarget.solve.live.stream import Stream
 
         path = self.calibrate
-        known = None if path is None or not path.exists() else kept(path)
+        known = None if path is None or not path.exists() else load_calibration(path)
 
         def stream_of(skeleton: "Skeleton") -> Stream:
             return Stream(self.robot, skeleton, calibration=known, lag=self.lag)
@@ -162,11 +162,11 @@ class Poses:
 
     def keep(self, loop: "Loop") -> None:
         """Keep what was learnt of the performer, where that is wished."""
-        from robot_retarget.live.calibration import keep
+        from robot_retarget.live.calibration import save_calibration
 
         learnt = getattr(loop.stream, "calibration", None)
         if self.calibrate is not None and learnt is not None:
-            keep(learnt, self.calibrate)
+            save_calibration(learnt, self.calibrate)
             console.aside(f"kept what the performer is like in {self.calibrate}")
 
 

@@ -149,8 +149,8 @@ def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
 def _carrier(match: Match, robot: Robot, end: End) -> tuple[int, float] | None:
     """The body that carries an end and the end's distance from the body's origin [m]; None of a place in the world."""
     if isinstance(end, str):
-        spot = match.anatomy.spots[end]
-        return spot.body, float(np.linalg.norm(spot.offset))
+        site = match.anatomy.sites[end]
+        return site.body, float(np.linalg.norm(site.offset))
     if isinstance(end, tuple) and isinstance(end[0], str):
         return robot.model.body(end[0]).id, float(np.linalg.norm(np.asarray(end[1], dtype=float)))
     return None

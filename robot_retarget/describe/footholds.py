@@ -88,11 +88,11 @@ def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole
 
 def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:
     """Return half the hip width [m], and (4, 3) sole corners ahead of the ankle, to its left and up [m], standing."""
-    spots, corners = match.anatomy.spots, sole_corners(match.anatomy, foot)
-    named = [spots[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
+    sites, corners = match.anatomy.sites, sole_corners(match.anatomy, foot)
+    named = [sites[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
     points = Points(
-        np.append([spot.body for spot in named], corners.bodies),
-        np.vstack([*(spot.offset for spot in named), corners.offsets]),
+        np.append([site.body for site in named], corners.bodies),
+        np.vstack([*(site.offset for site in named), corners.offsets]),
     )
     left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0]
     along = np.array(sole) - ankle

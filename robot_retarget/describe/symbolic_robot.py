@@ -52,12 +52,12 @@ class SymbolicRobot:
         Raises:
             GraphError: the bodies do not share this keypoint.
         """
-        spots = self.match.anatomy.spots
+        sites = self.match.anatomy.sites
         if name == "pelvis" and {"l_hip", "r_hip"} <= set(self.match.keypoints):
             return (self.keypoint("l_hip") + self.keypoint("r_hip")) / 2
         if name not in self.match.keypoints:
             raise GraphError(f"no keypoint {name!r}; {known(self.match.keypoints)}")
-        return self.point(spots[name].body, spots[name].offset)
+        return self.point(sites[name].body, sites[name].offset)
 
     def point(self, body: int, offset: Floats) -> Any:
         """Return (3,) the position of a point fixed to a body [m]."""

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.human.feet import seen_foot
+from robot_retarget.human.feet import foot_axes
 from robot_retarget.human.match import Match
 from robot_retarget.human.rotations import constant_between, own_joint
 from robot_retarget.human.segments import trunk_frames
@@ -105,5 +105,5 @@ def visible_segments(x: dict[str, Floats]) -> dict[str, Floats]:
     for side in "lr":
         knee, ankle, toe = (x.get(f"{side}_{k}") for k in ("knee", "ankle", "toe"))
         if knee is not None and ankle is not None and toe is not None:
-            frames[f"{side}_foot"] = seen_foot(knee, ankle, toe)
+            frames[f"{side}_foot"] = foot_axes(knee, ankle, toe)
     return frames

@@ -87,11 +87,11 @@ def _foot(
     ahead = unit(along[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
     own = own_rotation(motion, match, f"{side}_ankle")
-    seen = seen_foot(knee, ankle, toe) if own is None else own
+    seen = foot_axes(knee, ankle, toe) if own is None else own
     return seen @ constant_between(seen[flat], level)
 
 
-def seen_foot(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
+def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
     """(T, 3, 3) along the foot, across shin and foot, and square to both."""
     along, y = unit(toe - ankle), unit(np.cross(knee - ankle, toe - ankle))
     return np.stack([along, y, np.cross(along, y)], axis=2)

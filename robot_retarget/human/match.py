@@ -106,7 +106,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
     Raises:
         MatchError: they share fewer than two bones.
     """
-    shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.spots)
+    shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.sites)
     tree = parents_within(shared)
     if len(tree) < 2:
         raise MatchError(
@@ -146,7 +146,7 @@ def _ankle_height(anatomy: Anatomy) -> float:
     heights = []
     for side, sole in anatomy.soles.items():
         up = anatomy.frames[f"{side}_foot"][1][:, 2]
-        heights.append(float(anatomy.spots[f"{side}_ankle"].offset @ up - (sole.offsets @ up).min()))
+        heights.append(float(anatomy.sites[f"{side}_ankle"].offset @ up - (sole.offsets @ up).min()))
     return float(np.mean(heights)) if heights else 0.0
 
 

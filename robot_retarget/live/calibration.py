@@ -23,7 +23,7 @@ FIELDS = {
 """Of the file."""
 
 
-def keep(motion: Motion, path: str | Path) -> None:
+def save_calibration(motion: Motion, path: str | Path) -> None:
     """Write a calibration, whole or not at all.
 
     Raises:
@@ -39,8 +39,8 @@ def keep(motion: Motion, path: str | Path) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def kept(path: str | Path) -> Motion:
-    """Read a calibration that `keep` wrote.
+def load_calibration(path: str | Path) -> Motion:
+    """Read a calibration that `save_calibration` wrote.
 
     Raises:
         MotionError: The file cannot be read, or is not a calibration.

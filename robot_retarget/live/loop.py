@@ -88,7 +88,7 @@ LATE = 0.05
 
 
 @dataclass
-class Tally:
+class StreamStats:
     """Figures of a stream."""
 
     frames: int = 0
@@ -131,7 +131,7 @@ class Loop:
         say: Callable[[str], None] = lambda text: None,
         patience: Patience | None = None,
     ) -> None:
-        self.source, self.sink, self.tally = source, sink, Tally()
+        self.source, self.sink, self.stats = source, sink, StreamStats()
         self.stop = Event()
         self.stream: Stream | None = None
         self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
@@ -143,12 +143,12 @@ class Loop:
         """Whether the latest pose belongs to no frame."""
         self._silent = False
 
-    def run(self, seconds: float = float("inf")) -> Tally:
+    def run(self, seconds: float = float("inf")) -> StreamStats:
         """Run for a time after the first frame [s]."""
         if self.source.skeleton is not None and self.stream is None:
             self._begin(self.source.skeleton)
         began = None if self.last is None else time.monotonic()
-        before, spent = self.tally.seconds, 0.0
+        before, spent = self.stats.seconds, 0.0
         while not self.stop.is_set() and not self.source.ended and spent < seconds:
             frame = self.source.newest(self._wait())
             if frame is not None:
@@ -158,8 +158,8 @@ class Loop:
             now = time.monotonic()
             began = now if began is None and frame is not None else began
             spent = 0.0 if began is None else now - began
-            self.tally.seconds = before + spent
-        return self.tally
+            self.stats.seconds = before + spent
+        return self.stats
 
     def _wait(self) -> float:
         """Return the timeout for the next frame [s]."""
@@ -183,7 +183,7 @@ class Loop:
             self._skeleton = None  # calibrate again
             return
         self.sink.show(pose)
-        self.tally.note(frame, pose)
+        self.stats.note(frame, pose)
 
     def _begin(self, skeleton: Skeleton) -> Stream:
         self._say(f"a performer of {len(skeleton)} joints" + (", another than before" if self._skeleton else ""))
@@ -209,4 +209,4 @@ class Loop:
         self.resting = True
         if self.stream is not None:
             self.sink.show(self.stream.hold(now - last.arrived + last.time))
-            self.tally.held += 1
+            self.stats.held += 1

@@ -16,7 +16,7 @@ from robot_retarget.errors import UsageError, known
 from robot_retarget.live.protocols.bones import unity_place, unity_turn
 from robot_retarget.live.protocols.floats import packed
 from robot_retarget.live.protocols.humanoid import humanoid
-from robot_retarget.live.protocols.lines import line_of, told
+from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import BONE, OK, PORT, ROOT, TIME
 from robot_retarget.motion import Motion
 
@@ -125,7 +125,7 @@ def _bundle(said: list[tuple[str, list[str | float | int]]]) -> OscBundle:
 
 
 def _lines(motion: Motion) -> Packets:
-    skeleton = told(motion.skeleton)
+    skeleton = skeleton_line(motion.skeleton)
     said = float("-inf")
 
     def packets(t: int, time: float) -> list[bytes]:

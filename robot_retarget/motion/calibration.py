@@ -1,7 +1,7 @@
 """Calibration frames: a clip may start or end with a T-pose, or at the origin, and jump into the motion or out of it.
 
 A retargeter that starts there sends the robot across the room. What jumps is dropped; a T- or A-pose that leads smoothly into
-the motion may be meant, and is only said.
+the motion may be intended, and is only reported.
 """
 
 import numpy as np
@@ -62,16 +62,16 @@ def _leg(recognition: Recognition, x: Floats) -> float:
     return float(np.median(np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)))
 
 
-def posed(recognition: Recognition, positions: Floats, fps: float) -> tuple[str, ...]:
+def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: float) -> tuple[str, ...]:
     """A sentence for each end of a clip that is a T- or an A-pose, held still before or after a motion."""
     x, notes, count = recognition.place(positions), [], len(positions)
     for which, seen in (("starts", x), ("ends", x[::-1])):
         pose, held = _pose(recognition, seen), _held(recognition, seen)
         if pose and HELD * fps <= held < count / 2:
             first, last = (0, held - 1) if which == "starts" else (count - held, count - 1)
-            kept = f"{held}:" if which == "starts" else f":{count - held}"
+            rest = f"{held}:" if which == "starts" else f":{count - held}"
             where = span(first, last, fps)
-            notes.append(f"It {which} in a {pose}, {where}: --frames {kept} leaves it out.")
+            notes.append(f"It {which} in a {pose}, {where}: --frames {rest} leaves it out.")
     return tuple(notes)
 
 

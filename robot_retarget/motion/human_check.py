@@ -31,7 +31,7 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
     ):
         if not low <= value <= high:
             raise MatchError(f"not a human body: {what} measure {value:.2f} of the legs, a human's {low} to {high}")
-    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.senses)))
+    forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.evidence)))
     if forelegs and four_legged(body, legs, arms) > 0.8:
         raise MatchError(
             "not a human body: hands bear weight like feet, hips and shoulders at the same height (a quadruped)"
@@ -46,7 +46,7 @@ def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
 
 
 def _tail(body: Body, joint: int) -> bool:
-    return "tail" in body.senses[joint].parts
+    return "tail" in body.evidence[joint].parts
 
 
 def _cosine(u: Floats, v: Floats) -> Floats:

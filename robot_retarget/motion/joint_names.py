@@ -49,7 +49,7 @@ _PIECE = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+|\d+")
 
 
 @dataclass(frozen=True)
-class Sense:
+class NameEvidence:
     """The evidence in one name."""
 
     side: str = ""
@@ -64,14 +64,14 @@ class Sense:
         return self.parts.get(part, -0.5 if self.parts else 0.0)
 
 
-def sense(name: str) -> Sense:
+def name_evidence(name: str) -> NameEvidence:
     """Parse a joint's name of any prefix, case and separators."""
     bare = re.sub(r"([左右])", r" \1 ", re.split(r"[:|]", unicodedata.normalize("NFKC", name))[-1])
     words = [word.lower() for run in _PIECE.findall(bare) for word in _unglued(run) if not word.isdigit()]
     side = next((_SIDE_OF[word] for word in words if word in _SIDE_OF), "")
     rest = "".join(word for word in words if word not in _SIDE_OF)
     parts = next((parts for pattern, parts in _PARTS if re.search(pattern, rest)), {})
-    return Sense(side, parts, bool(_TIP.search(rest)))
+    return NameEvidence(side, parts, bool(_TIP.search(rest)))
 
 
 def _unglued(piece: str) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.motion.joint_names import Sense, sense
+from robot_retarget.motion.joint_names import NameEvidence, name_evidence
 from robot_retarget.motion.skeleton import Skeleton
 
 FRAMES = 120
@@ -42,7 +42,7 @@ class Body:
     """(J,) median distance from the parent, 0 at a root."""
     reach: Floats
     """(J,) longest path of bones below a joint."""
-    senses: tuple[Sense, ...]
+    evidence: tuple[NameEvidence, ...]
 
     @classmethod
     def of(cls, skeleton: Skeleton, positions: Floats) -> "Body":
@@ -57,7 +57,9 @@ class Body:
             if (parent := parents[joint]) >= 0:
                 children[parent].insert(0, joint)
                 reach[parent] = max(reach[parent], bones[joint] + reach[joint])
-        return cls(skeleton, poses, tuple(map(tuple, children)), bones, reach, tuple(map(sense, skeleton.names)))
+        return cls(
+            skeleton, poses, tuple(map(tuple, children)), bones, reach, tuple(map(name_evidence, skeleton.names))
+        )
 
     def branch(self, joint: int) -> float:
         """Longest path of bones from a joint's parent down through it."""
@@ -79,7 +81,7 @@ class Body:
         below = [
             joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
         ]
-        named = [joint for joint in below if "helper" not in self.senses[joint].parts]
+        named = [joint for joint in below if "helper" not in self.evidence[joint].parts]
         return named or below
 
     def _foot(self, ankle: int) -> list[int]:
@@ -88,11 +90,11 @@ class Body:
         while below := [child for child in self.children[joint] if not self._only_heel(child)]:
             joint = max(below, key=self.branch)
             chain.append(joint)
-        return [joint for joint in chain if "heel" not in self.senses[joint].parts]
+        return [joint for joint in chain if "heel" not in self.evidence[joint].parts]
 
     def _only_heel(self, joint: int) -> bool:
         """Whether a joint and all below it are called heels."""
-        return "heel" in self.senses[joint].parts and all(map(self._only_heel, self.children[joint]))
+        return "heel" in self.evidence[joint].parts and all(map(self._only_heel, self.children[joint]))
 
     def at(self, pair: "Pair", which: int) -> Floats:
         """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs."""
@@ -202,7 +204,7 @@ def _second_longest(body: Body) -> float:
 
 def _opposite(body: Body, one: Limb, two: Limb) -> int:
     """How many of the three joints are named after opposite sides, less those named after the same one."""
-    sides = [(body.senses[a].side, body.senses[b].side) for a, b in zip(one.joints, two.joints, strict=True)]
+    sides = [(body.evidence[a].side, body.evidence[b].side) for a, b in zip(one.joints, two.joints, strict=True)]
     return sum((a != b) - (a == b) for a, b in sides if a and b)
 
 
@@ -221,7 +223,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
         upper, lower = mean[a, b], mean[b, c]
         if min(upper, lower) < 0.15 * total:
             continue
-        named = sum(body.senses[chain[k]].agreement(part) for k, part in zip((a, b, c), LIMBS[kind], strict=True))
+        named = sum(body.evidence[chain[k]].agreement(part) for k, part in zip((a, b, c), LIMBS[kind], strict=True))
         # A body of odd proportions is one all the same where names say so.
         score = (
             max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0 + 2.0 * max(named, 0.0))
@@ -234,7 +236,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
             - 2 * _collarbone(body, chain[a:b], LIMBS[kind][0])
             - 0.01 * (a + b + c)
             + named
-            - sum(body.senses[chain[k]].tip for k in (a, b, c))
+            - sum(body.evidence[chain[k]].tip for k in (a, b, c))
         )
         joints = (chain[a], chain[b], chain[c])
         fits.append(((a, b, c), Limb(joints, chain, float(upper), float(lower), float(score))))
@@ -247,8 +249,8 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
 
 def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:
     """Whether the first of some joints may be called a clavicle and a later one is called a shoulder."""
-    senses = [body.senses[joint] for joint in chain]
-    return "clavicle" in senses[0].parts and any(sense.agreement(part) > 0 for sense in senses[1:])
+    evidence = [body.evidence[joint] for joint in chain]
+    return "clavicle" in evidence[0].parts and any(name.agreement(part) > 0 for name in evidence[1:])
 
 
 def _bulges(mean: Floats) -> Floats:

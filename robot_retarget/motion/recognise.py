@@ -195,8 +195,8 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
     if not joints:
         return {}
     joint, lead = joints[0], 0.0 if sum(bool(body.children[k]) for k in joints) > 1 else np.inf
-    sense = body.senses[joint]
-    end = sense.tip or (not body.children[joint] and sense.agreement("toe") <= 0)
+    name = body.evidence[joint]
+    end = name.tip or (not body.children[joint] and name.agreement("toe") <= 0)
     why = "the foot's end, no toe joint" if end else "the first joint below the ankle"
     mark = _mark(body, "toe", joint, why, certainty, lead)
     # The name of an end is derived from its parent's.
@@ -209,7 +209,7 @@ def _mark(body: Body, part: str, joint: int, why: str, certainty: float, lead: f
     How sure: c (1 − (1 − a)(1 − s)) with the agreement a of the name, the sureness s of tree and geometry alone and the
     certainty c of the side. A name that says otherwise takes from s.
     """
-    agreement = body.senses[joint].agreement(_WORD.get(part, part))
+    agreement = body.evidence[joint].agreement(_WORD.get(part, part))
     says = "the name agrees" if agreement > 0 else "the name says otherwise" if agreement < 0 else "the name is silent"
     alone = SILENT / (1 + np.exp(-LEAD * lead))
     sure = 1 - (1 - agreement) * (1 - alone) if agreement > 0 else alone + AGAINST * agreement

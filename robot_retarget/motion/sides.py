@@ -48,7 +48,7 @@ def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
 def named_leftness(body: Body, pair: Pair) -> int:
     """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown."""
     value = {"l": 1, "r": -1, "": 0}
-    first, second = (sum(value[body.senses[joint].side] for joint in limb.joints) for limb in pair.sides)
+    first, second = (sum(value[body.evidence[joint].side] for joint in limb.joints) for limb in pair.sides)
     return int(np.sign(first - second))
 
 

@@ -70,7 +70,7 @@ def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None
     hips = float(np.mean([height[limb.joints[0]] for limb in legs.sides]))
     spine = list(body.skeleton.above(arms.hub))
     for joint, below in zip(spine, [*spine[1:], legs.hub], strict=True):
-        parts = body.senses[joint].parts
+        parts = body.evidence[joint].parts
         lone = "spine" in parts and height[joint] - height[below] > LEVEL
         neck = "neck" in parts or height[joint] > (LEVEL if lone else 0.0)
         if not neck and height[joint] > hips + 0.1:
@@ -93,8 +93,8 @@ def _heads(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | 
         score = (
             -0.5 * ((height[joint] - HEAD_ABOVE_SHOULDERS) / 0.08) ** 2
             - 10 * aside
-            + 3 * body.senses[joint].agreement("head")
-            - 3 * body.senses[joint].tip
+            + 3 * body.evidence[joint].agreement("head")
+            - 3 * body.evidence[joint].tip
             + 0.5 * (_neck(body, legs, joint, height, chest) is not None)
             - 0.5 * (not body.children[joint])
             + 0.5 * (len(body.children[joint]) > 1)

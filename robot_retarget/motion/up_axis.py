@@ -85,8 +85,8 @@ class UpAxis:
         lead = {kind: float(score[best] - score[second]) for kind, score in self.evidence.items()}
         for_it = [kind for kind in sorted(lead, key=lambda k: -lead[k]) if lead[kind] > 0.3]
         against = [kind for kind in sorted(lead, key=lambda k: lead[k]) if lead[kind] < -0.3]
-        told = f"for {self.axis}: {', '.join(for_it) or 'nothing'}"
-        return f"{told}; for {self.second}: {', '.join(against)}" if against else told
+        sentence = f"for {self.axis}: {', '.join(for_it) or 'nothing'}"
+        return f"{sentence}; for {self.second}: {', '.join(against)}" if against else sentence
 
 
 def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule: UpAxisRule | None = None) -> UpAxis:

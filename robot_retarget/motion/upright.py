@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
-from robot_retarget.motion.calibration import calibration_frames, posed
+from robot_retarget.motion.calibration import calibration_frames, calibration_pose_notes
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.performers import first_performer
 from robot_retarget.motion.recognise import Recognition, recognise
@@ -42,20 +42,20 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
         UsageError: `up` is no axis.
         MotionError: the poses do not decide the up axis.
     """
-    told = capture.up if up is None else signed_axis(up)
+    given = capture.up if up is None else signed_axis(up)
     capture, others = first_performer(capture)
     try:
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:
-        return _stranger(capture, told, str(error))
+        return _other_body(capture, given, str(error))
     proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.part(proper)
     metres, unit_note = unit_of(recognition, capture.positions)
     raw, (capture, broken) = capture, repaired(capture, recognition, metres, RepairRule(mend=repair))
-    axis, axis_notes = _up(recognition, capture, raw, metres) if told is None else (told, ())
+    axis, axis_notes = _up(recognition, capture, raw, metres) if given is None else (given, ())
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())
-    ends = posed(recognition, level, capture.fps)
+    ends = calibration_pose_notes(recognition, level, capture.fps)
     notes = (*others, *axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
@@ -116,9 +116,9 @@ def _up(recognition: Recognition, capture: Capture, raw: Capture, metres: float)
     return found.axis, (f"{sentence}: if the body should stand otherwise, say --up {found.second}.",)
 
 
-def _stranger(capture: Capture, told: str | None, reason: str) -> Motion:
+def _other_body(capture: Capture, given: str | None, reason: str) -> Motion:
     """A body that is not human, scaled to about the size of a person, y up by default."""
-    unit, axis = _likely_unit(capture.positions), told or "+y"
+    unit, axis = _likely_unit(capture.positions), given or "+y"
     note = f"{reason[:1].upper()}{reason[1:]}; {axis.lstrip('+')} is used as up axis and the {unit} as unit."
     return _motion(capture, UNITS[unit], axis, (note,))
 

@@ -8,7 +8,7 @@ require_usable_gl()
 # ruff: noqa: E402 (the imports below import MuJoCo)
 
 from robot_retarget.robot.anatomy import Anatomy as Anatomy
-from robot_retarget.robot.anatomy import Spot as Spot
+from robot_retarget.robot.anatomy import KeypointSite as KeypointSite
 from robot_retarget.robot.catalog import load_robot as load_robot
 from robot_retarget.robot.catalog import shipped_robots as shipped_robots
 from robot_retarget.robot.kinematics import Points as Points

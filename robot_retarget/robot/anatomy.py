@@ -13,7 +13,7 @@ from robot_retarget.robot.model import Robot
 
 
 @dataclass(frozen=True)
-class Spot:
+class KeypointSite:
     """A keypoint of a robot: a point fixed to a body."""
 
     body: int
@@ -31,7 +31,7 @@ class Spot:
 class Anatomy:
     """The keypoints, segments and soles of a robot."""
 
-    spots: Mapping[str, Spot]
+    sites: Mapping[str, KeypointSite]
     """Keypoints by name; those the robot lacks are absent."""
     frames: Mapping[str, tuple[int, Floats]]
     """Segments (pelvis, chest, head, feet, hands that turn any way, arms' links where a source shows them): body, and (3, 3)
@@ -51,22 +51,22 @@ class Anatomy:
 
     def points_of(self, keypoints: Sequence[str]) -> Points:
         """Some keypoints, in their order."""
-        spots = [self.spots[k] for k in keypoints]
-        return Points(np.array([s.body for s in spots]), np.array([s.offset for s in spots]))
+        sites = [self.sites[k] for k in keypoints]
+        return Points(np.array([s.body for s in sites]), np.array([s.offset for s in sites]))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The keypoints the robot has, in the vocabulary's order."""
-        return tuple(k for k in KEYPOINTS if k in self.spots)
+        return tuple(k for k in KEYPOINTS if k in self.sites)
 
     @property
     def missing(self) -> tuple[str, ...]:
         """The keypoints the robot lacks."""
-        return tuple(k for k in KEYPOINTS if k not in self.spots)
+        return tuple(k for k in KEYPOINTS if k not in self.sites)
 
 
 def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
     """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest."""
-    spots, moves = anatomy.spots, carrying(robot.model)[:, robot.dof_index]
-    still = moves[spots["chest"].body] if "chest" in spots else np.zeros(moves.shape[1], dtype=bool)
-    return np.flatnonzero(moves[spots[end].body] & ~still)
+    sites, moves = anatomy.sites, carrying(robot.model)[:, robot.dof_index]
+    still = moves[sites["chest"].body] if "chest" in sites else np.zeros(moves.shape[1], dtype=bool)
+    return np.flatnonzero(moves[sites[end].body] & ~still)

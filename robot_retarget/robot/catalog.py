@@ -121,7 +121,7 @@ def _legged(robot: Robot) -> Anatomy | None:
 
 def _has_named_arms(robot: Robot, found: Anatomy) -> bool:
     links = Links(robot)
-    arms = [found.spots[f"{side}_{k}"].body for side in "lr" for k in ARM if f"{side}_{k}" in found.spots]
+    arms = [found.sites[f"{side}_{k}"].body for side in "lr" for k in ARM if f"{side}_{k}" in found.sites]
     return any(words(links.words(int(links.weld[body]))) & ARM_WORDS for body in arms)
 
 

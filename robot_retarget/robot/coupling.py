@@ -48,7 +48,7 @@ class Coupling:
         mesh = self.turns @ qpos[self._hinges] - self.middle
         return np.concatenate([self.data.efc_pos[:rows], mesh]), np.concatenate([slope, self.turns])
 
-    def closed(self, qpos: Floats, steps: int = 8) -> Floats:
+    def close_chains(self, qpos: Floats, steps: int = 8) -> Floats:
         """Return a nearby configuration that satisfies all constraints, by Newton steps that move mostly joints without children.
 
         Steps are short, so that a rod near its dead centre is not thrown onto another branch.

@@ -33,7 +33,7 @@ SURE = 2
 class Vote:
     """The vote of one criterion."""
 
-    witness: str
+    criterion: str
     sign: int
     """+1 for the candidate direction, −1 for the opposite, 0 for an abstention."""
     weight: int = 1
@@ -53,7 +53,7 @@ class Facing:
         return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
 
 
-def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, told: Floats | None = None) -> Facing:
+def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, given: Floats | None = None) -> Facing:
     """Return forward by the votes of feet, toes, knees, elbows, a keyframe and names, or by the given direction (3,).
 
     `links` is the robot in its reference pose, `flat` with its soles flat. Without votes, or with equal votes for both,
@@ -67,23 +67,21 @@ def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, told
     across = np.cross(pair.lateral, [0.0, 0.0, 1.0])
     votes = _votes(links, flat, legs, arms, across)
     count = sum(vote.sign * vote.weight for vote in votes)
-    if told is not None:
-        sign = _as_told(told, across)
-        against = [vote.witness for vote in votes if vote.sign == -sign] if count * sign <= -SURE else []
-        notes = (
-            (f"it looks where it is told to; {_listed(against)} say that it looks the other way",) if against else ()
-        )
+    if given is not None:
+        sign = _sign_of(given, across)
+        against = [vote.criterion for vote in votes if vote.sign == -sign] if count * sign <= -SURE else []
+        notes = (f"the map sets its heading; {_listed(against)} point the other way",) if against else ()
     else:
         sign = int(np.sign(count)) or (1 if across[0] >= 0 else -1)
         notes = _notes(votes, count, sign)
     return Facing(sign * across, sign * pair.lateral, notes)
 
 
-def _as_told(told: Floats, across: Floats) -> int:
-    cosine = float(told @ across) / float(np.linalg.norm(told))
+def _sign_of(given: Floats, across: Floats) -> int:
+    cosine = float(given @ across) / float(np.linalg.norm(given))
     if abs(cosine) < ACROSS:
         raise MatchError(
-            f"forward = {told.tolist()} is not across the robot's legs or arms: it looks along ±{across.round(2).tolist()}"
+            f"forward = {given.tolist()} is not across the robot's legs or arms: it looks along ±{across.round(2).tolist()}"
         )
     return int(np.sign(cosine))
 
@@ -104,17 +102,21 @@ def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, acro
 
 def _notes(votes: Sequence[Vote], count: int, sign: int) -> tuple[str, ...]:
     """Describe the outvoted criteria, and decisions with a small majority."""
-    won = [v.witness for v in votes if v.sign == sign]
-    lost = [v.witness for v in votes if v.sign == -sign]
+    won = [v.criterion for v in votes if v.sign == sign]
+    lost = [v.criterion for v in votes if v.sign == -sign]
     if not count:
         against = f": {_listed(won)} against {_listed(lost)}" if won or lost else ""
-        return (f"nothing tells front from back{against}; the model's x axis followed. {_REMEDY}",)
-    notes = [f"{_listed(lost)} say that it looks the other way, outvoted by {_listed(won)}"] if lost else []
+        return (f"no criterion decides between front and back{against}; the model's x axis followed. {_REMEDY}",)
+    notes = [f"{_listed(lost)} point the other way, outvoted by {_listed(won)}"] if lost else []
     if "names" in lost:
         notes[0] = f"names call the left side right: {notes[0]}"
-    elif not any(v.witness == "names" and v.sign for v in votes):
-        notes.append(f"names do not tell left from right: {_listed(won)} followed")
-    return (*notes, f"{_listed(won)} alone tell front from back. {_REMEDY}") if abs(count) < SURE else tuple(notes)
+    elif not any(v.criterion == "names" and v.sign for v in votes):
+        notes.append(f"names do not distinguish left from right: {_listed(won)} followed")
+    return (
+        (*notes, f"{_listed(won)} alone decide between front and back. {_REMEDY}")
+        if abs(count) < SURE
+        else tuple(notes)
+    )
 
 
 _REMEDY = "The line `forward = [x, y, z]` in [robot] of a map file decides it"

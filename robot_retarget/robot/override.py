@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, SIDES
-from robot_retarget.robot.anatomy import Anatomy, Spot
+from robot_retarget.robot.anatomy import Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
@@ -33,17 +33,17 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
         MatchError: recognition fails and the table lacks a keypoint, or a line is not of these forms.
     """
     lines = {keypoint: line for keypoint, line in table.items() if keypoint != FORWARD}
-    forward = _told(table[FORWARD]) if FORWARD in table else None
+    forward = _heading(table[FORWARD]) if FORWARD in table else None
     try:
         found = recognise(robot, forward)
     except MatchError as error:
         if not lines.keys() >= set(KEYPOINTS):
             raise
-        found = _from_map(robot, _spots(robot, lines), forward, str(error))
+        found = _from_map(robot, _sites(robot, lines), forward, str(error))
     return override(found, robot, lines)
 
 
-def _from_map(robot: Robot, spots: dict[str, Spot], forward: Floats | None, reason: str) -> Anatomy:
+def _from_map(robot: Robot, sites: dict[str, KeypointSite], forward: Floats | None, reason: str) -> Anatomy:
     """The anatomy of a robot whose keypoints are all given: left is from the right hip to the left one.
 
     Args:
@@ -51,16 +51,16 @@ def _from_map(robot: Robot, spots: dict[str, Spot], forward: Floats | None, reas
         reason: Why nothing was recognised.
     """
     links = Links(robot)
-    across = links.place(spots["l_hip"].body, spots["l_hip"].offset)
-    across = across - links.place(spots["r_hip"].body, spots["r_hip"].offset)
+    across = links.place(sites["l_hip"].body, sites["l_hip"].offset)
+    across = across - links.place(sites["r_hip"].body, sites["r_hip"].offset)
     up = np.array([0.0, 0.0, 1.0])
     left = unit(np.cross(up, forward) if forward is not None else across * [1, 1, 0])
     notes = (f"{reason}; the map, which names every keypoint, is used",)
-    ankles = sorted({int(links.weld[spots[f"{side}_ankle"].body]) for side in SIDES})
-    return assemble((links, flat_footed(links, ankles)), spots, Facing(np.cross(left, up), left, notes))
+    ankles = sorted({int(links.weld[sites[f"{side}_ankle"].body]) for side in SIDES})
+    return assemble((links, flat_footed(links, ankles)), sites, Facing(np.cross(left, up), left, notes))
 
 
-def _told(line: Any) -> Floats:
+def _heading(line: Any) -> Floats:
     if not (_are_numbers(line, 3) and np.linalg.norm(line[:2])):
         raise MatchError(f"forward must be [x, y, z], not straight up or down, got {line!r}")
     return np.array(line, dtype=float)
@@ -81,13 +81,13 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
     Raises:
         MatchError: an unknown keypoint or body, or a line of another form.
     """
-    return replace(anatomy, spots={**anatomy.spots, **_spots(robot, table)})
+    return replace(anatomy, sites={**anatomy.sites, **_sites(robot, table)})
 
 
-def _spots(robot: Robot, table: Mapping[str, Any]) -> dict[str, Spot]:
+def _sites(robot: Robot, table: Mapping[str, Any]) -> dict[str, KeypointSite]:
     """The keypoints of lines `keypoint = ["body", x, y, z]`."""
     bodies = {robot.model.body(b).name: b for b in range(1, robot.model.nbody)}
-    spots = {}
+    sites = {}
     for keypoint, line in table.items():
         if keypoint not in KEYPOINTS:
             raise MatchError(
@@ -99,5 +99,5 @@ def _spots(robot: Robot, table: Mapping[str, Any]) -> dict[str, Spot]:
             raise MatchError(
                 f"override of {keypoint}: {robot.name} has no body {line[0]!r}; {known(bodies, typed=line[0])}"
             )
-        spots[keypoint] = Spot(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
-    return spots
+        sites[keypoint] = KeypointSite(bodies[line[0]], np.array(line[1:], dtype=float), 1.0, "override")
+    return sites

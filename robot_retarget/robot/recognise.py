@@ -12,8 +12,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import ARM
-from robot_retarget.robot.anatomy import Anatomy, Spot
-from robot_retarget.robot.evening import both_soles, evened
+from robot_retarget.robot.anatomy import Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
@@ -30,6 +29,7 @@ from robot_retarget.robot.limbs import (
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.soles import flat_footed, sole, tread
+from robot_retarget.robot.symmetrize import symmetric_places, symmetric_soles
 
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
@@ -138,67 +138,69 @@ def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
         )
 
 
-def assemble(poses: tuple[Links, Links], spots: dict[str, Spot], sides: Facing) -> Anatomy:
+def assemble(poses: tuple[Links, Links], sites: dict[str, KeypointSite], sides: Facing) -> Anatomy:
     """Complete the found keypoints to an anatomy: toes, soles, and the frame of each segment.
 
     Args:
         poses: the links in the reference pose, and with level soles.
-        spots: the keypoints; each ankle without a toe gets one.
+        sites: the keypoints; each ankle without a toe gets one.
     """
     links, standing = poses
-    feet = {s: spots[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in spots}
-    ankles = {side: _world(standing, spots[f"{side}_ankle"]) for side in feet}
-    surfaces = both_soles({s: standing.surface(foot, seen=True) for s, foot in feet.items()}, ankles, sides.left)
+    feet = {s: sites[f"{s}_ankle"].body for s in "lr" if f"{s}_ankle" in sites}
+    ankles = {side: _world(standing, sites[f"{side}_ankle"]) for side in feet}
+    surfaces = symmetric_soles({s: standing.surface(foot, seen=True) for s, foot in feet.items()}, ankles, sides.left)
     for side, foot in feet.items():
         toe = toe_centre(standing, foot, surfaces[side], ankles[side], sides.forward)
-        spots = {f"{side}_toe": _spot(standing, toe.link, toe.point, toe.confidence, toe.evidence)} | spots
-    spots = {k: _doubted(links, k, spot) for k, spot in _evened(links, spots, sides.left).items()}
+        sites = {f"{side}_toe": _site(standing, toe.link, toe.point, toe.confidence, toe.evidence)} | sites
+    sites = {k: _doubted(links, k, site) for k, site in _symmetrized(links, sites, sides.left).items()}
     soles = {side: sole(standing, foot, surfaces[side]) for side, foot in feet.items()}
-    notes = [*sides.notes, *links.robot.notes, *_partial(spots)]
+    notes = [*sides.notes, *links.robot.notes, *_partial(sites)]
     treads = {side: tread(standing, foot) for side, foot in feet.items()}
-    return Anatomy(spots, _frames(links, standing, spots, sides), soles, treads, frozen(sides.forward), tuple(notes))
+    return Anatomy(sites, _frames(links, standing, sites, sides), soles, treads, frozen(sides.forward), tuple(notes))
 
 
-def _evened(links: Links, spots: dict[str, Spot], left: Floats) -> dict[str, Spot]:
-    """Return the spots at their symmetric places on both sides of the robot."""
-    places = evened({k: _world(links, spot) for k, spot in spots.items()}, left)
-    return {k: replace(spot, offset=links.local(spot.body, places[k])) for k, spot in spots.items()}
+def _symmetrized(links: Links, sites: dict[str, KeypointSite], left: Floats) -> dict[str, KeypointSite]:
+    """Return the sites at their symmetric places on both sides of the robot."""
+    places = symmetric_places({k: _world(links, site) for k, site in sites.items()}, left)
+    return {k: replace(site, offset=links.local(site.body, places[k])) for k, site in sites.items()}
 
 
-def _doubted(links: Links, keypoint: str, spot: Spot) -> Spot:
-    """Return the spot with a confidence of at most `UNSURE` on a finger or gripper; hands may be there."""
-    grasps = words(links.words(int(links.weld[spot.body]))) & GRASP_WORDS
+def _doubted(links: Links, keypoint: str, site: KeypointSite) -> KeypointSite:
+    """Return the site with a confidence of at most `UNSURE` on a finger or gripper; hands may be there."""
+    grasps = words(links.words(int(links.weld[site.body]))) & GRASP_WORDS
     if keypoint.endswith("hand") or not grasps:
-        return spot
-    return replace(spot, confidence=min(spot.confidence, UNSURE), evidence=f"{spot.evidence}, on a finger or gripper")
+        return site
+    return replace(site, confidence=min(site.confidence, UNSURE), evidence=f"{site.evidence}, on a finger or gripper")
 
 
-def _limbs(links: Links, sides: Facing, legs: Pair | None, arms: Pair | None) -> dict[str, Spot]:
-    found: dict[str, Spot] = {}
+def _limbs(links: Links, sides: Facing, legs: Pair | None, arms: Pair | None) -> dict[str, KeypointSite]:
+    found: dict[str, KeypointSite] = {}
     for side, chain in (sides.of(legs) if legs else {}).items():
         centres = leg_centres(links, chain, sides.left)
-        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
+        found |= {f"{side}_{k}": _site(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
     for side, chain in (sides.of(arms) if arms else {}).items():
         centres = arm_centres(links, chain)
-        found |= {f"{side}_{k}": _spot(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
+        found |= {f"{side}_{k}": _site(links, c.link, c.point, c.confidence, c.evidence) for k, c in centres.items()}
     return found
 
 
-def _partial(spots: dict[str, Spot]) -> list[str]:
+def _partial(sites: dict[str, KeypointSite]) -> list[str]:
     heads = {"legs": "l_hip", "arms": "l_shoulder", "head": "head"}
-    absent = [part for part, keypoint in heads.items() if keypoint not in spots]
+    absent = [part for part, keypoint in heads.items() if keypoint not in sites]
     return [f"partial humanoid: no {' and no '.join(absent)}"] if absent else []
 
 
-def _world(links: Links, spot: Spot) -> Floats:
-    return links.place(spot.body, spot.offset)
+def _world(links: Links, site: KeypointSite) -> Floats:
+    return links.place(site.body, site.offset)
 
 
-def _spot(links: Links, link: int, point: Floats, confidence: float, evidence: str) -> Spot:
-    return Spot(link, links.local(link, point), confidence, evidence)
+def _site(links: Links, link: int, point: Floats, confidence: float, evidence: str) -> KeypointSite:
+    return KeypointSite(link, links.local(link, point), confidence, evidence)
 
 
-def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, Spot]) -> dict[str, Spot]:
+def _trunk(
+    links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, KeypointSite]
+) -> dict[str, KeypointSite]:
     """Return the pelvis between the hips, the chest slightly below the shoulders, and neck and head above."""
     lower = legs.carrier if legs else links.root
     used = {link for pair in (legs, arms) if pair for limb in pair.limbs for link in links.links_of(limb)}
@@ -206,18 +208,18 @@ def _trunk(links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, 
     trunk = links.surface(upper)
     if "l_hip" in limbs and "r_hip" in limbs:
         pelvis = (_world(links, limbs["l_hip"]) + _world(links, limbs["r_hip"])) / 2
-        spots = {"pelvis": _spot(links, lower, pelvis, 0.95, "middle of the hips")}
+        sites = {"pelvis": _site(links, lower, pelvis, 0.95, "middle of the hips")}
     else:
         pelvis = np.array([*((trunk.min(0) + trunk.max(0)) / 2)[:2], trunk[:, 2].min()])
-        spots = {"pelvis": _spot(links, lower, pelvis, 0.5, "bottom of the trunk, no legs")}
+        sites = {"pelvis": _site(links, lower, pelvis, 0.5, "bottom of the trunk, no legs")}
     if "l_shoulder" in limbs and "r_shoulder" in limbs:
         shoulders = (_world(links, limbs["l_shoulder"]) + _world(links, limbs["r_shoulder"])) / 2
         chest = shoulders + 0.15 * (pelvis - shoulders)
-        spots["chest"] = _spot(links, upper, chest, 0.9, "a little under the middle of the shoulders")
+        sites["chest"] = _site(links, upper, chest, 0.9, "a little under the middle of the shoulders")
     else:
         shoulders = np.array([*pelvis[:2], trunk[:, 2].max()])
-        spots["chest"] = _spot(links, upper, shoulders, 0.5, "top of the trunk, no arms")
-    return spots | _head(links, upper, used, shoulders, pelvis, bool(arms))
+        sites["chest"] = _site(links, upper, shoulders, 0.5, "top of the trunk, no arms")
+    return sites | _head(links, upper, used, shoulders, pelvis, bool(arms))
 
 
 def _armless_trunk(links: Links, used: set[int]) -> int:
@@ -237,7 +239,9 @@ class _Top:
     base: Floats | None = None
 
 
-def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: Floats, arms: bool) -> dict[str, Spot]:
+def _head(
+    links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: Floats, arms: bool
+) -> dict[str, KeypointSite]:
     """Return the head by name, else the topmost link above the shoulders, else the top of the trunk."""
     height = float(shoulders[2] - pelvis[2])
     free = [x for x in links.ids if x not in used and x != trunk and links.surface(x)[:, 2].max() > shoulders[2]]
@@ -250,8 +254,8 @@ def _head(links: Links, trunk: int, used: set[int], shoulders: Floats, pelvis: F
     neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
     return {
-        "neck": _spot(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
-        "head": _spot(links, top.link, head, top.confidence, top.evidence),
+        "neck": _site(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
+        "head": _site(links, top.link, head, top.confidence, top.evidence),
     }
 
 
@@ -285,7 +289,9 @@ def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
     return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
-def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: Facing) -> dict[str, tuple[int, Floats]]:
+def _frames(
+    links: Links, standing: Links, sites: dict[str, KeypointSite], sides: Facing
+) -> dict[str, tuple[int, Floats]]:
     """Return each segment's body with its forward, left and up; a head fixed to the chest has none.
 
     Feet have their frames from the flat stance, other segments from the reference pose.
@@ -295,17 +301,17 @@ def _frames(links: Links, standing: Links, spots: dict[str, Spot], sides: Facing
     segments |= {f"{s}_foot": f"{s}_ankle" for s in "lr"}
     frames = {}
     for segment, keypoint in segments.items():
-        if keypoint in spots:
-            body, pose = spots[keypoint].body, standing if segment.endswith("foot") else links
+        if keypoint in sites:
+            body, pose = sites[keypoint].body, standing if segment.endswith("foot") else links
             frames[segment] = body, frozen(pose.data.xmat[body].reshape(3, 3).T @ world)
     if "head" in frames and frames["head"][0] == frames["chest"][0]:
         del frames["head"]
-    return frames | _hands(links, spots)
+    return frames | _hands(links, sites)
 
 
-def _hands(links: Links, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]]:
+def _hands(links: Links, sites: dict[str, KeypointSite]) -> dict[str, tuple[int, Floats]]:
     """Return the frames of hands with three-axis rotation, as continuations of their forearms."""
-    arms = {s: [spots[f"{s}_{k}"] for k in ARM] for s in "lr" if f"{s}_elbow" in spots}
+    arms = {s: [sites[f"{s}_{k}"] for k in ARM] for s in "lr" if f"{s}_elbow" in sites}
     robot = links.robot
     pose = robot.neutral()
     for elbow in {arm[1].body for arm in arms.values()}:
@@ -313,7 +319,7 @@ def _hands(links: Links, spots: dict[str, Spot]) -> dict[str, tuple[int, Floats]
         pose[robot.qpos_index[hinges]] = ((robot.lower + robot.upper) / 2)[hinges]
     bent, frames = Links(robot, pose), {}
     for side, arm in arms.items():
-        axes = hand_axes(bent, (arm[1].body, arm[2].body), np.array([_world(bent, spot) for spot in arm]))
+        axes = hand_axes(bent, (arm[1].body, arm[2].body), np.array([_world(bent, site) for site in arm]))
         if axes is not None:
             frames[f"{side}_hand"] = arm[2].body, frozen(axes)
     return frames

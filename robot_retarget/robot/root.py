@@ -15,7 +15,7 @@ ARRIVED = 1e-9
 """Newton stops after a shorter step [m, rad]."""
 
 
-def put(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
+def place_body(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Floats, turn: Floats) -> Floats:
     """Move the root so that a body has a given rotation and a point fixed to it a given place.
 
     A free joint has a closed form. Other roots take Newton steps on  [x(q) − place, log(R turnᵀ)] = 0, in the least-squares
@@ -55,7 +55,7 @@ def _carried(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Float
     return moved
 
 
-def raised(robot: Robot, qpos: Floats, height: float) -> Floats:
+def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
     """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward."""
     if robot.floating:
         moved = np.array(qpos)

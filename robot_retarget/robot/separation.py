@@ -99,7 +99,7 @@ class Separation:
         slope *= self.between.take(self.bodies.take(first) * self.model.nbody + self.bodies.take(second), axis=0)
         return slope
 
-    def lacking(self, distance: Floats, rest: Floats) -> Floats:
+    def clearance_deficit(self, distance: Floats, rest: Floats) -> Floats:
         """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so."""
         return np.minimum(self.margin, rest) - distance
 
@@ -111,7 +111,7 @@ class Separation:
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:
             return order
-        room = -self.lacking(distance, rest)[order]
+        room = -self.clearance_deficit(distance, rest)[order]
         sorted_room = np.sort(room)
         kept = room < sorted_room[self.most] - TIE
         return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[: self.most]]
@@ -135,7 +135,7 @@ class Separation:
         counted = np.flatnonzero(self.counts[first, second] & (found.dist < 0))
         return -found.dist[counted], self.bodies[found.geom[counted]]
 
-    def sunk(self, qpos: Floats) -> float:
+    def floor_penetration(self, qpos: Floats) -> float:
         """Return the depth of links other than feet under the floor [m], 0 if all are above it."""
         if self.floor is None:
             return 0.0

@@ -12,7 +12,7 @@ from robot_retarget.human.match import bone_lengths
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion
 from robot_retarget.motion import recognise_with as recognise_human_with
-from robot_retarget.robot import Anatomy, Points, Robot, Spot, override, recognise_with, world_points
+from robot_retarget.robot import Anatomy, KeypointSite, Points, Robot, override, recognise_with, world_points
 from robot_retarget.trajectory import Trajectory
 
 COMPARED = tuple(keypoint for keypoint in KEYPOINTS if keypoint != "neck")
@@ -78,14 +78,14 @@ class Body:
     """The keypoints of a robot; each is the mean of one or more points."""
 
     anatomy: Anatomy
-    spots: Mapping[str, tuple[Spot, ...]]
+    sites: Mapping[str, tuple[KeypointSite, ...]]
 
     def places(self, robot: Robot, keypoints: tuple[str, ...], qpos: Floats) -> Floats:
         """(T, K, 3) of keypoints at qpos (T, nq) [m]."""
-        spots = [self.spots[keypoint] for keypoint in keypoints]
-        every = [spot for several in spots for spot in several]
-        points = Points(np.array([spot.body for spot in every]), np.array([spot.offset for spot in every]))
-        counts = np.array([len(several) for several in spots])
+        sites = [self.sites[keypoint] for keypoint in keypoints]
+        every = [site for several in sites for site in several]
+        points = Points(np.array([site.body for site in every]), np.array([site.offset for site in every]))
+        counts = np.array([len(several) for several in sites])
         first = np.cumsum(counts) - counts
         return np.add.reduceat(world_points(robot, points, qpos), first, axis=1) / counts[:, None]
 
@@ -100,10 +100,10 @@ def body_of(robot: Robot, table: Mapping[str, Any]) -> Body:
     """
     means = {k: line for k, line in table.items() if isinstance(line, list) and line and isinstance(line[0], list)}
     anatomy = recognise_with(robot, {k: line for k, line in table.items() if k not in means})
-    spots: dict[str, tuple[Spot, ...]] = {keypoint: (spot,) for keypoint, spot in anatomy.spots.items()}
+    sites: dict[str, tuple[KeypointSite, ...]] = {keypoint: (site,) for keypoint, site in anatomy.sites.items()}
     for keypoint, lines in means.items():
-        spots[keypoint] = tuple(override(anatomy, robot, {keypoint: line}).spots[keypoint] for line in lines)
-    return Body(anatomy, spots)
+        sites[keypoint] = tuple(override(anatomy, robot, {keypoint: line}).sites[keypoint] for line in lines)
+    return Body(anatomy, sites)
 
 
 def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, lines: Mapping[str, Any]) -> Pair:
@@ -118,7 +118,7 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
         MatchError: the motion is not human, or a line names a joint that does not exist.
     """
     found = recognise_human_with(motion.skeleton, motion.clip.positions, lines)
-    shared = tuple(k for k in COMPARED if k in found.marks and k in body.spots)
+    shared = tuple(k for k in COMPARED if k in found.marks and k in body.sites)
     nearest = np.clip(
         np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int), 0, len(motion) - 1
     )

@@ -82,7 +82,7 @@ def subject_of(
 
 
 def _soles(robot: Robot, body: Body) -> tuple[Points, ...]:
-    feet = [body.spots.get(f"{side}_toe", body.spots.get(f"{side}_ankle")) for side in "lr"]
+    feet = [body.sites.get(f"{side}_toe", body.sites.get(f"{side}_ankle")) for side in "lr"]
     soles = [sole_points(robot, foot[0].body) for foot in feet if foot]
     return tuple(soles) if len(soles) == 2 and all(len(sole) for sole in soles) else ()
 

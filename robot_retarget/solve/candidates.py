@@ -22,7 +22,7 @@ from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import HINGE
-from robot_retarget.robot.root import put
+from robot_retarget.robot.root import place_body
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
 from robot_retarget.solve.solution import Status
@@ -216,7 +216,7 @@ def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Fl
     mirror = mirror_of(robot, _left(robot, anatomy.forward))
     other = np.clip(mirror.angles(every), robot.lower, robot.upper)
     chosen = {"l_hand": every, "r_hand": other, "head": (every + other) / 2}
-    limbs = {end: limb_hinges(robot, anatomy, end) for end in chosen if end in anatomy.spots}
+    limbs = {end: limb_hinges(robot, anatomy, end) for end in chosen if end in anatomy.sites}
     return {
         tuple(limb.tolist()): (chosen[end] if (mirror.partner[limb] >= 0).all() else every)[:, limb]
         for end, limb in limbs.items()
@@ -237,9 +237,9 @@ def place_root(graph: Graph, qpos: Floats, frame: int) -> Floats:
 def rooted(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
     """Return a pose with its root moved so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
-    spot = anatomy.spots.get("pelvis")
-    offset = spot.offset if spot is not None and spot.body == body else np.zeros(3)
-    return put(robot, qpos, body, offset, pelvis, facing @ axes.T)
+    site = anatomy.sites.get("pelvis")
+    offset = site.offset if site is not None and site.body == body else np.zeros(3)
+    return place_body(robot, qpos, body, offset, pelvis, facing @ axes.T)
 
 
 def interpolated(robot: Robot, frames: np.ndarray, poses: list[Floats], before: list[Floats]) -> list[Floats]:

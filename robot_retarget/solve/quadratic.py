@@ -146,7 +146,7 @@ class CostModel:
         if self.separation is None:
             return 0.0
         distance, _, rest = self.separation.near(q)
-        return self.options.overlap_cost * self._missing(self.separation.lacking(distance, rest)) ** 2
+        return self.options.overlap_cost * self._missing(self.separation.clearance_deficit(distance, rest)) ** 2
 
     def _contacts(self, q: Floats) -> Contacts | None:
         """Return the rows of surfaces near each other at a configuration."""
@@ -184,7 +184,7 @@ class CostModel:
         """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
         distance, slope, rest = self._with_ways(q, near, between)
         assert self.separation is not None
-        wanted = self.separation.lacking(distance, rest)
+        wanted = self.separation.clearance_deficit(distance, rest)
         count, tolerance = len(distance), self.options.tolerated * self.leg
         rows[:count, :-1], rows[:count, -1] = slope, 1.0
         row_lower[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))

@@ -8,7 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.robot.root import raised
+from robot_retarget.robot.root import raise_root
 from robot_retarget.solve.compiled import QuadraticProgram
 from robot_retarget.solve.limits import joint_bounds
 from robot_retarget.solve.options import Options
@@ -227,5 +227,5 @@ class FrameSolver:
         """The pose with its root raised by what curvature let it sink under the floor."""
         depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation
-        depth = max(depth, apart.sunk(pose.qpos)) if apart else depth
-        return replace(pose, qpos=raised(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)
+        depth = max(depth, apart.floor_penetration(pose.qpos)) if apart else depth
+        return replace(pose, qpos=raise_root(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)

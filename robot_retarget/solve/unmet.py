@@ -94,7 +94,7 @@ def _links(solver: FrameSolver, q: Floats, away: Floats) -> Iterator[str]:
         return
     distance, geoms, slope = apart.found(q)
     rest = apart.rest[geoms[:, 0], geoms[:, 1]]
-    near = (-apart.lacking(distance, rest) < AT_BOUND) & (slope[:, solver.hinges] @ away < 0)
+    near = (-apart.clearance_deficit(distance, rest) < AT_BOUND) & (slope[:, solver.hinges] @ away < 0)
     model = solver.robot.model
     pairs = {tuple(model.body(int(model.geom_bodyid[g])).name for g in pair) for pair in geoms[near]}
     for a, b in sorted(pairs):

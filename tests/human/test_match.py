@@ -52,7 +52,7 @@ def test_an_override_replaces_lines_on_either_side(tmp_path: Path) -> None:
     lines.write_text('[human]\nl_hand = "LeftElbow"\n[robot]\nl_hand = ["l_el_link", 0, 0.02, 0]\n')
     matched = match(read_motion(SAMPLES / "wave.bvh"), load_robot("op3"), lines)
     assert matched.human_bones[matched.index("l_hand")] < 1e-9
-    assert np.allclose(matched.anatomy.spots["l_hand"].offset, [0, 0.02, 0])
+    assert np.allclose(matched.anatomy.sites["l_hand"].offset, [0, 0.02, 0])
 
 
 @pytest.mark.parametrize(

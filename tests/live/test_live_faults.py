@@ -434,7 +434,7 @@ def test_a_silence_is_counted_and_the_robot_is_held_without_a_jump(silence: floa
         with performing(receiver, MOTION):
             loop.run(silence + 1.2)
     assert receiver.faults.counts[Fault.SILENCE] >= 1 and said.of("silence")
-    assert loop.tally.held > 60 * silence * 0.5
+    assert loop.stats.held > 60 * silence * 0.5
     assert np.abs(np.diff(shown.qpos, axis=0)).max() <= 3.0 * 0.1 + 1e-9
 
 

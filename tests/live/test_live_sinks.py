@@ -12,7 +12,7 @@ from performers import Answer, Swing, clip
 
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.errors import MotionError, ServoError
-from robot_retarget.live.calibration import keep, kept
+from robot_retarget.live.calibration import load_calibration, save_calibration
 from robot_retarget.live.faults import Faults
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.replay import Replay
@@ -105,11 +105,11 @@ def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None
     assert not (replay_contacts(OP3, qpos).depth > 0.001).any() and sink.guard.changed
 
 
-def test_a_calibration_is_read_as_it_was_kept(tmp_path: Path) -> None:
+def test_a_calibration_is_read_as_it_was_load_calibration(tmp_path: Path) -> None:
     motion = clip().frames(0, 60)
     for turned in (motion, replace(motion, rotations=None)):
-        keep(turned, tmp_path / "me.npz")
-        found = kept(tmp_path / "me.npz")
+        save_calibration(turned, tmp_path / "me.npz")
+        found = load_calibration(tmp_path / "me.npz")
         assert found.skeleton.names == motion.skeleton.names and found.fps == motion.fps
         assert np.array_equal(found.positions, motion.positions)
         assert (found.rotations is None) == (turned.rotations is None)
@@ -120,4 +120,4 @@ def test_what_is_no_calibration_is_named(tmp_path: Path) -> None:
     (tmp_path / "junk.npz").write_bytes(b"junk")
     for name in ("other.npz", "junk.npz", "nowhere.npz"):
         with pytest.raises(MotionError, match=name):
-            kept(tmp_path / name)
+            load_calibration(tmp_path / name)

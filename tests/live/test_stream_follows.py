@@ -149,7 +149,7 @@ def test_neither_silence_nor_another_performer_makes_the_robot_jump(silence: flo
         loop.run(silence + 0.1)
         with performing(receiver, walk):
             loop.run(max(1.2 - silence, 0.0) + 1.5)
-    assert receiver.faults.counts["silence"] >= 1 and loop.tally.held > 0
+    assert receiver.faults.counts["silence"] >= 1 and loop.stats.held > 0
     qpos = np.array([pose.qpos[OP3.qpos_index] for pose in shown.poses])
     since = np.diff([pose.time for pose in shown.poses])
     assert np.isfinite(qpos).all() and (qpos >= OP3.lower - 1e-6).all() and (qpos <= OP3.upper + 1e-6).all()

@@ -19,7 +19,7 @@ from robot_retarget.keypoints import KEYPOINTS, mirrored
 from robot_retarget.motion import Mark, Recognition, Skeleton, apply_override, recognise
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh import read_bvh
-from robot_retarget.motion.joint_names import sense
+from robot_retarget.motion.joint_names import name_evidence
 
 ONE_OF_EACH = (
     "cmu_cgspeed_motionbuilder/02_01_walk",
@@ -123,7 +123,7 @@ def test_swapped_names_of_left_and_right_are_noticed_and_geometry_is_followed(cl
     other = {"l": "Right", "r": "Left", "": ""}
 
     def swap(k: int, name: str) -> str:
-        found = sense(name)
+        found = name_evidence(name)
         return f"{other[found.side]}_{next(iter(found.parts), 'joint')}_{k}" if found.side else name
 
     swapped = renamed(capture.skeleton, swap)
@@ -358,7 +358,7 @@ def test_keypoints_are_placed_at_the_mean_of_their_joints():
     ],
 )  # fmt: skip
 def test_a_name_is_taken_apart_into_side_and_part(name, side, part):
-    found = sense(name)
+    found = name_evidence(name)
     assert found.side == side
     assert (part in found.parts) if part else not found.parts
 

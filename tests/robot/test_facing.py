@@ -50,35 +50,38 @@ def test_feet_that_reach_as_far_behind_do_not_tell(tmp_path: Path) -> None:
     for turn in (0.0, np.pi):  # the model's x axis is followed, whichever way the robot is put
         anatomy = recognise(legged(tmp_path, ahead=0.002, turn=turn))
         assert anatomy.forward == pytest.approx([1, 0, 0], abs=1e-6)
-        assert "nothing tells front from back" in anatomy.notes[0] and "forward = [x, y, z]" in anatomy.notes[0]
+        assert (
+            "no criterion decides between front and back" in anatomy.notes[0]
+            and "forward = [x, y, z]" in anatomy.notes[0]
+        )
 
 
 @pytest.mark.parametrize(
-    ("witness", "robot"),
+    ("criterion", "robot"),
     [
         ("knees", {"knee": "-2 0.1"}),
         ("names", {"names": ("right", "left")}),
         ("toes", {"toes": True, "turn": np.pi}),
     ],
 )
-def test_each_witness_alone_tells(tmp_path: Path, witness: str, robot: dict) -> None:
+def test_each_criterion_alone_decides(tmp_path: Path, criterion: str, robot: dict) -> None:
     anatomy = recognise(legged(tmp_path, **robot))
     assert anatomy.forward == pytest.approx([-1, 0, 0], abs=1e-6)
-    assert not any(note.startswith("nothing tells") for note in anatomy.notes), witness
+    assert not any(note.startswith("no criterion decides") for note in anatomy.notes), criterion
 
 
 def test_who_is_outvoted_is_named(tmp_path: Path) -> None:
     anatomy = recognise(legged(tmp_path, ("left", "right"), knee="-0.1 2", ahead=-0.04))
     assert anatomy.forward == pytest.approx([1, 0, 0], abs=1e-9)
-    assert anatomy.notes[0] == "feet say that it looks the other way, outvoted by names and knees"
+    assert anatomy.notes[0] == "feet point the other way, outvoted by names and knees"
 
 
 def test_a_map_file_has_the_last_word(tmp_path: Path) -> None:
     robot = legged(tmp_path, ("left", "right"), knee="-0.1 2", ahead=0.04)
     anatomy = recognise_with(robot, {"forward": [-1, 0, 0]})
     assert anatomy.forward == pytest.approx([-1, 0, 0], abs=1e-9)
-    assert robot.model.body(anatomy.spots["l_knee"].body).name == "right_shin"
-    assert anatomy.notes[0].endswith("names, feet and knees say that it looks the other way")
+    assert robot.model.body(anatomy.sites["l_knee"].body).name == "right_shin"
+    assert anatomy.notes[0].endswith("names, feet and knees point the other way")
     assert not recognise_with(robot, {"forward": [1, 0, 0]}).notes[0].startswith("it looks where")
     for line, message in (("back", "must be \\[x, y, z\\]"), ([0, 0, 1], "straight up"), ([0.1, 1, 0], "not across")):
         with pytest.raises(MatchError, match=message):
@@ -94,4 +97,4 @@ def test_soles_are_read_level_however_the_ankles_are_bent_at_rest(tmp_path: Path
     bent = recognise(load_robot(path))
     for side in "lr":
         assert bent.frames[f"{side}_foot"][1] == pytest.approx(straight.frames[f"{side}_foot"][1], abs=0.05)
-        assert bent.spots[f"{side}_toe"].offset == pytest.approx(straight.spots[f"{side}_toe"].offset, abs=0.01)
+        assert bent.sites[f"{side}_toe"].offset == pytest.approx(straight.sites[f"{side}_toe"].offset, abs=0.01)

@@ -56,7 +56,7 @@ def written(folder: Path, xml: str) -> Path:
 
 def places(robot: Robot, keypoints: tuple[str, ...] = KEYPOINTS) -> dict[str, np.ndarray]:
     anatomy = recognise(robot)
-    names = [k for k in keypoints if k in anatomy.spots]
+    names = [k for k in keypoints if k in anatomy.sites]
     points = world_points(robot, anatomy.points_of(names), np.array(robot.model.qpos0)[None])[0]
     return dict(zip(names, points, strict=True))
 
@@ -110,8 +110,8 @@ def test_fingers_are_neither_legs_nor_a_head(height: str, tmp_path: Path) -> Non
     xml = legged("", arm("l", 1, fingers.format("l")) + arm("r", -1, fingers.format("r")))
     robot = load_robot(written(tmp_path, xml))
     anatomy = recognise(robot)
-    assert "l_hip" not in anatomy.spots and "l_elbow" in anatomy.spots
-    on_fingers = [k for k, spot in anatomy.spots.items() if "finger" in robot.model.body(spot.body).name]
+    assert "l_hip" not in anatomy.sites and "l_elbow" in anatomy.sites
+    on_fingers = [k for k, site in anatomy.sites.items() if "finger" in robot.model.body(site.body).name]
     assert not on_fingers
 
 

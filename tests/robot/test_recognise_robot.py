@@ -65,8 +65,8 @@ def test_keypoints_stand_where_the_judge_puts_them(name: str) -> None:
 @pytest.mark.parametrize(("name", "bodies"), NAMED.items(), ids=lambda v: v if isinstance(v, str) else "")
 def test_keypoints_stand_on_the_bodies_that_names_leave_no_doubt_of(name: str, bodies: dict[str, str]) -> None:
     robot = shared_robot(name)
-    spots = recognise(robot).spots
-    assert {k: robot.model.body(spots[k].body).name for k in bodies} == bodies
+    sites = recognise(robot).sites
+    assert {k: robot.model.body(sites[k].body).name for k in bodies} == bodies
 
 
 @needs_shared
@@ -139,7 +139,7 @@ def test_names_without_meaning_are_matched_by_geometry(tmp_path: Path) -> None:
 def test_an_override_replaces_one_line_and_lists_what_is_known_otherwise() -> None:
     robot = load_robot("op3")
     anatomy = override(recognise(robot), robot, {"l_hand": ["l_el_link", 0, 0.1, 0]})
-    assert anatomy.spots["l_hand"].offset.tolist() == [0, 0.1, 0]
+    assert anatomy.sites["l_hand"].offset.tolist() == [0, 0.1, 0]
     for table, message in (
         ({"l_paw": ["l_el_link", 0, 0, 0]}, "keypoint 'l_paw'; did you mean 'l_hip'\\? known: pelvis"),
         ({"l_hand": ["paw", 0, 0, 0]}, "no body 'paw'; known: body_link"),
@@ -183,22 +183,22 @@ def test_arms_that_hang_below_the_trunk_of_a_robot_without_legs_are_no_legs(
 ) -> None:
     arms = "".join(ARM.format(n=n, y=y, end=-0.4, hand="") for n, y in ((left, 0.2), (right, -0.2)))
     anatomy = recognise(built(tmp_path, HEAD + arms))
-    assert {"l_shoulder", "l_elbow", "l_hand", "head"} <= set(anatomy.spots)
-    assert "l_hip" not in anatomy.spots
+    assert {"l_shoulder", "l_elbow", "l_hand", "head"} <= set(anatomy.sites)
+    assert "l_hip" not in anatomy.sites
 
 
 def test_two_limbs_that_end_far_below_the_trunk_are_legs(tmp_path: Path) -> None:
     legs = [LIMB.format(n=n, x=0, y=y) for n, y in (("a", 0.1), ("b", -0.1))]
-    assert {"l_hip", "l_knee", "l_ankle"} <= set(recognise(built(tmp_path, "".join(legs))).spots)
+    assert {"l_hip", "l_knee", "l_ankle"} <= set(recognise(built(tmp_path, "".join(legs))).sites)
 
 
 def test_a_shape_used_on_both_sides_does_not_hide_that_limbs_mirror_each_other(tmp_path: Path) -> None:
     aside = '<geom type="box" size=".05 .05 .05" pos="0 .1 -.2"/>'  # to the left on either arm
     arms = "".join(ARM.format(n=n, y=y, end=-0.2, hand=aside) for n, y in (("l_arm", 0.2), ("r_arm", -0.2)))
     robot = built(tmp_path, HEAD + arms)
-    spots = places(robot, recognise(robot))
-    assert spots["l_elbow"] == pytest.approx([0, 0.2, 0.6], abs=1e-6)
-    assert spots["r_elbow"] == pytest.approx([0, -0.2, 0.6], abs=1e-6)
+    sites = places(robot, recognise(robot))
+    assert sites["l_elbow"] == pytest.approx([0, 0.2, 0.6], abs=1e-6)
+    assert sites["r_elbow"] == pytest.approx([0, -0.2, 0.6], abs=1e-6)
 
 
 def finger(name: str, x: float, side: float) -> str:
@@ -218,7 +218,7 @@ def test_the_hand_is_where_the_wrist_is_not_where_fingers_are(tmp_path: Path) ->
         arms.append(ARM.format(n=f"{side}_arm", y=y, end=-0.2, hand=hand))
     robot = built(tmp_path, HEAD + "".join(arms))
     anatomy = recognise(robot)
-    assert robot.model.body(anatomy.spots["l_hand"].body).name == "l_palm"
+    assert robot.model.body(anatomy.sites["l_hand"].body).name == "l_palm"
     assert places(robot, anatomy)["l_hand"] == pytest.approx([0, 0.2, 0.4], abs=1e-6)
     assert anatomy.forward == pytest.approx([1, 0, 0], abs=1e-6)
 
@@ -229,15 +229,15 @@ def test_the_trunk_of_a_robot_without_arms_is_its_chest_not_its_head(tmp_path: P
         '<body name="torso" pos="0 0 .1"><joint axis="0 0 1"/><geom type="box" size=".1 .1 .2" pos="0 0 .2"/></body>'
     )
     robot = built(tmp_path, "".join(legs) + waist)
-    spots = recognise(robot).spots
-    assert robot.model.body(spots["chest"].body).name == "torso"
-    assert "head" not in spots
+    sites = recognise(robot).sites
+    assert robot.model.body(sites["chest"].body).name == "torso"
+    assert "head" not in sites
 
 
 def test_a_trunk_of_one_piece_that_stands_over_the_shoulders_ends_in_a_head(tmp_path: Path) -> None:
     arms = "".join(ARM.format(n=n, y=y, end=-0.2, hand="") for n, y in (("l_arm", 0.2), ("r_arm", -0.2)))
     tall = '<geom type="box" size=".1 .1 .4" pos=".05 0 .3"/>'  # from .4 to 1.2 m, shoulders at .8 m
     robot = built(tmp_path, tall + arms)
-    spots = places(robot, recognise(robot))
-    assert spots["head"] == pytest.approx([0.05, 0, 1.2], abs=0.11)
-    assert "head" not in recognise(built(tmp_path, '<geom type="box" size=".1 .1 .25" pos="0 0 .1"/>' + arms)).spots
+    sites = places(robot, recognise(robot))
+    assert sites["head"] == pytest.approx([0.05, 0, 1.2], abs=0.11)
+    assert "head" not in recognise(built(tmp_path, '<geom type="box" size=".1 .1 .25" pos="0 0 .1"/>' + arms)).sites

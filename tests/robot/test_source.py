@@ -133,8 +133,8 @@ def test_a_robot_with_legs_and_no_root_joint_is_set_free_and_stands(tmp_path: Pa
     robot = load_robot(path)
     assert robot.floating and any(note.startswith(NO_ROOT) for note in robot.notes)
     anatomy, known = recognise(robot), recognise(op3)
-    assert {k: robot.model.body(s.body).name for k, s in anatomy.spots.items()} == {
-        k: op3.model.body(s.body).name for k, s in known.spots.items()
+    assert {k: robot.model.body(s.body).name for k, s in anatomy.sites.items()} == {
+        k: op3.model.body(s.body).name for k, s in known.sites.items()
     }
     assert robot.spec().compile().nq == robot.model.nq
 

@@ -148,7 +148,7 @@ def test_torque_on_does_not_bring_the_goal_to_the_shaft() -> None:
     put(network, "torque_enable", 1)
     world.advance(0.05)
     world.advance(0.1)
-    assert get(network, "present_position") < 2450 and network.devices[0].witness.largest_step == 452
+    assert get(network, "present_position") < 2450 and network.devices[0].writes.largest_step == 452
 
 
 @pytest.mark.parametrize("mode", [3, 4, 5])

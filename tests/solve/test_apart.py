@@ -146,8 +146,8 @@ def test_a_chain_that_is_nearly_closed_hardly_moves_when_it_is_closed() -> None:
     for angle in np.linspace(-0.3, 0.6, 60):
         pose = robot.standing()
         pose[robot.qpos_index[neck]] = angle * np.array([1, 1, -1, -1]) + 1e-4 * draw.normal(size=4)
-        moved = np.abs(coupling.closed(pose) - pose).max()
-        assert moved < 3e-3 and np.abs(coupling(coupling.closed(pose))[0]).max() < 1e-6
+        moved = np.abs(coupling.close_chains(pose) - pose).max()
+        assert moved < 3e-3 and np.abs(coupling(coupling.close_chains(pose))[0]).max() < 1e-6
 
 
 @needs_shared
@@ -168,7 +168,7 @@ def test_a_waist_on_a_differential_turns_with_its_motors() -> None:
     model, data = robot.model, mujoco.MjData(robot.model)
     pose = robot.standing()
     pose[robot.qpos_index[robot.joint_names.index("waist_yaw")]] = 0.4
-    for qpos, gap in ((pose, 0.3), (Coupling(robot).closed(pose), 0.0)):
+    for qpos, gap in ((pose, 0.3), (Coupling(robot).close_chains(pose), 0.0)):
         data.qpos[:] = qpos
         mujoco.mj_fwdPosition(model, data)
         beyond = np.maximum(data.ten_length - model.tendon_range[:, 1], model.tendon_range[:, 0] - data.ten_length)
@@ -177,7 +177,7 @@ def test_a_waist_on_a_differential_turns_with_its_motors() -> None:
 
 def test_a_robot_without_equalities_has_no_coupling() -> None:
     coupling, pose = Coupling(load_robot("op3")), load_robot("op3").standing()
-    assert not coupling.present and (coupling.closed(pose) == pose).all()
+    assert not coupling.present and (coupling.close_chains(pose) == pose).all()
 
 
 def test_hands_that_clap_touch_and_do_not_pass_through_each_other() -> None:

@@ -61,7 +61,7 @@ def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_w
         for _ in range(14):  # halve the way to where links lack half of what is tolerated
             q = (apart + near) / 2
             distance, _, rest = separation.near(q)
-            lacking = separation.lacking(distance, rest).max(initial=0.0) / solver.leg
+            lacking = separation.clearance_deficit(distance, rest).max(initial=0.0) / solver.leg
             here = costs.linearize(q, targets)
             may_stay = bool((here.row_lower[soles:] <= 0).all())
             assert may_stay == (lacking <= TOLERATED) == (here.clearance_deficit == 0)

@@ -14,7 +14,7 @@ from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import robot_from_model
-from robot_retarget.robot.root import put, raised
+from robot_retarget.robot.root import place_body, raise_root
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
@@ -102,9 +102,9 @@ def test_a_robot_is_put_where_it_is_wished_and_raised_straight_up(root: str) -> 
         np.array([1.0, -2.0, 0.4]),
         0.1 * AXES[1],
     )
-    there = put(robot, robot.neutral(), body, offset, place, turn)
+    there = place_body(robot, robot.neutral(), body, offset, place, turn)
     positions, rotations = (frames[0, body] for frames in body_frames(robot, np.array([there])))
     assert np.allclose(rotations, turn, atol=1e-9)
     assert np.allclose(positions + turn @ offset, place, atol=1e-9)
-    higher = body_frames(robot, np.array([raised(robot, there, 0.3)]))[0][0, body]
+    higher = body_frames(robot, np.array([raise_root(robot, there, 0.3)]))[0][0, body]
     assert np.allclose(higher - positions, [0.0, 0.0, 0.3], atol=1e-9)

@@ -82,7 +82,7 @@ def test_the_head_of_who_lies_on_the_back_is_the_head_and_no_raised_hand() -> No
 
 def test_a_robot_without_a_head_leaves_the_human_its_own():
     motion, whole = read_motion(SAMPLES / "wave.bvh"), recognise(OP3)
-    headless = replace(whole, spots={k: spot for k, spot in whole.spots.items() if k not in ("neck", "head")})
+    headless = replace(whole, sites={k: site for k, site in whole.sites.items() if k not in ("neck", "head")})
     matched = match_bodies(motion, OP3, motion_map(motion.skeleton, motion.positions), headless)
     staging = arrange(OP3, hold(OP3), *matched.figure(motion), np.linspace(0, 1, 3))
     head = matched.recognition.keypoints.index("head")

@@ -48,4 +48,4 @@ class Closure:
 
     def projected(self, qpos: Floats) -> Floats:
         """The nearby configuration (nq,) that closes the chains."""
-        return self._constraints.closed(qpos)
+        return self._constraints.close_chains(qpos)

@@ -102,7 +102,7 @@ class Foothold:
     def across(self, context: RetargetContext) -> float:
         """π across the floor of soles that stand."""
         moves = carrying(context.robot.model)
-        spots, soles = context.match.anatomy.spots, context.match.anatomy.soles
-        pelvis = moves[spots["pelvis"].body] if "pelvis" in spots else moves[context.robot.root_body]
+        sites, soles = context.match.anatomy.sites, context.match.anatomy.soles
+        pelvis = moves[sites["pelvis"].body] if "pelvis" in sites else moves[context.robot.root_body]
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
         return HARD if min(hinges, default=6) >= 6 else self.tilting

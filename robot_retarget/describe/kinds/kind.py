@@ -149,7 +149,7 @@ class Proximity(Protocol):
         """Return distances (C,) [m], geoms (C, 2) and slopes (C, nv)."""
         ...
 
-    def lacking(self, distance: Floats, rest: Floats) -> Floats:
+    def clearance_deficit(self, distance: Floats, rest: Floats) -> Floats:
         """Return (C,) lower bound minus distance [m]."""
         ...
 
@@ -161,7 +161,7 @@ class Proximity(Protocol):
         """Return the depth of the deepest overlap [m]."""
         ...
 
-    def sunk(self, qpos: Floats) -> float:
+    def floor_penetration(self, qpos: Floats) -> float:
         """Return the depth of the lowest surface under the floor [m]."""
         ...
 

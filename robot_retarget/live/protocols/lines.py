@@ -24,7 +24,7 @@ LONGEST_LINE = 1 << 20
 """Longest line; longer input is dropped [B]."""
 
 
-def told(skeleton: Skeleton) -> bytes:
+def skeleton_line(skeleton: Skeleton) -> bytes:
     """Return the line that defines a skeleton."""
     names, parents, offsets = skeleton.names, skeleton.parents.tolist(), skeleton.offsets.round(5).tolist()
     return _line({"skeleton": {"names": names, "parents": parents, "offsets": offsets}})

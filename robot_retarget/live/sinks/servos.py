@@ -8,7 +8,7 @@ from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.guard import SelfCollisionGuard
 from robot_retarget.errors import ServoError
-from robot_retarget.live.loop import Loop, Pose, Tally
+from robot_retarget.live.loop import Loop, Pose, StreamStats
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import Wishes, follow
 from robot_retarget.servo.outcome import Outcome
@@ -52,7 +52,7 @@ def moved(
     seconds: float,
     log: Path,
     say: Callable[[str], None],
-) -> tuple[Outcome, Tally]:
+) -> tuple[Outcome, StreamStats]:
     """Run a loop into servos: the loop in a second thread, the player in this one, which receives Ctrl-C.
 
     Raises:
@@ -80,4 +80,4 @@ def moved(
         raise failed[0]
     if sink.guard.changed:
         say(f"the self-collision guard moved {sink.guard.changed} goals back")
-    return outcome, loop.tally
+    return outcome, loop.stats

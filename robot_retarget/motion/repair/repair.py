@@ -9,7 +9,7 @@ from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
-from robot_retarget.motion.repair.sentences import Finding, said
+from robot_retarget.motion.repair.sentences import Finding, sentences
 from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.motion.repair.steps import StepRule, body_jumps, limb_jumps
 from robot_retarget.motion.stature import leg_length
@@ -51,7 +51,7 @@ def repaired(
     capture, body = _rooted(capture, recognition, leg, rule)
     capture, limbs = _limbs(capture, recognition, leg, rule)
     capture, noise = _quiet(capture, recognition, metres, rule)
-    return capture, (*still, *said([*body, *limbs], capture.fps), *noise)
+    return capture, (*still, *sentences([*body, *limbs], capture.fps), *noise)
 
 
 def _sparse(capture: Capture) -> tuple[str, ...]:
@@ -74,13 +74,13 @@ def _settled(
     done = "dropped" if rule.mend else LEFT
     if jumps.size and stop - jumps[0] > 1 and np.ptp(points[: jumps[0]], axis=0).max() < rule.still:
         start = int(jumps[0])
-        told = f"({start / capture.fps:.2f} s) are one pose, from which the body jumps"
-        notes.append(f"The first {start} frames {told}: {done}.")
+        which = f"({start / capture.fps:.2f} s) are one pose, from which the body jumps"
+        notes.append(f"The first {start} frames {which}: {done}.")
     if jumps.size and jumps[-1] - start > 1 and np.ptp(points[jumps[-1] :], axis=0).max() < rule.still:
         stop = int(jumps[-1])
         count = len(points) - stop
-        told = f"({count / capture.fps:.2f} s) are one pose, to which the body jumps"
-        notes.append(f"The last {count} frames {told}: {done}.")
+        which = f"({count / capture.fps:.2f} s) are one pose, to which the body jumps"
+        notes.append(f"The last {count} frames {which}: {done}.")
     return (capture.part(slice(start, stop)) if rule.mend else capture), tuple(notes)
 
 

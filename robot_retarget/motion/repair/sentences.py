@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 LISTED = 3
-"""Findings of a kind that are said one by one; further ones are counted."""
+"""Findings of a kind that are listed one by one; further ones are counted."""
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,7 @@ class Finding:
     """Something wrong with a stretch of a capture."""
 
     what: str
-    """Its kind, the same words for the same kind: findings of a kind are said together."""
+    """Its kind, the same words for the same kind: findings of a kind share a sentence."""
     first: int
     last: int
     """Frames of the file, both included."""
@@ -24,7 +24,7 @@ class Finding:
     """The repair, or the action that the user should take."""
 
 
-def said(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
+def sentences(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
     """A sentence for every kind of finding and outcome, the kind with the worst one first."""
     kinds: dict[tuple[str, str], list[Finding]] = {}
     for finding in sorted(findings, key=lambda f: -f.size):

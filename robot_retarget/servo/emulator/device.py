@@ -17,7 +17,7 @@ from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITI
 from robot_retarget.servo.emulator.motor import Motor
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.emulator.shaft import Shaft
-from robot_retarget.servo.emulator.witness import Witness
+from robot_retarget.servo.emulator.write_log import WriteLog
 from robot_retarget.servo.protocol import ALERT, CLEAR_MULTI_TURN, Error
 
 PRESENT = range(120, 148)
@@ -32,7 +32,7 @@ class Device:
     motor: Motor = field(init=False)
     registers: Registers = field(init=False)
     shaft: Shaft = field(init=False)
-    witness: Witness = field(default_factory=Witness)
+    writes: WriteLog = field(default_factory=WriteLog)
     now: float = 0.0
     """Time of the world [s]."""
 
@@ -113,7 +113,7 @@ class Device:
         r = self.registers
         watch = r["bus_watchdog"]
         if self.torque and watch > 0 and not self.expired and self.now - self._fed > watch * WATCHDOG_UNIT:
-            self.expired, self.witness.settled = True, self.now
+            self.expired, self.writes.settled = True, self.now
             r["bus_watchdog"] = -1
             self.shaft.stay(self.shaft.here, self.now)
         if self.motor.temperature > r["temperature_limit"]:
@@ -158,7 +158,7 @@ class Device:
                 return error
         for name, value in changes:
             self._apply(name, value)
-        self.witness.settled = self.now
+        self.writes.settled = self.now
         return Error.NONE
 
     def register(self, address: int, data: bytes) -> int:
@@ -216,7 +216,7 @@ class Device:
         changed = r[name] != value
         r[name] = value
         if name == "goal_position":
-            self.witness.note(value, self.shaft.here if self.torque else None)
+            self.writes.note(value, self.shaft.here if self.torque else None)
             self.shaft.start(value, self.now)
         elif name == "operating_mode" and changed:
             self._change_mode()
@@ -237,7 +237,7 @@ class Device:
             here = self.shaft.here
             self.shaft.stay(here, self.now)
             if self.mode in POSITIONS:
-                self.witness.step(r["goal_position"], here)
+                self.writes.step(r["goal_position"], here)
                 self.shaft.start(r["goal_position"], self.now)
         elif not value:
             r["torque_enable"] = 0

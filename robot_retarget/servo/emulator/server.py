@@ -215,7 +215,7 @@ class Server:
         for device in self.network.devices:
             device.publish()
             names = ("torque_enable", "goal_position", "present_position", "bus_watchdog", "hardware_error_status")
-            servos[str(device.id)] = {n: device.registers[n] for n in names} | vars(device.witness)
+            servos[str(device.id)] = {n: device.registers[n] for n in names} | vars(device.writes)
         body = self.world.plant.state() if self.world.plant else {}
         times = {"time": self.world.time, "lost": self.world.lost, "struck": self.faults.struck}
         return times | {"servos": servos, "body": body}

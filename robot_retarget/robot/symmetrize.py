@@ -20,7 +20,7 @@ def other_side(keypoint: str) -> str:
     return {"l_": "r_", "r_": "l_"}.get(keypoint[:2], keypoint[:2]) + keypoint[2:]
 
 
-def evened(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
+def symmetric_places(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
     """Return keypoints (3,) [m], each the mean of itself and of the mirror image of its counterpart.
 
     Args:
@@ -39,7 +39,7 @@ def evened(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
     return found
 
 
-def both_soles(clouds: Mapping[str, Floats], ankles: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
+def symmetric_soles(clouds: Mapping[str, Floats], ankles: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
     """Return the points of both feet (P, 3) [m], each joined with the mirror image of the other foot.
 
     Args:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass
-class Witness:
+class WriteLog:
     """Extremes of the writes since the start, for tests and for authors of hosts."""
 
     goals: int = 0
