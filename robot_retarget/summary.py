@@ -200,4 +200,6 @@ def _jumps_told(solution: Solution) -> list[str]:
     joint, frame, step = jumps[0]
     more = f", and {len(jumps) - 1} more such steps" if len(jumps) > 1 else ""
     when = f"frame {frame} ({frame / solution.trajectory.fps:.2f} s)"
-    return [f"{joint} jumps by {step:+.2f} rad to {when}{more}: look at it there; the arm or leg changes its way"]
+    return [
+        f"{joint} jumps by {np.degrees(step):+.0f}° to {when}{more}: look at it there; the arm or leg changes its way"
+    ]

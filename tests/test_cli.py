@@ -83,8 +83,8 @@ def test_simulate_takes_thresholds_and_writes_a_page(solved: Path, tmp_path: Pat
     (tmp_path / "strict.toml").write_text("tracking_rms = 1e-6\n", encoding="utf-8")
     options = "--thresholds", tmp_path / "strict.toml", "--page", tmp_path / "report.html", "--no-compensate"
     done = run("simulate", solved, "--robot", "op3", *options)
-    assert done.returncode == 1 and "more than 1e-06 rad" in done.stdout
-    assert "What was judged" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert done.returncode == 1 and "more than 5.73e-05°" in done.stdout
+    assert "limits kept" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:

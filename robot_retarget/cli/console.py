@@ -4,6 +4,7 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -91,10 +92,14 @@ def show_robot(facts: dict[str, Any]) -> None:
 
     say(f"{facts['name']}: {len(facts['joints'])} hinges, {facts['root']}, {facts['mass_kg']:g} kg ({facts['path']})\n")
     rows = [
-        (k, v["lower"], v["upper"], v["max_speed"], "-" if v["max_torque"] is None else v["max_torque"])
+        (
+            k,
+            *(degrees(v[bound]) for bound in ("lower", "upper", "max_speed")),
+            "-" if (t := v["max_torque"]) is None else t,
+        )
         for k, v in facts["joints"].items()
     ]
-    table("Joints", ("joint", "lower [rad]", "upper [rad]", "speed [rad/s]", "torque [N m]"), rows)
+    table("Joints", ("joint", "lower [°]", "upper [°]", "speed [°/s]", "torque [N m]"), rows)
     if not facts["humanoid"]:
         say(f"no humanoid: {facts['reason']}")
         return
@@ -108,12 +113,14 @@ def show_robot(facts: dict[str, Any]) -> None:
 
 def show_solution(facts: dict[str, Any], explain: bool) -> None:
     """Print what `describe_solution` found; the worst edges when asked to explain."""
+    from robot_retarget.simulate.units import shown
+
     ended = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts["status"].items())
     say(f"solved {facts['frames']} frames at {facts['solved_per_second']} a second: {ended}")
     say(
         f"distances off by {100 * facts['distance_error_mean']:.1f} % of their paths, "
         f"{100 * facts['distance_error_max']:.1f} % at frame {facts['distance_error_max_frame']}; "
-        f"largest step {facts['largest_step_rad']:g} rad"
+        f"largest step {shown(facts['largest_step_rad'], 'rad')}"
     )
     if explain:
         _show_stress(facts)
@@ -175,7 +182,7 @@ PLAYED = {
 
 def show_playback(figures: dict[str, Any]) -> None:
     """Print how a playback went; which joints were held back, and for how many ticks."""
-    from robot_retarget.simulate.report_text import shown
+    from robot_retarget.simulate.units import shown
 
     rows = [
         (what, value if isinstance(value, str) else shown(value, unit))

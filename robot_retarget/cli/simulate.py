@@ -48,6 +48,7 @@ def simulate(
     from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.report_file import NAMES
     from robot_retarget.trajectory import load_trajectory
+    from robot_retarget.view import loop
 
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
@@ -60,7 +61,7 @@ def simulate(
     if store:
         keep(report, trajectory, where)
     if page is not None:
-        write_page(report, report.trajectory or played, warnings, page)
+        write_page(report, report.trajectory or played, warnings, page, film=loop(model, played))
     if json:
         console.dump(report.contract())
     else:

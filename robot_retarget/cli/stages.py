@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
     from robot_retarget.transfer import Result
+    from robot_retarget.view import Film, Loop, Picture, Unavailable
+
+    Shown = Path | Loop | Unavailable
+    """A film in a file, a loop, or the reason why there is neither."""
 
 
 STANDS = 4.0
@@ -87,7 +91,7 @@ def costs_of(motion: "Motion", robot: "Robot", film: bool, draws: int) -> dict[s
         f"retarget to {robot.name}": retarget_cost(motion),
         "simulate": simulation_cost(length, draws),
         **({"film": FILM_COST * length} if film else {}),
-        "pictures": 2.0,
+        "pictures": 5.0,
     }
 
 
@@ -202,23 +206,28 @@ def played_on_emulated(robot: str, folder: Path) -> "Outcome | None":
     return play_emulated(trajectory, load_map(robot), lockstep=True, log=folder / "play.npz")
 
 
-def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> tuple[Path, Path | None]:
-    """Draw the film, if requested, and the strip, and return their paths; notes name a picture that cannot be drawn."""
-    from robot_retarget.view import Picture, Unavailable, strip, video
+def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> "tuple[Picture | None, Shown]":
+    """Draw the strip, and the film or a loop of few pictures; notes name what cannot be drawn."""
+    from robot_retarget.view import Film, Picture, loop, strip, video
 
-    robot, (human, bones) = result.robot, result.match.figure(result.motion)
-    drawn, told = (target / "strip.png", target / "video.mp4" if film else None), set[str]()
-    if drawn[1] is not None:
-        filmed = video(robot, result.trajectory, drawn[1], human, bones, progress=stages.begin("film"))
-        told.add(filmed.reason if isinstance(filmed, Unavailable) else filmed.note)
+    what, path = (result.robot, result.trajectory), target / "video.mp4"
+    figure = result.match.figure(result.motion)
+    filmed = video(*what, path, *figure, progress=stages.begin("film")) if film else None
     stages.begin("pictures")
-    picture = strip(robot, result.trajectory, human, bones)
+    picture = strip(*what, *figure)
     if isinstance(picture, Picture):
-        picture.save(drawn[0])
-    told.add(picture.reason if isinstance(picture, Unavailable) else picture.note)
-    for sentence in told - {""}:
+        picture.save(target / "strip.png")
+    for sentence in {_told(drawn) for drawn in (filmed, picture) if drawn is not None} - {""}:
         console.note(sentence)
-    return drawn
+    shown = path if isinstance(filmed, Film) else loop(*what, *figure)
+    return picture if isinstance(picture, Picture) else None, shown
+
+
+def _told(drawn: "Film | Picture | Unavailable") -> str:
+    """What is to be said of something that was drawn, or was not."""
+    from robot_retarget.view import Unavailable
+
+    return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
 
 
 def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
@@ -233,8 +242,8 @@ def write_page(
     trajectory: "Path | Trajectory",
     warnings: "Warnings | None",
     page: Path,
-    strip: Path | None = None,
-    film: Path | None = None,
+    strip: "Picture | None" = None,
+    film: "Shown | None" = None,
     viewer: Path | None = None,
 ) -> None:
     """Write the report's page; what hinders it is said."""

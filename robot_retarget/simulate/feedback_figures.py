@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.simulate.stepping import Rollout
+from robot_retarget.simulate.units import shown
 
 ACTIVE = 0.01
 """Feedback is active where it adds more than this to a joint [rad]: half a degree."""
@@ -65,7 +66,7 @@ def feedback_reasons(figures: Mapping[str, Any]) -> list[str]:
         joint, frequency = figures["feedback_oscillation_joint"], figures["feedback_oscillation_Hz"]
         size = figures["feedback_oscillation_rad"]
         reasons.append(
-            f"the feedback oscillates: {joint} swings by {size:.2g} rad at {frequency:g} Hz; lower its gains"
+            f"the feedback oscillates: {joint} swings by {shown(size, 'rad')} at {frequency:g} Hz; lower its gains"
         )
     if figures.get("feedback_stopped_s") is not None:
         reasons.append(f"the feedback gave up on a lean and crouched at {figures['feedback_stopped_s']:g} s")

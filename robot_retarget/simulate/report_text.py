@@ -5,9 +5,7 @@ from typing import Any, NamedTuple
 
 from robot_retarget.simulate.report import Report
 from robot_retarget.simulate.thresholds import CHECKS, UNLIKE
-
-UNITS = {"rad": (57.29578, "°"), "m": (1000.0, "mm"), "of all": (100.0, "%")}
-"""What figures are shown in: a factor and a unit for each unit of the report."""
+from robot_retarget.simulate.units import shown
 
 
 class Line(NamedTuple):
@@ -79,14 +77,6 @@ def facts(figures: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, value, meaning) of every reported figure of a simulation."""
     found = ((fact, figures.get(fact.figure)) for fact in FACTS)
     return [(fact.what, shown(value, fact.unit), fact.meaning) for fact, value in found if value is not None]
-
-
-def shown(value: float | str, unit: str) -> str:
-    """Return a figure in a common unit: 0.2 rad as 11.5°. Texts are returned unchanged."""
-    if isinstance(value, str):
-        return value
-    factor, name = UNITS.get(unit, (1.0, "°" if unit == "deg" else unit))
-    return f"{factor * value + 0.0:.3g}{'' if name == '°' or not name else ' '}{name}"
 
 
 def _pace(figures: Mapping[str, Any]) -> str:

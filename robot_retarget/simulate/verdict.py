@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_retarget.simulate.feedback_figures import feedback_reasons
 from robot_retarget.simulate.thresholds import UNLIKE, Check, Thresholds
+from robot_retarget.simulate.units import shown
 
 NAMED_PAIRS = 3
 """The number of overlapping pairs that are listed one by one."""
@@ -60,7 +61,9 @@ def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     if figures.get("fall_s") is None:
         reasons += _standing(figures, most)
     if figures["range_excess_rad"] > most.range_excess:
-        reasons.append(f"{figures['range_excess_joint']} leaves its range by {figures['range_excess_rad']:.3g} rad")
+        reasons.append(
+            f"{figures['range_excess_joint']} leaves its range by {shown(figures['range_excess_rad'], 'rad')}"
+        )
     return tuple(reasons)
 
 
@@ -124,14 +127,14 @@ def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
     reasons = []
     if (figures.get("worst_joint_rms_rad") or 0) > most.tracking_rms:
         reasons.append(
-            f"{figures['worst_joint']} tracks {figures['worst_joint_rms_rad']:.3g} rad off (rms), "
-            f"more than {most.tracking_rms:g} rad"
+            f"{figures['worst_joint']} tracks {shown(figures['worst_joint_rms_rad'], 'rad')} off (rms), "
+            f"more than {shown(most.tracking_rms, 'rad')}"
         )
     cap = figures.get("goal_step_limit_rad")
     if cap is not None and figures["goal_step_rad"] > cap:
         reasons.append(
-            f"{figures['goal_step_joint']} is {figures['goal_step_rad']:.2g} rad from its goal, and playback holds goals back "
-            f"beyond {cap:g} rad"
+            f"{figures['goal_step_joint']} is {shown(figures['goal_step_rad'], 'rad')} from its goal, and playback holds goals back "
+            f"beyond {shown(cap, 'rad')}"
         )
     if figures["speed_ratio"] > most.speed_ratio:
         reasons.append(

@@ -1,6 +1,7 @@
 """The report's charts, drawn by matplotlib as SVG: sharp at any size, printable, and quiet without a line of script."""
 
 import io
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -10,8 +11,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.simulate.report import Report
 
-INK, FAINT = "#1f2933", "#9aa5b1"
-WANTED, MEASURED, PLAIN, ALARM = "#9aa5b1", "#0b7285", "#e8890c", "#c92a2a"
+INK, FAINT, GRID = "#1f2933", "#9aa5b1", "#e4e7eb"
+WANTED, MEASURED, PLAIN, ALARM = FAINT, "#0b7285", "#e8890c", "#c92a2a"
+NAMES = {INK: "ink", FAINT: "axis", GRID: "line", MEASURED: "measured", PLAIN: "plain", ALARM: "fail"}
+"""Colours that the page replaces in its dark theme, and its names for them."""
+LOADS = [(0.0, "#e8890c00"), (0.6, "#e8890ccc"), (1.0, "#c92a2aff")]
+"""Colours of torques from none to the limit; the ground of the page shows through the first."""
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -24,11 +29,12 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#e4e7eb",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "xtick.color": INK,
     "ytick.color": INK,
     "legend.frameon": False,
+    "axes.facecolor": "none",
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
@@ -36,6 +42,8 @@ WIDTH = 10.4
 """Of every chart [inches]."""
 JOINTS = 6
 """Number of joints with curves, the worst first."""
+ANGLES = ("wanted", "plain", "measured")
+"""Series of angles of a report."""
 PAIRS = 14
 """Number of pairs of links in the timeline, the earliest first."""
 
@@ -49,12 +57,12 @@ def tracking(report: Report) -> str:
         rows = (len(worst) + 1) // 2
         grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for axes, joint in zip(grid.ravel(), worst, strict=False):
-            time = series["time"]
-            axes.plot(time, series["wanted"][:, joint], color=WANTED, lw=3.2, label="wanted")
+            time, angles = series["time"], {kind: np.degrees(series[kind][:, joint]) for kind in ANGLES}
+            axes.plot(time, angles["wanted"], color=WANTED, lw=3.2, label="wanted")
             if report.figures["compensated"]:
-                axes.plot(time, series["plain"][:, joint], color=PLAIN, lw=1, label="plain playback")
-            axes.plot(time, series["measured"][:, joint], color=MEASURED, lw=1.3, label="measured")
-            axes.set_title(f"{names[joint]} [rad]")
+                axes.plot(time, angles["plain"], color=PLAIN, lw=1, label="plain playback")
+            axes.plot(time, angles["measured"], color=MEASURED, lw=1.3, label="measured")
+            axes.set_title(f"{names[joint]} [°]")
         for axes in grid.ravel()[len(worst) :]:
             axes.set_axis_off()
         for axes in grid[-1]:
@@ -80,10 +88,17 @@ def errors(report: Report) -> str:
     def draw(figure: Any) -> None:
         axes, place = figure.subplots(), np.arange(len(names))
         if report.figures["compensated"]:
-            axes.bar(place, [plain[order[n]] for n in names], 0.72, color=PLAIN, alpha=0.45, label="plain playback")
-        axes.bar(place, [joints[n]["rms_rad"] for n in names], 0.44, color=MEASURED, label="as played")
+            axes.bar(
+                place,
+                np.degrees([plain[order[n]] for n in names]),
+                0.72,
+                color=PLAIN,
+                alpha=0.45,
+                label="plain playback",
+            )
+        axes.bar(place, np.degrees([joints[n]["rms_rad"] for n in names]), 0.44, color=MEASURED, label="as played")
         axes.set_xticks(place, names, rotation=55, ha="right", rotation_mode="anchor")
-        axes.set_ylabel("rms error [rad]")
+        axes.set_ylabel("rms error [°]")
         axes.grid(axis="x", visible=False)
         axes.margins(x=0.01)
         figure.legend(loc="outside upper right", ncols=2)
@@ -93,6 +108,8 @@ def errors(report: Report) -> str:
 
 def torques(report: Report) -> str:
     """How much of its bound each servo gives, over time."""
+    from matplotlib.colors import LinearSegmentedColormap
+
     bounds, names = report.series["bounds"], report.joint_names
     known = [names.index(joint) for joint in report.figures["joints"] if np.isfinite(bounds[names.index(joint)])]
     share = np.abs(report.series["torque"][:, known]) / bounds[known]
@@ -101,7 +118,8 @@ def torques(report: Report) -> str:
         axes = figure.subplots()
         time = report.series["time"]
         span = (time[0], time[-1] if len(time) > 1 else 1.0, len(known) - 0.5, -0.5)
-        image = axes.imshow(share.T, aspect="auto", extent=span, vmin=0, vmax=1, cmap="YlOrRd", interpolation="nearest")
+        heat = LinearSegmentedColormap.from_list("loads", LOADS)
+        image = axes.imshow(share.T, aspect="auto", extent=span, vmin=0, vmax=1, cmap=heat, interpolation="nearest")
         axes.set_yticks(range(len(known)), [names[k] for k in known])
         axes.set_xlabel("time [s]")
         axes.grid(visible=False)
@@ -215,4 +233,14 @@ def _svg(name: str, height: float, draw: Callable[[Any], None]) -> str:
         draw(figure)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()[text.getvalue().index("<svg") :]
+    return _themed(text.getvalue()[text.getvalue().index("<svg") :])
+
+
+def _themed(svg: str) -> str:
+    """The element with its colours under the page's names, so that a theme can replace them."""
+
+    def named(found: re.Match[str]) -> str:
+        name = NAMES.get(found[2])
+        return f"{found[1]}: var(--{name}, {found[2]})" if name else found[0]
+
+    return re.sub(r"(fill|stroke): (#[0-9a-f]{6})\b", named, svg)

@@ -1,4 +1,4 @@
-"""The report as one page: the verdict in a sentence, pictures, charts, then figures. No script, nothing from elsewhere: it opens offline.
+"""The report as one page: the verdict in a sentence, a film, limits, charts, then figures. No script, nothing from elsewhere: it opens offline.
 
 Charts are SVG from matplotlib rather than an interactive library: a plotting script of megabytes would be most of the
 file, and a static chart shows a fault at once.
@@ -15,13 +15,17 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.report_text import facts, headline, judged_lines
+from robot_retarget.simulate.report_text import Line, facts, headline, judged_lines
+from robot_retarget.simulate.units import shown
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
-from robot_retarget.view.picture import Unavailable
+from robot_retarget.view.loop import Loop
+from robot_retarget.view.picture import Picture, Unavailable
 
 TEMPLATE = Path(__file__).with_name("page.html")
+UNITS = {"_rad": "rad", "_s": "s", "_Nm": "N m", "_A": "A", "_K": "K", "_share": "of all"}
+"""Unit of a joint's figure, by the end of its name."""
 
 
 def save_page(
@@ -30,8 +34,8 @@ def save_page(
     path: str | Path,
     *,
     warnings: Warnings | None = None,
-    strip: Path | None = None,
-    film: Path | None = None,
+    strip: Picture | None = None,
+    film: Path | Loop | Unavailable | None = None,
     viewer: Path | None = None,
 ) -> Path | Unavailable:
     """Write `report.html`, whole or not at all.
@@ -39,8 +43,8 @@ def save_page(
     Args:
         trajectory: that the report is of, or the path of its file.
         warnings: of the trajectory, for the timeline.
-        strip: a picture (PNG) to embed.
-        film: an mp4 to embed.
+        strip: moments of the motion, to embed.
+        film: an mp4 or a loop to embed, or the reason for its absence.
         viewer: the viewer's page in the same folder, to link to.
 
     Raises:
@@ -64,7 +68,8 @@ def save_page(
         reasons=_reasons(report),
         headline=html.escape(headline(report)),
         facts=_facts(report.figures),
-        pictures=_pictures(strip, film, viewer),
+        film=_film(film),
+        pictures=_pictures(strip, viewer),
         charts=_charts(report, warnings),
         checks=_checks(report),
         joints=_joints(report.figures["joints"]),
@@ -86,10 +91,9 @@ def _how(report: Report) -> str:
 
 def _reasons(report: Report) -> str:
     """Reasons and differences from the human; advice on what failed."""
-    if report.badge.level == "pass":
-        return "<p>Every limit below is kept.</p>"
     advice = _advice(report.figures) if report.reasons else []
-    return _list((*report.reasons, *report.unlike)) + "".join(f"<p>{html.escape(text)}</p>" for text in advice)
+    found = (*report.reasons, *report.unlike)
+    return (_list(found) if found else "") + "".join(f"<p>{html.escape(text)}</p>" for text in advice)
 
 
 def _advice(f: Any) -> list[str]:
@@ -123,19 +127,32 @@ def _foreseen(f: Any) -> list[tuple[str, str, str]]:
     return [("contacts foreseen", share, "touches on the servos that were warned of")]
 
 
-def _pictures(strip: Path | None, film: Path | None, viewer: Path | None) -> str:
+def _film(film: Path | Loop | Unavailable | None) -> str:
+    """Return the film, which begins again when it ends, or a sentence in its place."""
+    if isinstance(film, Unavailable):
+        return f"<p class='film said'>No film: {html.escape(film.reason)}.</p>"
+    if isinstance(film, Loop):
+        pace = f"{film.pace:.2g} times as fast as the robot" if film.pace > 1 else ""
+        said = html.escape("; ".join(filter(None, (pace, film.note))))
+        image = f"<img alt='film of the motion' src='data:image/webp;base64,{_base64(film.data)}'>"
+        return f"<figure class='film'>{image}<figcaption class='said'>{said}</figcaption></figure>"
+    if film is None or not film.is_file():
+        return ""
+    source = f"data:video/mp4;base64,{_base64(film.read_bytes())}"
+    return f"<figure class='film'><video autoplay loop muted playsinline controls src='{source}'></video></figure>"
+
+
+def _pictures(strip: Picture | None, viewer: Path | None) -> str:
     parts = []
     if viewer is not None and viewer.is_file():
         parts.append(f"<p class='said'><a href='{html.escape(viewer.name)}'>Look at it from all sides</a></p>")
-    if strip is not None and strip.is_file():
-        parts.append(f"<img alt='moments of the motion' src='data:image/png;base64,{_encoded(strip)}'>")
-    if film is not None and film.is_file():
-        parts.append(f"<video controls loop muted src='data:video/mp4;base64,{_encoded(film)}'></video>")
+    if strip is not None:
+        parts.append(f"<img alt='moments of the motion' src='data:image/webp;base64,{_base64(strip.webp)}'>")
     return f"<section><h2>The motion</h2>{''.join(parts)}</section>" if parts else ""
 
 
-def _encoded(path: Path) -> str:
-    return base64.b64encode(path.read_bytes()).decode("ascii")
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
 
 
 def _charts(report: Report, warnings: Warnings | None) -> str:
@@ -158,10 +175,20 @@ def _charts(report: Report, warnings: Warnings | None) -> str:
 
 
 def _checks(report: Report) -> str:
+    """Return how many limits are kept, the broken ones in full view, and all of them folded."""
+    lines = judged_lines(report)
+    broken = [line for line in lines if not line.held]
+    told = f"{len(lines) - len(broken)} of {len(lines)} limits kept"
+    if not broken:
+        return f"<details><summary>{told}</summary>{_judged(lines)}</details>"
+    return f"<h2>{told}</h2>{_judged(broken)}<details><summary>All limits</summary>{_judged(lines)}</details>"
+
+
+def _judged(lines: Sequence[Line]) -> str:
     rows = [
         f"<tr><td class='{'yes' if line.held else 'no'}'>{'✓' if line.held else '✗'}</td>"
         f"<td>{html.escape(line.what)}</td><td>{line.value}</td><td>{line.most}</td></tr>"
-        for line in judged_lines(report)
+        for line in lines
     ]
     return _table(("", "what", "is", "at most"), rows)
 
@@ -169,15 +196,19 @@ def _checks(report: Report) -> str:
 def _joints(joints: Any) -> str:
     """Every joint a row, every figure a column."""
     keys = list(dict.fromkeys(key for own in joints.values() for key in own))
+    ends = [next((end for end in UNITS if key.endswith(end)), "") for key in keys]
     rows = [
-        f"<tr><td>{html.escape(name)}</td>{''.join(f'<td>{_number(own.get(key))}</td>' for key in keys)}</tr>"
+        f"<tr><td>{html.escape(name)}</td>"
+        + "".join(f"<td>{_number(own.get(key), UNITS.get(end, ''))}</td>" for key, end in zip(keys, ends, strict=True))
+        + "</tr>"
         for name, own in joints.items()
     ]
-    return _table(("joint", *(key.replace("_", " ") for key in keys)), rows)
+    heads = (key.removesuffix(end).replace("_", " ") for key, end in zip(keys, ends, strict=True))
+    return _table(("joint", *heads), rows)
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+def _number(value: float | None, unit: str) -> str:
+    return "–" if value is None else shown(value, unit)
 
 
 def _table(heads: Sequence[str], rows: Iterable[str]) -> str:

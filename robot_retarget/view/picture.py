@@ -1,5 +1,6 @@
 """Images, and the value that explains a missing image."""
 
+import io
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,8 @@ Pixels = NDArray[np.uint8]
 """(H, W, 3) red, green, blue."""
 
 INK = (38, 42, 48)
+QUALITY = 60
+"""Of still pictures in a page as WebP, 0 … 100: a fourth of the bytes of a PNG, without visible blocks."""
 NEEDS_PILLOW = f"pictures need Pillow: {install_line('video')}"
 
 
@@ -31,6 +34,15 @@ class Picture:
 
     pixels: Pixels
     note: str = ""
+
+    @property
+    def webp(self) -> bytes:
+        """The image in few bytes, for a page."""
+        from PIL import Image
+
+        data = io.BytesIO()
+        Image.fromarray(self.pixels).save(data, "WEBP", quality=QUALITY)
+        return data.getvalue()
 
     def save(self, path: str | Path) -> Path:
         """Write it as the path's suffix says, PNG as a rule, whole or not at all.

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_retarget.simulate.report_text import shown
+from robot_retarget.simulate.units import shown
 
 
 @pytest.mark.parametrize(

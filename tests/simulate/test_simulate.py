@@ -129,7 +129,7 @@ def test_a_joint_beyond_its_range_fails_by_that_much():
     beyond[3, OP3.qpos_index[elbow]] = OP3.upper[elbow] + 0.25
     report = simulate(Trajectory(beyond, 50, OP3.joint_names, "op3"), OP3)
     assert report.figures["range_excess_rad"] == pytest.approx(0.25, abs=1e-5)
-    assert "l_el leaves its range by 0.25 rad" in report.reasons
+    assert "l_el leaves its range by 14.3°" in report.reasons
 
 
 def test_a_stand_stays_up_on_its_own():

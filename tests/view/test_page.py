@@ -1,5 +1,7 @@
 """The report's page opens offline in a browser, without errors, with its charts to be seen."""
 
+import base64
+import io
 import re
 import shutil
 import subprocess
@@ -19,7 +21,9 @@ from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint
+from robot_retarget.view import Loop, Picture, Unavailable, loop
 from robot_retarget.view.charts import MEASURED, PLAIN, WANTED
+from robot_retarget.view.loop import FPS, MOST
 from robot_retarget.view.page import save_page
 
 OP3 = load_robot("op3")
@@ -47,8 +51,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     moved = swing(OP3, "l_sho_roll", 0.9, 0.5, 2.0)
     warnings = warnings_of(moved, OP3)
     report = simulate(moved, OP3, mode="free", warnings=warnings, others=False)
-    Image.new("RGB", (60, 20), (200, 30, 60)).save(folder / "strip.png")
-    written = save_page(report, judged(report), folder / "report.html", warnings=warnings, strip=folder / "strip.png")
+    red = Picture(np.full((20, 60, 3), (200, 30, 60), np.uint8))
+    film = loop(OP3, moved)
+    written = save_page(report, judged(report), folder / "report.html", warnings=warnings, strip=red, film=film)
     assert written == folder / "report.html"
     return folder / "report.html"
 
@@ -97,10 +102,69 @@ def test_the_page_asks_nothing_of_the_network_and_runs_no_script(page: Path) -> 
 
 def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text.index('class="badge">fail') < text.index("What was judged")
+    assert text.index('class="badge">fail') < text.index("limits kept")
     assert "overlap by up to" in text and "✗" in text
-    assert "Where links touch, and when" in text[: text.index("What was judged")]
+    assert "Where links touch, and when" in text[: text.index("limits kept")]
     assert re.findall(r'<svg[^>]*id="(\w+)"', text) == ["tracking", "errors", "torques", "balance", "timeline"]
+
+
+def folded(text: str) -> tuple[str, str]:
+    """The section on limits: what is in full view, and what is folded."""
+    section = re.search(r'<section class="checks">(.*?)</section>', text, re.DOTALL)
+    assert section
+    view, _, rest = section[1].partition("<details")
+    return view, rest
+
+
+def test_a_broken_limit_is_in_full_view_and_the_others_are_folded(page: Path) -> None:
+    view, rest = folded(page.read_text(encoding="utf-8"))
+    broken, every = view.count("<tr><td class='no'"), rest.count("<tr><td class=")
+    assert broken == rest.count("<tr><td class='no'") > 0 and "class='yes'" not in view
+    assert f"{every - broken} of {every} limits kept" in view and "<details open" not in view + rest
+
+
+def test_limits_that_are_all_kept_are_one_line(tmp_path: Path) -> None:
+    report = simulate(hold(OP3, 0.2), OP3)
+    save_page(report, judged(report), tmp_path / "report.html")
+    view, rest = folded((tmp_path / "report.html").read_text(encoding="utf-8"))
+    every = rest.count("<tr><td class='yes'")
+    assert report.verdict == "pass" and view == "" and f"<summary>{every} of {every} limits kept</summary>" in rest
+
+
+def test_angles_are_in_degrees_only(page: Path) -> None:
+    shown = re.sub(r"data:[^'\"]*", "", page.read_text(encoding="utf-8"))
+    assert not re.search(r"\brad\b", shown) and "rms error [°]" in shown
+
+
+def test_the_film_is_in_the_head_and_plays_the_whole_motion_again_and_again(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    found = re.search(r"src='data:image/webp;base64,([^']*)'", text[: text.index("</header>")])
+    assert found
+    with Image.open(io.BytesIO(base64.b64decode(found[1]))) as film:
+        assert film.info["loop"] == 0 and getattr(film, "n_frames", 1) == 20
+
+
+def test_a_longer_motion_is_shown_faster_in_as_many_pictures() -> None:
+    film = loop(OP3, hold(OP3, 30.0))
+    assert isinstance(film, Loop) and film.pace == pytest.approx(30.0 * FPS / MOST, rel=0.01)
+    with Image.open(io.BytesIO(film.data)) as pictures:
+        assert getattr(pictures, "n_frames", 1) <= MOST  # equal pictures become one
+
+
+def test_a_film_that_cannot_be_drawn_is_replaced_by_a_sentence(tmp_path: Path) -> None:
+    report = simulate(hold(OP3, 0.2), OP3)
+    save_page(report, judged(report), tmp_path / "report.html", film=Unavailable("pictures need Pillow"))
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "No film: pictures need Pillow." in text[: text.index("</header>")]
+
+
+def test_the_dark_theme_knows_every_colour_of_the_charts(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    dark = re.search(r"prefers-color-scheme: dark\) \{(.*?)\n\}", text, re.DOTALL)
+    assert dark
+    used = set(re.findall(r"var\((--\w+), #", text))
+    assert used and used <= set(re.findall(r"(--\w+):", dark[1]))
+    assert not re.search(r"(?:fill|stroke): #[0-9a-f]{6}", text[text.index("<svg") :])
 
 
 def test_a_report_links_to_the_viewer_that_lies_beside_it(tmp_path: Path) -> None:
