@@ -14,8 +14,8 @@ EXTRAS = ("plots", "video", "view")
 
 
 def lowest(requirement: str) -> str:
-    """The constraint `name==version.*` of a requirement `name>=version`, which takes the newest patch of it."""
-    found = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=([\d.]+)", requirement)
+    """The constraint `name==version.*` of a requirement `name>=version` or `name>=version,<version`, which takes the newest patch of it."""
+    found = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=([\d.]+)(?:,<[\d.]+)?", requirement)
     if found is None:
         raise ValueError(f"{requirement!r} states no lower bound")
     return f"{found[1]}=={found[2]}.*"

@@ -6,15 +6,18 @@ from robot_retarget.errors import RobotError
 from robot_retarget.robot.versions import check, require_mujoco
 
 
-@pytest.mark.parametrize("version", ["3.12.0", "3.17.0", "4.0.0", "4.1.0rc1", "10.0"])
+@pytest.mark.parametrize("version", ["3.12.0", "3.17.0", "4.0.1", "4.1.0rc1", "10.0"])
 def test_versions_that_were_tried_and_newer_ones_are_taken(version: str) -> None:
     check(version)
     require_mujoco()
 
 
 @pytest.mark.parametrize(
-    ("version", "reason"), [("3.11.0", "finds no distance"), ("3.3.7", "older than 3.12"), ("2.3.7", "older")]
+    ("version", "reason"),
+    [("3.11.0", "finds no distance"), ("3.3.7", "older than 3.12"), ("2.3.7", "older"), ("4.0.0", "sparse Hessians")],
 )
 def test_wrong_and_old_versions_are_refused_with_the_reason_and_the_command(version: str, reason: str) -> None:
-    with pytest.raises(RobotError, match=rf"MuJoCo {version} cannot be used: .*{reason}.*pip install 'mujoco>=3.12'"):
+    with pytest.raises(
+        RobotError, match=rf"MuJoCo {version} cannot be used: .*{reason}.*pip install 'mujoco>=3.12,<4'"
+    ):
         check(version)
