@@ -24,6 +24,18 @@ class Ahead(NamedTuple):
     goals: Goals
 
 
+class Step(NamedTuple):
+    """Target of a tick."""
+
+    target: Floats
+    """(n,) [rad]."""
+    phase: str
+    following: Floats
+    """(n,) expected target of the next tick [rad]."""
+    motion: Floats | None = None
+    """(n,) angles that the joints should have at this tick, which goals that compensate lag lead [rad]; None: `target`."""
+
+
 class Cycle:
     """The ticks of one performance.
 
@@ -40,24 +52,28 @@ class Cycle:
         self._open: dict[str, Any] | None = None
         self._ahead: Ahead | None = None
 
-    def tick(self, wish: Floats, period: float, phase: str, due: float, coming: Floats) -> None:
-        """Move towards a target [rad]; `coming` is the expected target of the next tick.
+    def tick(self, step: Step, period: float, due: float) -> None:
+        """Move towards the target of a step.
+
+        Args:
+            period: To the next tick [s].
+            due: When the tick is due on the monotonic clock [s].
 
         Raises:
             FaultError: a fault stops playback.
             PortLostError: the port is gone.
         """
         began = due if self._lockstep else time.monotonic()
-        goal = self._send(wish, period)
+        goal = self._send(step.target, period)
         self.finish()
-        self._open = {"time": began - self._began, "phase": PHASES.index(phase), "late": began - due}
-        self._open |= {"goal": goal, "plan": wish}
-        self._ahead = self._prepared(coming, period)
+        self._open = {"time": began - self._began, "phase": PHASES.index(step.phase), "late": began - due}
+        self._open |= {"goal": goal, "plan": step.target, "motion": step.target if step.motion is None else step.motion}
+        self._ahead = self._prepared(step.following, period)
         self.link.listen()
         now = due if self._lockstep else time.monotonic()
         self._open["busy"] = now - began
         if due + period - now > SPARE:
-            self._sense(ceil(2 * len(wish) * period / ROUND))
+            self._sense(ceil(2 * len(goal) * period / ROUND))
             self.finish()
         elif now - self._sensed > ROUND:
             self._sense(1)

@@ -13,11 +13,11 @@ import numpy as np
 from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
-from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.plan import approach_time, eased
-from robot_retarget.servo.play import Player, Step, perform
+from robot_retarget.servo.play import Player, perform
 from robot_retarget.servo.record import Record
 
 SILENCE = 0.5

@@ -27,9 +27,13 @@ class Plan:
     """Ticks a second [1/s]."""
     feedback: Feedback | None = None
     """How an inertial sensor's readings alter the rows, which are judged with it; or None."""
+    motion: Floats | None = None
+    """(N, n) angles that the joints should have at each tick, if the rows lead them to compensate lag and load [rad]."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", frozen(self.angles))
+        if self.motion is not None:
+            object.__setattr__(self, "motion", frozen(self.motion))
 
     @property
     def duration(self) -> float:
@@ -44,8 +48,7 @@ class Plan:
     def resampled(self, rate: float) -> "Plan":
         """The same path at another rate, straight between rows; its last tick is the nearest to the end."""
         times = np.minimum(np.arange(round(self.duration * rate) + 1) / rate, self.duration)
-        rows = np.arange(len(self.angles)) / self.rate
-        return Plan(np.stack([np.interp(times, rows, column) for column in self.angles.T], axis=1), rate)
+        return Plan(_interpolated(self.angles, times * self.rate), rate)
 
 
 def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
@@ -57,7 +60,9 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
     if trajectory.goals is None:
         raise ServoError("the trajectory has no goals: simulate makes them")
     goals, order = trajectory.goals, _order(trajectory, servo_map)
-    return Plan(goals.angles[:, order], goals.rate, None if goals.feedback is None else goals.feedback.of(order))
+    feedback = None if goals.feedback is None else goals.feedback.of(order)
+    motion = _interpolated(_hinges(trajectory)[:, order], goals.times * trajectory.fps)
+    return Plan(goals.angles[:, order], goals.rate, feedback, motion)
 
 
 def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> Plan:
@@ -66,8 +71,7 @@ def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) 
     Raises:
         ServoError: the joints are not those of the map.
     """
-    hinges = trajectory.qpos[:, -len(trajectory.joint_names) :]
-    return Plan(hinges[:, _order(trajectory, servo_map)], trajectory.fps).resampled(rate)
+    return Plan(_hinges(trajectory)[:, _order(trajectory, servo_map)], trajectory.fps).resampled(rate)
 
 
 def part_of(
@@ -111,6 +115,16 @@ def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
 def eased(u: Floats) -> Floats:
     """The minimum-jerk path s(u) = 10 u³ − 15 u⁴ + 6 u⁵ from 0 to 1 in as much time."""
     return 10 * u**3 - 15 * u**4 + 6 * u**5
+
+
+def _hinges(trajectory: Trajectory) -> Floats:
+    """Return the hinge angles (T, n) of a trajectory [rad]."""
+    return trajectory.qpos[:, -len(trajectory.joint_names) :]
+
+
+def _interpolated(angles: Floats, rows: Floats) -> Floats:
+    """Return the angles at fractional rows, linear between rows and constant beyond the ends."""
+    return np.stack([np.interp(rows, np.arange(len(angles)), column) for column in angles.T], axis=1)
 
 
 def _order(trajectory: Trajectory, servo_map: ServoMap) -> list[int]:

@@ -4,18 +4,17 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, Finding, check
 from robot_retarget.servo.clock import on_time, wait_until, wide_awake
-from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.feedback import Balancer, require_sound
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.hold import leave_holding, let_go, take_hold
@@ -36,16 +35,6 @@ MADE_UP = 0.025
 
 class _InterruptError(Exception):
     """Somebody asked to stop."""
-
-
-class Step(NamedTuple):
-    """Target of a tick."""
-
-    wish: Floats
-    """(n,) [rad]."""
-    phase: str
-    coming: Floats
-    """(n,) expected target of the next tick [rad]."""
 
 
 class Player:
@@ -155,15 +144,15 @@ class Player:
 
     def _follow(self, cycle: Cycle, plan: Plan, phase: str, balancer: Balancer | None = None) -> None:
         """Ticks on an even clock until the plan is over."""
-        wishes, last = list(plan.angles), len(plan.angles) - 1
+        targets, last = list(plan.angles), len(plan.angles) - 1
 
         def step(k: int) -> Step:
-            wish = wishes[k]
+            target = targets[k]
             if balancer is not None and phase == "play":
-                wish = balancer.goal(k, wish)
+                target = balancer.goal(k, target)
             elif balancer is not None:
                 balancer.listen()
-            return Step(wish, phase, wishes[min(k + 1, last)])
+            return Step(target, phase, targets[min(k + 1, last)], None if plan.motion is None else plan.motion[k])
 
         self.tick_on(cycle, step, last)
 
@@ -182,7 +171,7 @@ class Player:
             last, made = now, step(k)
             if made is None:
                 break
-            cycle.tick(made.wish, period, made.phase, due, made.coming)
+            cycle.tick(made, period, due)
             if self.interrupts.count:
                 raise _InterruptError
             late = 0.0 if self.options.lockstep else time.monotonic() - due
@@ -227,7 +216,7 @@ class Player:
         until = due + self.options.grace
         while time.monotonic() < until and self.interrupts.count == asked and not self.interrupts.terminated:
             wait_until(due)
-            self.cycle.tick(goal, period, "hold", due, goal)
+            self.cycle.tick(Step(goal, "hold", goal), period, due)
             due += period
         self.cycle.finish()
 

@@ -10,14 +10,15 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.files import replacing
 
-COLUMNS = ("goal", "plan", "present", "velocity", "current", "age", "error")
+COLUMNS = ("goal", "plan", "motion", "present", "velocity", "current", "age", "error")
 PHASES = ("approach", "play", "end", "hold")
 
 
 class Record:
     """A growing log, or one of the latest `most` ticks; saved as `play.npz` even when playing ends badly.
 
-    Arrays: `time` (N,) [s]; `goal`, `plan`, `present` (N, n) [rad]; `velocity` [rad/s]; `current` [A]; `age` (N, n) of
+    Arrays: `time` (N,) [s]; `goal` (sent), `plan` (before caps and guards), `motion` (what the
+    joints should do), `present` (N, n) [rad]; `velocity` [rad/s]; `current` [A]; `age` (N, n) of
     the readings [s]; `error` (N, n) status byte; `phase` (N,) index into `phases`; `busy` (N,) time on the bus and `late`
     (N,) behind schedule [s]; `voltage` [V] and `temperature` [°C] (N, n), the last known; `events` texts.
     """
@@ -55,11 +56,11 @@ class Record:
             )
 
     def summary(self) -> dict[str, Any]:
-        """How closely the plan was followed, and how evenly the ticks came."""
+        """How closely the joints followed the motion, and how even the ticks were."""
         playing = self.column("phase") == PHASES.index("play")
         if not playing.any():
             return {"ticks": len(self), "played_ticks": 0}
-        error = (self.column("present") - self.column("plan"))[playing]
+        error = (self.column("present") - self.column("motion"))[playing]
         rms = np.sqrt((error**2).mean(axis=0))
         late = self.column("late")[playing]
         periods = np.diff(self.column("time")[playing])

@@ -16,7 +16,7 @@ from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.cycle import Cycle
+from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
@@ -82,7 +82,7 @@ def test_limits_that_went_wrong_after_all_send_nothing_wrong(
     cycle = Cycle(link, guard, judge, record, 0.0)
     try:
         for wish in wishes:
-            cycle.tick(wish, dt, "play", 0.0, wish)
+            cycle.tick(Step(wish, "play", wish), dt, 0.0)
     except FaultError:
         leave_holding(link, guard.goal)
     require_harmless(emulator)

@@ -147,8 +147,8 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
                 wishes.give(pose(now), now)
             step = follower.step(now)
             assert step is not None
-            goal = guard.aim(step.wish, 1 / RATE)
-            guard.keep(goal, step.wish, goal, 1 / RATE)
+            goal = guard.aim(step.target, 1 / RATE)
+            guard.keep(goal, step.target, goal, 1 / RATE)
             goals.append(goal)
             phases.append(step.phase)
 
@@ -188,7 +188,7 @@ def test_the_log_of_hours_holds_the_end(tmp_path: Path) -> None:
     for k in range(100):
         row = np.full(1, float(k))
         record.add(
-            time=k, phase=1, busy=0.0, late=0.0, goal=row, plan=row, present=row, velocity=row, current=row, age=row,
+            time=k, phase=1, busy=0.0, late=0.0, goal=row, plan=row, motion=row, present=row, velocity=row, current=row, age=row,
             error=row, voltage=row, temperature=row,
         )  # fmt: skip
     assert record.column("goal")[:, 0].tolist() == list(range(90, 100))
