@@ -11,6 +11,10 @@ from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.robot.kinematics import Points, carrying
 from robot_retarget.robot.model import Robot
 
+SURE, LIKELY, GUESSED, UNSURE = 0.95, 0.75, 0.5, 0.3
+"""Confidence in a keypoint: where axes meet, a name agrees or a surface ends; by geometry alone; on a robot without that
+part; on a finger or gripper [-]."""
+
 
 @dataclass(frozen=True)
 class KeypointSite:

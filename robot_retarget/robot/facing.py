@@ -11,20 +11,15 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError
+from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.limbs import LEFT_WORDS, RIGHT_WORDS, Chain, Pair, arm_centres, leg_centres, sole_cloud, words
 from robot_retarget.robot.links import Axis, Links
 
-FEET = 0.05
-"""Soles vote if they reach further ahead of the ankle than behind it by this share of their length."""
-TOES = 0.05
-"""Toe joints vote if they are ahead of the ankle by this share of the leg."""
-BEND = 0.15
-"""Knees and elbows vote if they bend further one way than the other by this angle, averaged over their range [rad]."""
-BENT = 0.05
-"""A keyframe votes if it bends the knees by this angle [rad]."""
-ACROSS = 0.5
-"""A direction counts as forward or backward if its cosine with them is larger: an elbow's motion of the hand, or a
-user's line."""
+AHEAD = 0.05
+"""Soles and toe joints vote if they are ahead of the ankle by this share of the sole or of the leg [-]."""
+BEND = 0.1
+"""Knees and elbows vote if they bend by this angle in a keyframe, or further one way than the other in the middle of
+their range [rad]."""
 SURE = 2
 """A majority of this number of votes is sure."""
 
@@ -79,7 +74,7 @@ def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, give
 
 def _sign_of(given: Floats, across: Floats) -> int:
     cosine = float(given @ across) / float(np.linalg.norm(given))
-    if abs(cosine) < ACROSS:
+    if abs(cosine) < ALIGNED:
         raise MatchError(
             f"forward = {given.tolist()} is not across the robot's legs or arms: it looks along ±{across.round(2).tolist()}"
         )
@@ -93,7 +88,7 @@ def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, acro
             Vote("feet", _feet(links, flat, legs, across)),
             Vote("toes", _toes(links, legs, across)),
             Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BEND), 2),
-            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BENT)),
+            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BEND)),
         ]
     if arms:
         votes.append(Vote("elbows", _elbows(links, arms, across)))
@@ -161,7 +156,7 @@ def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
         foot = np.concatenate([flat.surface(link) for link in links.links_of(ankle.link)])
         along = (sole_cloud(foot) - flat.place(ankle.link, links.local(ankle.link, ankle.point))) @ across
         ahead, length = ahead + along.max() + along.min(), length + np.ptp(along)
-    return _beyond(ahead / max(length, 1e-9), FEET)
+    return _beyond(ahead / max(length, 1e-9), AHEAD)
 
 
 def _toes(links: Links, legs: Pair, across: Floats) -> int:
@@ -170,9 +165,9 @@ def _toes(links: Links, legs: Pair, across: Floats) -> int:
     for chain in legs.chains:
         ankle = leg_centres(links, chain, legs.lateral).get("ankle")
         beyond = links.links_of(ankle.link)[1:] if ankle else []
-        hinges = [a for a in links.axes_along(beyond) if abs(a.direction @ legs.lateral) > 0.8]
+        hinges = [a for a in links.axes_along(beyond) if abs(a.direction @ legs.lateral) > ALIGNED]
         ahead += sum(float((a.nearest(ankle.point) - ankle.point) @ across) / chain.reach for a in hinges[:1] if ankle)
-    return _beyond(ahead / 2, TOES)
+    return _beyond(ahead / 2, AHEAD)
 
 
 def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
@@ -180,7 +175,7 @@ def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
     folded = 0.0
     for chain in legs.chains:
         knee = leg_centres(links, chain, legs.lateral).get("knee")
-        hinges = [a for a in chain.axes if knee and abs(a.direction @ legs.lateral) > 0.8 and a.link == knee.link]
+        hinges = [a for a in chain.axes if knee and abs(a.direction @ legs.lateral) > ALIGNED and a.link == knee.link]
         for axis in hinges[:1]:
             folded -= _angle(links, axis, angles) * float(np.cross(axis.direction, [0.0, 0.0, -1.0]) @ across)
     return folded / 2
@@ -198,7 +193,7 @@ def _elbows(links: Links, arms: Pair, across: Floats) -> int:
         for axis in hinges[-1:]:
             moved = np.cross(axis.direction, forearm)
             cosine = float(moved @ across) / max(float(np.linalg.norm(moved)), 1e-9)
-            forward += _angle(links, axis, _middle_of_range(links)) * cosine * (abs(cosine) > ACROSS)
+            forward += _angle(links, axis, _middle_of_range(links)) * cosine * (abs(cosine) > ALIGNED)
     return _beyond(forward / 2, BEND)
 
 

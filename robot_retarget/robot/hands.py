@@ -11,8 +11,6 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.robot.axes import BENT, levelled
 from robot_retarget.robot.links import Links
 
-ANY_WAY = 3
-"""Hinges beyond the elbow that turn a hand any way; with fewer the arm would have to bend for it."""
 LEVEL = 0.2
 """A hand's frame this near to the axes of its link is taken to lie along them [rad]."""
 
@@ -33,7 +31,7 @@ def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, 
 
 
 def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | None:
-    """(3, 3) the hand's frame in its body, where the robot's wrist turns it any way.
+    """(3, 3) the hand's frame in its body, where three hinges beyond the elbow turn it any way.
 
     Args:
         bent: the robot, elbows in the middle of their range, all else in the reference pose.
@@ -43,6 +41,6 @@ def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | Non
     elbow, hand = (int(bent.weld[body]) for body in bodies)
     beyond = [link for link in bent.path(hand) if link not in bent.path(elbow)]
     frame, bend = hand_frames(*arm)
-    if len(bent.axes_along(beyond)) < ANY_WAY or bend < BENT:
+    if len(bent.axes_along(beyond)) < 3 or bend < BENT:
         return None
     return levelled(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)

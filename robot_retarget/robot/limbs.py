@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE
+from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.links import Axis, Links, meeting_point
 
 LEFT_WORDS = {"l", "left", "ll", "fl"}
@@ -17,8 +19,6 @@ GRASP_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little", 
 """Names of fingers and grippers, which are neither legs nor heads."""
 ARM_WORDS = ELBOW_WORDS | GRASP_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
 _LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
-TWIST = 0.7
-"""An axis whose direction has at least this cosine with the limb turns the limb about itself."""
 MEETING = 0.25
 """Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
 CANTED = 0.5
@@ -27,8 +27,8 @@ UNDER = 0.3
 """A knee is under a hip, and under the axes that meet there, by this share of the thigh."""
 MIRROR = 0.1
 """Mirrored hinge lines and ends may miss each other by this share of the limb."""
-TWIN = 0.01
-"""Of two limbs with several ends, as hands have fingers, those that miss each other by more than the best and this are not paired."""
+SOLE = 0.01
+"""Points of a foot within this height above its lowest one belong to the sole [m]."""
 HAND_SHARE = 0.8
 """Without a wrist joint the wrist is put at this share of the way from the elbow to the end of the arm."""
 
@@ -99,7 +99,7 @@ def mirrored_pairs(links: Links) -> list[Pair]:
         pair = _mirrored(links, path_a[shared - 1], (path_a[shared:], path_b[shared:]))
         if pair is not None and not any(words(links.words(limb)) & GRASP_WORDS for limb in pair.limbs):
             pairs.append(pair)
-    return [p for p in pairs if p.miss <= min(other.miss for other in pairs if other.limbs == p.limbs) + TWIN]
+    return pairs
 
 
 def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> Pair | None:
@@ -163,11 +163,11 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
         return {}
     hip_axis, knee_axis = flexions[:2]
     named = [a for a in chain.axes if said(links, a, KNEE_WORDS)]
-    evidence, confidence = "second flexion axis of the leg", 0.85
+    evidence, confidence = "second flexion axis of the leg", LIKELY
     if named:
-        evidence, confidence = (f"{evidence}, and by name", 0.99) if knee_axis in named else ("by name", 0.7)
+        evidence, confidence = (f"{evidence}, and by name", SURE) if knee_axis in named else ("by name", LIKELY)
         knee_axis = knee_axis if knee_axis in named else named[0]
-    later = [a for a in flexions if a.anchor[2] < knee_axis.anchor[2] - 0.05 * chain.reach]
+    later = [a for a in flexions if chain.axes.index(a) > chain.axes.index(knee_axis)]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = knee_axis.nearest(ankle.point)
     beside = hip_axis.beside(knee, lateral)
@@ -181,7 +181,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
 def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
     """The axes that flex a leg: those parallel to the hip line, after the axis of a hip whose flexion axis is canted."""
     along = [abs(float(a.direction @ lateral)) for a in chain.axes]
-    parallel = [a for a, cosine in zip(chain.axes, along, strict=True) if cosine > 0.8]
+    parallel = [a for a, cosine in zip(chain.axes, along, strict=True) if cosine > ALIGNED]
     if not parallel:
         return []
     before = chain.axes.index(parallel[0])
@@ -200,19 +200,18 @@ def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre
     """Where the ankle's axes meet, or the point of its one axis above the middle of the foot."""
     if pitch is None:
         low = links.surface(knee.link)
-        end = low[low[:, 2] < low[:, 2].min() + 0.01].mean(0)
-        return Centre(end, knee.link, "end of the shin, no ankle joint", 0.5)
+        return Centre(sole_cloud(low).mean(0), knee.link, "end of the shin, no ankle joint", GUESSED)
     shin = float(np.linalg.norm(pitch.anchor - knee.anchor))
-    crossing = [a for a in chain.axes[chain.axes.index(pitch) + 1 :] if abs(a.direction @ pitch.direction) < TWIST]
-    after = [pitch, *(a for a in crossing if a.distance(pitch.anchor) < 0.35 * shin)]
+    crossing = [a for a in chain.axes[chain.axes.index(pitch) + 1 :] if abs(a.direction @ pitch.direction) < ALIGNED]
+    after = [pitch, *(a for a in crossing if a.distance(pitch.anchor) < MEETING * shin)]
     before = [
         a for a in _before(chain, pitch) if a.distance(pitch.anchor) < MEETING * shin and not _twists(a, knee, pitch)
     ]
     near = [a for a in [*before, *after] if a.link in links.path(after[-1].link)]
     foot = near[-1].link
     sole = links.surface(foot)
-    point = meeting_point([a for a in near if a is pitch or abs(a.direction @ pitch.direction) < TWIST], sole.mean(0))
-    return Centre(point, foot, f"axes of {' and '.join(joint_names(links, near))} meet here", 0.95)
+    point = meeting_point([a for a in near if a is pitch or abs(a.direction @ pitch.direction) < ALIGNED], sole.mean(0))
+    return Centre(point, foot, f"axes of {' and '.join(joint_names(links, near))} meet here", SURE)
 
 
 def _before(chain: Chain, pitch: Axis) -> list[Axis]:
@@ -222,7 +221,7 @@ def _before(chain: Chain, pitch: Axis) -> list[Axis]:
 
 def _twists(axis: Axis, start: Axis, end: Axis) -> bool:
     limb = end.anchor - start.anchor
-    return bool(abs(axis.direction @ limb) > TWIST * np.linalg.norm(limb))
+    return bool(abs(axis.direction @ limb) > ALIGNED * np.linalg.norm(limb))
 
 
 def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats) -> Centre:
@@ -230,28 +229,27 @@ def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats)
     thigh = knee - point
     length = float(np.linalg.norm(thigh))
     upper = [
-        a for a in chain.axes if a.anchor[2] > knee[2] + UNDER * length and abs(a.direction @ thigh) < TWIST * length
+        a for a in chain.axes if a.anchor[2] > knee[2] + UNDER * length and abs(a.direction @ thigh) < ALIGNED * length
     ]
     meeting = [a for a in chain.axes if a is flexion or (a in upper and a.distance(point) < MEETING * length)]
     centre = meeting_point(meeting, point)
-    return Centre(centre, meeting[0].link, f"axes of {' and '.join(joint_names(links, meeting))} meet here", 0.95)
+    return Centre(centre, meeting[0].link, f"axes of {' and '.join(joint_names(links, meeting))} meet here", SURE)
 
 
 def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forward: Floats) -> Centre:
     """The joint of the toes, or the front edge of the sole of a foot's `surface` (P, 3); the robot stands."""
     hinged = [a for child in standing.children[foot] for a in standing.axes(child)]
     if hinged:
-        return Centre(hinged[0].nearest(ankle), foot, "toe joint", 0.95)
+        return Centre(hinged[0].nearest(ankle), foot, "toe joint", SURE)
     sole = sole_cloud(surface)
     low = ankle * [1, 1, 0] + [0, 0, (sole.min(0) + sole.max(0))[2] / 2]
     point = low + forward * (sole @ forward - low @ forward).max()
-    return Centre(point, foot, "front edge of the sole", 0.9)
+    return Centre(point, foot, "front edge of the sole", SURE)
 
 
 def sole_cloud(surface: Floats) -> Floats:
     """The points of a foot's surface (P, 3), seen or felt, that stand on the floor."""
-    height = float(np.ptp(surface[:, 2]))
-    return surface[surface[:, 2] < surface[:, 2].min() + max(0.01, 0.05 * height)]
+    return surface[surface[:, 2] < surface[:, 2].min() + SOLE]
 
 
 def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
@@ -283,10 +281,10 @@ def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
     named = [a for a in later if said(links, a, ELBOW_WORDS)]
     if named:
         best = max(named, key=crosswise)
-        return best, "by name, and it bends the arm", 0.97
+        return best, "by name, and it bends the arm", SURE
     apart = [a for a in later if a.distance(chain.start) > MEETING * chain.reach]  # others belong to the shoulder
-    bending = [a for a in apart if crosswise(a) > 1 - TWIST] or apart or later
-    return max(bending, key=middling), "the bending axis nearest to the middle of the arm", 0.7
+    bending = [a for a in apart if crosswise(a) > 1 - ALIGNED] or apart or later
+    return max(bending, key=middling), "the bending axis nearest to the middle of the arm", LIKELY
 
 
 def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
@@ -302,7 +300,7 @@ def _shoulder(links: Links, axes: list[Axis], elbow: Axis) -> Centre:
     if len(taken) > 2 and _twists(taken[-1], taken[0], elbow):
         taken = taken[:-1]
     point = taken[-1].nearest(meeting_point(taken, taken[0].anchor))  # so that the upper arm keeps its length
-    return Centre(point, taken[-1].link, f"axes of {' and '.join(joint_names(links, taken))} meet here", 0.95)
+    return Centre(point, taken[-1].link, f"axes of {' and '.join(joint_names(links, taken))} meet here", SURE)
 
 
 def _to_the_palm(links: Links, chain: Chain, elbow: int) -> Chain:
@@ -321,15 +319,15 @@ def _hand(links: Links, chain: Chain, bend: Axis, elbow: Floats) -> Centre:
     axes = chain.axes[chain.axes.index(bend) + 1 :]
     whole = float(np.linalg.norm(chain.end - elbow))
     limb = (chain.end - elbow) / max(whole, 1e-9)
-    wrists = [a for a in axes if abs(a.direction @ limb) < TWIST and (a.anchor - elbow) @ limb > 0.4 * whole]
+    wrists = [a for a in axes if abs(a.direction @ limb) < ALIGNED and (a.anchor - elbow) @ limb > whole / 2]
     if wrists:
         first = wrists[0].anchor
-        wrists = [a for a in wrists if np.linalg.norm(a.anchor - first) < 0.4 * whole][:2]
+        wrists = [a for a in wrists if np.linalg.norm(a.anchor - first) < MEETING * whole][:2]
         point = meeting_point(wrists, elbow + limb * ((first - elbow) @ limb))
-        return Centre(point, wrists[-1].link, f"wrist of {' and '.join(joint_names(links, wrists))}", 0.95)
+        return Centre(point, wrists[-1].link, f"wrist of {' and '.join(joint_names(links, wrists))}", SURE)
     last = chain.links[-1]
     along = (links.surface(last) - elbow) @ limb
-    return Centre(elbow + limb * HAND_SHARE * along.max(), last, "end of the forearm, no wrist joint", 0.8)
+    return Centre(elbow + limb * HAND_SHARE * along.max(), last, "end of the forearm, no wrist joint", LIKELY)
 
 
 def joint_names(links: Links, axes: list[Axis]) -> list[str]:

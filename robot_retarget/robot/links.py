@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.model import Robot
 
 _GEOM = mujoco.mjtGeom
@@ -19,8 +20,6 @@ _GRID = np.array(list(itertools.product(np.linspace(-1, 1, 5), repeat=3)))
 _SPHERE = _GRID[np.abs(_GRID).max(1) == 1]
 _SPHERE = _SPHERE / np.linalg.norm(_SPHERE, axis=1, keepdims=True)
 _DISC = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8), np.zeros(16)], 1)
-PARALLEL = 0.95
-"""Axes with a larger cosine between them are parallel: they define no anchor [-]."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ class Links:
         after, before = own[place + 1 :], [a for link in self.path(axis.link)[:-1] for a in self._lines(link)]
         groups = [[a] for a in after] + self._below(axis.link) + [[a] for a in reversed(before + own[:place])]
         for group in groups:
-            crossing = [a for a in group if abs(a.direction @ axis.direction) < PARALLEL]
+            crossing = [a for a in group if abs(a.direction @ axis.direction) < ALIGNED]
             if crossing:
                 return replace(axis, anchor=_nearest_on(axis, crossing))
         return replace(axis, anchor=axis.nearest(self.surface(axis.link).mean(0)))

@@ -7,14 +7,11 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.model import Robot
 
 NEAR = 0.03
-"""Hinges whose mirrored lines lie this near, over the robot's height, are counterparts: an anchor may be anywhere along."""
-ALONG = 0.95
-"""And whose mirrored axes have at least this cosine."""
-PLACE = 0.1
-"""Of several on one line it is the nearest: a distance along the line counts this share of one across."""
+"""Hinges whose mirrored lines lie this near, over the robot's height, and whose mirrored axes are aligned, are counterparts; of several the nearest."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ def mirror_of(robot: Robot, left: Floats) -> Mirror:
     gap, turn = (place @ plane)[:, None] - place, -(axis @ plane) @ axis.T
     along = np.abs((gap * axis).sum(axis=2)) / size
     across = np.linalg.norm(gap - (gap * axis).sum(axis=2, keepdims=True) * axis, axis=2) / size
-    fit = np.where((across < NEAR) & (np.abs(turn) > ALONG), across + PLACE * along, np.inf)
+    fit = np.where((across < NEAR) & (np.abs(turn) > ALIGNED), across + along, np.inf)
     best, rows = fit.argmin(axis=1), np.arange(len(fit))
     found = np.isfinite(fit[rows, best]) & (best[best] == rows)
     own = data.xmat[robot.root_body].reshape(3, 3).T @ left

@@ -12,7 +12,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import ARM
-from robot_retarget.robot.anatomy import Anatomy, KeypointSite
+from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE, UNSURE, Anatomy, KeypointSite
 from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
@@ -37,12 +37,12 @@ HEAD_OVER = 0.3
 """A trunk of one piece ends in a head if it exceeds the shoulders by this share of their height over the pelvis."""
 NECK = 0.3
 """Default position of a neck without usable hinges, as a share of the way from the shoulders to the head."""
+CHEST = 0.15
+"""Place of the chest, as a share of the way from the shoulders to the pelvis [-]."""
+LEVEL = 0.1
+"""Limbs whose starts or ends differ in height by less than this share of their reach are level with each other [-]."""
 KEPT = 4
 """Number of cached anatomies: recognition takes half a second and several stages need it."""
-APART = 1.0
-"""Arms on the world that start farther apart than this share of their reach belong to no trunk."""
-UNSURE = 0.3
-"""Largest confidence in a keypoint, other than a hand, on a finger or gripper."""
 LEGS_BELOW = 0.35
 """Legs start below this share of the trunk's height, head included, arms above it."""
 
@@ -93,7 +93,7 @@ def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
         return None
     lowest = min(p.lowest for p in candidates)
     reach = max(c.reach for p in candidates for c in p.chains)
-    return max((p for p in candidates if p.lowest < lowest + 0.1 * reach), key=lambda p: p.chains[0].reach)
+    return max((p for p in candidates if p.lowest < lowest + LEVEL * reach), key=lambda p: p.chains[0].reach)
 
 
 def _hang(pair: Pair, trunk: Floats) -> int:
@@ -107,8 +107,7 @@ def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
     taken = legs.links if legs else set[int]()
     free = [p for p in pairs if p.called(links) >= 0 and not taken & p.links]
     if legs:
-        leg = max(c.reach for c in legs.chains)
-        free = [p for p in free if p.height > legs.height + 0.2 * leg and p.chains[0].reach > 0.25 * leg]
+        free = [p for p in free if p.height > legs.height]
     return max(free, key=lambda p: (round(p.chains[0].reach, 3), len(p.chains[0].axes)), default=None)
 
 
@@ -120,7 +119,9 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
     reach = max(c.reach for c in lowest.chains)
     others = [p for p in pairs if p is not lowest and not p.links & lowest.links]
     walking = [
-        p for p in others if abs(p.lowest - lowest.lowest) < 0.1 * reach and abs(p.height - lowest.height) < 0.2 * reach
+        p
+        for p in others
+        if abs(p.lowest - lowest.lowest) < LEVEL * reach and abs(p.height - lowest.height) < LEVEL * reach
     ]
     if walking and (arms is None or arms in (lowest, *walking)):
         names = [links.model.body(p.chains[0].links[-1]).name for p in (lowest, walking[0])]
@@ -132,7 +133,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
 def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
     """Refuse two arms on the world that are too far apart for a trunk between them."""
     apart = float(np.linalg.norm(arms.chains[0].start - arms.chains[1].start))
-    if arms.carrier == 0 and apart > APART * max(chain.reach for chain in arms.chains):
+    if arms.carrier == 0 and apart > max(chain.reach for chain in arms.chains):
         raise MatchError(
             f"{robot.name} is no humanoid: two arms are bolted to the world {apart:.2f} m apart, with no trunk between them"
         )
@@ -208,17 +209,17 @@ def _trunk(
     trunk = links.surface(upper)
     if "l_hip" in limbs and "r_hip" in limbs:
         pelvis = (_world(links, limbs["l_hip"]) + _world(links, limbs["r_hip"])) / 2
-        sites = {"pelvis": _site(links, lower, pelvis, 0.95, "middle of the hips")}
+        sites = {"pelvis": _site(links, lower, pelvis, SURE, "middle of the hips")}
     else:
         pelvis = np.array([*((trunk.min(0) + trunk.max(0)) / 2)[:2], trunk[:, 2].min()])
-        sites = {"pelvis": _site(links, lower, pelvis, 0.5, "bottom of the trunk, no legs")}
+        sites = {"pelvis": _site(links, lower, pelvis, GUESSED, "bottom of the trunk, no legs")}
     if "l_shoulder" in limbs and "r_shoulder" in limbs:
         shoulders = (_world(links, limbs["l_shoulder"]) + _world(links, limbs["r_shoulder"])) / 2
-        chest = shoulders + 0.15 * (pelvis - shoulders)
-        sites["chest"] = _site(links, upper, chest, 0.9, "a little under the middle of the shoulders")
+        chest = shoulders + CHEST * (pelvis - shoulders)
+        sites["chest"] = _site(links, upper, chest, SURE, "a little under the middle of the shoulders")
     else:
         shoulders = np.array([*pelvis[:2], trunk[:, 2].max()])
-        sites["chest"] = _site(links, upper, shoulders, 0.5, "top of the trunk, no arms")
+        sites["chest"] = _site(links, upper, shoulders, GUESSED, "top of the trunk, no arms")
     return sites | _head(links, upper, used, shoulders, pelvis, bool(arms))
 
 
@@ -254,7 +255,7 @@ def _head(
     neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
     return {
-        "neck": _site(links, where if where in links.ids else trunk, neck, 0.8, "base of the head"),
+        "neck": _site(links, where if where in links.ids else trunk, neck, LIKELY, "base of the head"),
         "head": _site(links, top.link, head, top.confidence, top.evidence),
     }
 
@@ -267,21 +268,21 @@ def _topmost(links: Links, trunk: int, free: list[int], shoulders: Floats) -> _T
     axes = links.axes_along([x for x in links.path(link) if x not in links.path(trunk)])
     between = shoulders + NECK * (box_middle(cloud) - shoulders)
     base = axes[-1].nearest(axes[0].anchor if len(axes) > 1 else between) if axes else between
-    return _Top(link, cloud, *(("by name", 0.95) if named else ("topmost link", 0.7)), base)
+    return _Top(link, cloud, *(("by name", SURE) if named else ("topmost link", LIKELY)), base)
 
 
 def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _Top | None:
     """Return the highest geom of the trunk above the shoulders, or the upper half of a single geom above them."""
     geoms = [int(g) for b in links.bodies(trunk) for g in np.flatnonzero(links.model.geom_bodyid == b)]
-    above = [p for p in map(links.geom_points, geoms) if box_middle(p)[2] > shoulders[2] + 0.1 * height]
+    above = [p for p in map(links.geom_points, geoms) if box_middle(p)[2] > shoulders[2]]
     if above:
-        return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", 0.7)
+        return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", LIKELY)
     surface = links.surface(trunk)
     top = float(surface[:, 2].max() - shoulders[2])
     if top < HEAD_OVER * height:
         return None
     upper = surface[surface[:, 2] > shoulders[2] + top / 2]
-    return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", 0.5)
+    return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", GUESSED)
 
 
 def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:

@@ -5,19 +5,18 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
+from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.limbs import sole_cloud
 from robot_retarget.robot.links import Links
 
 SOLE_DIRECTIONS = 8
-SOLE_TILTS = (0.5, 1.1, 1.5)
-"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]."""
+SOLE_TILTS = (0.05, 0.5, 1.1, 1.5)
+"""A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]; the first on the flat part only."""
 TREAD = 0.0005
 """Solid points within this height above the lowest one carry a flat foot [m]."""
 FLAT = 0.2
 """Least share of the hull's area of a face that is the sole [-]: 0.23 … 0.43 for soles of plates and meshes."""
-STEEP = 0.8
-"""Least cosine between the normal of that face and down [-]."""
 EVEN = 0.9986
 """Least cosine (3°) between the normals of facets of one face, and between a level sole and the floor [-]."""
 
@@ -48,7 +47,7 @@ def _flat_face(cloud: Floats) -> Floats | None:
         return None
     normals, corners = hull.equations[:, :3], cloud[hull.simplices]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    down = np.flatnonzero(-normals[:, 2] > STEEP)
+    down = np.flatnonzero(-normals[:, 2] > ALIGNED)
     alike = normals[down] @ normals.T > EVEN
     if not down.size or (alike @ areas).max() < FLAT * areas.sum():
         return None
@@ -58,13 +57,11 @@ def _flat_face(cloud: Floats) -> Floats | None:
 
 def sole(standing: Links, foot: int, surface: Floats) -> Points:
     """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
-    cloud = surface[surface[:, 2] < surface[:, 2].min() + max(0.02, 0.3 * float(np.ptp(surface[:, 2])))]
     azimuth = _all_around()
-    ways = [[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for t in SOLE_TILTS for a in azimuth]
-    flat = sole_cloud(surface)
-    rim = [[np.cos(a), np.sin(a), -0.05] for a in azimuth]
+    ways = [[[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for a in azimuth] for t in SOLE_TILTS]
+    flat, rim, below = sole_cloud(surface), ways[0], np.concatenate(ways[1:])
     corners = np.vstack(
-        [cloud[np.unique((cloud @ np.transpose(ways)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]
+        [surface[np.unique((surface @ np.transpose(below)).argmax(0))], flat[(flat @ np.transpose(rim)).argmax(0)]]
     )
     return _on_foot(standing, foot, corners)
 
