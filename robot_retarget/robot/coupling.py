@@ -19,6 +19,8 @@ STRIDE = 0.2
 """Longest step of a joint towards a closed chain [rad or m]."""
 SLACK = 1e-6
 """What moves the constraints by a smaller share than the most does, only along the chain, is not moved to close it."""
+CARRIER = 0.01
+"""Share by which a joint that carries others moves to close a chain, against one at the end of its branch [-]."""
 PLAY = 0.1
 """A tendon of joints whose length may change by less is a gear, held in the middle of its play [rad]."""
 
@@ -80,13 +82,11 @@ def _gears(model: mujoco.MjModel) -> tuple[Floats, Floats]:
 
 
 def _mobility(robot: Robot) -> Floats:
-    """(nv,) 1 for joints at the end of their branch (gears, rods), little for the others, least for the root."""
+    """(nv,) 1 for joints at the end of their branch (gears, rods), `CARRIER` for the others, 0 for the root."""
     model = robot.model
-    mobility = np.full(model.nv, 1e-2)
+    mobility = np.full(model.nv, CARRIER)
     for joint in robot.joint_ids:
         if not (model.body_parentid == model.jnt_bodyid[joint]).any():
             mobility[model.jnt_dofadr[joint]] = 1.0
-    for joint in robot.root_joints:
-        first = model.jnt_dofadr[joint]
-        mobility[first : first + (6 if robot.floating else 1)] = 1e-4
+    mobility[np.isin(model.dof_jntid, robot.root_joints)] = 0.0
     return mobility

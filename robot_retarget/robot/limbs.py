@@ -25,8 +25,8 @@ CANTED = 0.5
 """A hip flexion axis has at least this cosine with the hip line; robots cant it by up to 45°."""
 UNDER = 0.3
 """A knee is under a hip, and under the axes that meet there, by this share of the thigh."""
-MIRROR = 0.1
-"""Mirrored hinge lines and ends may miss each other by this share of the limb."""
+SAME = 0.1
+"""Places nearer than this share of a limb are the same: mirrored hinge lines and ends, heights at which limbs start or end [-]."""
 SOLE = 0.01
 """Points of a foot within this height above its lowest one belong to the sole [m]."""
 HAND_SHARE = 0.8
@@ -117,7 +117,7 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
     for ends in (middles, middles - ((middles - origins) @ lateral)[:, None] * lateral):
         one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
         miss = _miss(one, other)
-        if miss < MIRROR:
+        if miss < SAME:
             return Pair(carrier, (one, other), miss)
     return None
 

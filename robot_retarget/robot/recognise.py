@@ -17,6 +17,7 @@ from robot_retarget.robot.facing import Facing, facing
 from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
     GRASP_WORDS,
+    SAME,
     Pair,
     arm_centres,
     box_middle,
@@ -39,12 +40,8 @@ NECK = 0.3
 """Default position of a neck without usable hinges, as a share of the way from the shoulders to the head."""
 CHEST = 0.15
 """Place of the chest, as a share of the way from the shoulders to the pelvis [-]."""
-LEVEL = 0.1
-"""Limbs whose starts or ends differ in height by less than this share of their reach are level with each other [-]."""
 KEPT = 4
 """Number of cached anatomies: recognition takes half a second and several stages need it."""
-LEGS_BELOW = 0.35
-"""Legs start below this share of the trunk's height, head included, arms above it."""
 
 
 def recognise(robot: Robot, forward: Floats | None = None) -> Anatomy:
@@ -93,12 +90,12 @@ def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
         return None
     lowest = min(p.lowest for p in candidates)
     reach = max(c.reach for p in candidates for c in p.chains)
-    return max((p for p in candidates if p.lowest < lowest + LEVEL * reach), key=lambda p: p.chains[0].reach)
+    return max((p for p in candidates if p.lowest < lowest + SAME * reach), key=lambda p: p.chains[0].reach)
 
 
 def _hang(pair: Pair, trunk: Floats) -> int:
-    """Return −1 for legs, which start low on the trunk, heights (P,) [m], or end far below it; +1 for arms."""
-    low = pair.height < trunk.min() + LEGS_BELOW * np.ptp(trunk)
+    """Return −1 for legs, which start on the lower half of the trunk, heights (P,) [m], or end far below it; +1 for arms."""
+    low = pair.height < trunk.min() + np.ptp(trunk) / 2
     return -1 if low or pair.lowest < trunk.min() - pair.chains[0].reach / 2 else 1
 
 
@@ -121,7 +118,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
     walking = [
         p
         for p in others
-        if abs(p.lowest - lowest.lowest) < LEVEL * reach and abs(p.height - lowest.height) < LEVEL * reach
+        if abs(p.lowest - lowest.lowest) < SAME * reach and abs(p.height - lowest.height) < SAME * reach
     ]
     if walking and (arms is None or arms in (lowest, *walking)):
         names = [links.model.body(p.chains[0].links[-1]).name for p in (lowest, walking[0])]
@@ -251,7 +248,6 @@ def _head(
     if top is None or not (free or arms):
         return {}
     head = box_middle(top.cloud)
-    head = head + np.array([*((pelvis + shoulders) / 2 - head)[:2], 0.0]) * _off_middle(head, shoulders, height)
     neck = top.base if top.base is not None else shoulders + NECK * (head - shoulders)
     where = trunk if top.base is None else links.parent(top.link) if links.axes(top.link) else top.link
     return {
@@ -283,11 +279,6 @@ def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _T
         return None
     upper = surface[surface[:, 2] > shoulders[2] + top / 2]
     return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", GUESSED)
-
-
-def _off_middle(head: Floats, shoulders: Floats, height: float) -> float:
-    """Return 1 if the shape is far off the trunk's axis (an arm's cover instead of a head), else 0."""
-    return float(np.linalg.norm((head - shoulders)[:2]) > 0.5 * height)
 
 
 def _frames(

@@ -17,12 +17,11 @@ from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
 from robot_retarget.robot.model import Robot
 
-OVERLAP = 1e-6
-"""Links whose overlap at rest is deeper than this are left out [m]; it is far above rounding."""
 STILL = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move."""
-TIE = 1e-7
-"""Distances that differ by less are equal [m]."""
+TIE = 1e-6
+"""Distances that differ by less are equal [m]: far above the engine's rounding. Links that overlap deeper at rest are left
+out."""
 _YZX = [1, 2, 0]
 
 
@@ -190,7 +189,7 @@ class Separation:
     def _learn(self, rest: Floats) -> None:
         """Leave out pairs that overlap at rest; remember how near the others are."""
         for gap, (a, b) in zip(*self.found(rest)[:2], strict=True):
-            self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -OVERLAP
+            self.counts[a, b] = self.counts[b, a] = self.counts[a, b] and gap > -TIE
             self.rest[a, b] = self.rest[b, a] = min(self.rest[a, b], gap)
 
 
