@@ -9,7 +9,7 @@ way = np.linspace((0.0, 0.0), (1.2, 0.0), 20)
 x = np.concatenate([way[:, None] + columns, np.full((20, 1, 2), (0.74, 0.505))], axis=1)  # (T, 6 robots, 1 rock; 2) [m]
 team = dgp.Team(np.arange(6), np.array([6]), dgp.Sensing(near=0.22, far=0.34, clear=0.08, blocked=0.03), least=0.005)
 
-graph = dgp.Graph.of(x, postures=False, fixed=["6"])
+graph = dgp.PointGraph.of(x, postures=False, fixed=["6"])
 apart = dgp.pair_edges(graph, [(robot, "6") for robot in "012345"], 0.15)
 rigid = dgp.solve_formation(graph.joined(apart), x, team)
 

@@ -17,9 +17,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robot_retarget.describe.graph import Graph as Graph
     from robot_retarget.describe.graph import describe as describe
     from robot_retarget.dgp import interaction_distance as interaction_distance
+    from robot_retarget.dgp.graph import Graph as Graph
     from robot_retarget.errors import RobotRetargetError as RobotRetargetError
     from robot_retarget.formats import export as export
     from robot_retarget.formats import load_trajectory as load_trajectory
@@ -48,7 +48,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "describe": "describe.graph",
-    "Graph": "describe.graph",
+    "Graph": "dgp.graph",
     "interaction_distance": "dgp",
     "RobotRetargetError": "errors",
     "export": "formats",

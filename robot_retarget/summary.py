@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import Motion, leg_length, stature
@@ -142,7 +142,7 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
     }
 
 
-def describe_graph(graph: Graph) -> dict[str, Any]:
+def describe_graph(graph: RobotGraph) -> dict[str, Any]:
     """The kinds of a graph: how many edges, how many a frame on the mean, intervals, priorities."""
     return {
         "robot": graph.robot.name,
@@ -172,7 +172,7 @@ def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
             {
                 "edge": edge.name,
                 "frame": edge.frame,
-                "wished": round(edge.wished, 4),
+                "wished": round(edge.target, 4),
                 "measured": round(edge.measured, 4),
                 "error": round(edge.error, 4),
                 "priority": round(edge.priority, 3),

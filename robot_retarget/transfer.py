@@ -11,9 +11,10 @@ from robot_retarget.balance.balance import balance_of, in_balance
 from robot_retarget.balance.planter import PlantOptions
 from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.likeness import Likeness, likeness_of
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.status import Status
 from robot_retarget.errors import MatchError
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
@@ -22,7 +23,7 @@ from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
 from robot_retarget.solve.options import Options, Search, Smoothing
 from robot_retarget.solve.plausibility import mismatch
-from robot_retarget.solve.solution import Solution, Status
+from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 
@@ -31,7 +32,7 @@ from robot_retarget.trajectory import Trajectory
 class Result:
     """What a retargeting yields."""
 
-    graph: Graph
+    graph: RobotGraph
     """What was solved; where it was balanced, at the frames of the playback."""
     solution: Solution
     balance: Balanced | None = None
@@ -115,7 +116,7 @@ def _unfinished(status: Sequence[Status]) -> float:
 
 
 def solve(
-    graph: Graph,
+    graph: RobotGraph,
     *,
     options: Options | None = None,
     search: Search | None = None,

@@ -21,7 +21,7 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import MOST_FPS, Graph, describe
+from robot_retarget.describe.graph import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
@@ -66,20 +66,20 @@ PARTS: Places = {
 """What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""
 
 
-def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> Graph:
+def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> RobotGraph:
     """Match and describe by edges; not part of any figure."""
     return describe(motion, robot, fps=fps or min(motion.fps, MOST_FPS))
 
 
 @cache
-def compiled(graph: Graph) -> Problem:
+def compiled(graph: RobotGraph) -> Problem:
     """The graph's functions, once their machine code is there; not part of any figure."""
     problem = build_problem(graph.robot, graph.match, graph.tracks, native=True)
     problem.wait()
     return problem
 
 
-def name_of(graph: Graph) -> str:
+def name_of(graph: RobotGraph) -> str:
     """Robot, clip and frames."""
     return f"{graph.robot.name}, {Path(graph.motion.source).stem} ({len(graph)} frames)"
 
@@ -125,7 +125,7 @@ class Stopwatch:
         return CLOCK() - self.began
 
 
-def ours(graph: Graph, smoothing: Smoothing) -> Run:
+def ours(graph: RobotGraph, smoothing: Smoothing) -> Run:
     """Our solver, its starts, coarse path and final check included; assembling the functions is not."""
     problem, coarse = compiled(graph), [0.0]
     watch = Stopwatch()
@@ -142,7 +142,7 @@ def ours(graph: Graph, smoothing: Smoothing) -> Run:
     return Run(solution.trajectory.qpos, taken, watch.first, float(solution.iterations.mean()), coarse[0] / taken)
 
 
-def inverse_kinematics(graph: Graph) -> Run:
+def inverse_kinematics(graph: RobotGraph) -> Run:
     """The same by mink, one frame after the other: the human posture rebuilt with the robot's bones is tracked point
     by point, segments in their orientation, within joint ranges; no floor, footholds or separation.
     """
@@ -174,7 +174,7 @@ def inverse_kinematics(graph: Graph) -> Run:
     return Run(np.array(qpos), watch.now(), watch.first, steps / len(graph))
 
 
-def rebuilt(graph: Graph) -> Floats:
+def rebuilt(graph: RobotGraph) -> Floats:
     """(T, K, 3) the human posture with the robot's bones, one after the other from the pelvis's path [m]."""
     human, matched = graph.match.human_positions(graph.motion), graph.match
     points = np.empty_like(human)
@@ -185,7 +185,7 @@ def rebuilt(graph: Graph) -> Floats:
     return points
 
 
-def _with_sites(graph: Graph) -> mujoco.MjModel:
+def _with_sites(graph: RobotGraph) -> mujoco.MjModel:
     """The robot's model with a site at every keypoint, and one turned as every segment."""
     anatomy, spec = graph.match.anatomy, mujoco.MjSpec.from_file(str(graph.robot.path))
     body_names = [graph.robot.model.body(b).name for b in range(graph.robot.model.nbody)]
@@ -237,7 +237,7 @@ def clocked(parts: Places = PARTS) -> Iterator[dict[str, Spent]]:
         yield spent
 
 
-def speeds(graph: Graph, repeats: int, peer: bool) -> list[str]:
+def speeds(graph: RobotGraph, repeats: int, peer: bool) -> list[str]:
     """Rows of the table of speeds, each with what came out."""
     runs: dict[str, Callable[[], Run]] = {mode: partial(ours, graph, smoothing) for mode, smoothing in MODES.items()}
     if peer:
@@ -263,7 +263,7 @@ def speeds(graph: Graph, repeats: int, peer: bool) -> list[str]:
     return rows
 
 
-def shares(graph: Graph) -> list[str]:
+def shares(graph: RobotGraph) -> list[str]:
     """Rows of the table of where the time goes, in both modes."""
     rows = []
     for mode, smoothing in MODES.items():

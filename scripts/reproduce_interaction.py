@@ -8,8 +8,8 @@ import paper_plots as draw
 
 import robot_retarget as rr
 from robot_retarget.dgp import (
+    INTERACTION,
     Interaction,
-    Kind,
     Newton,
     Objective,
     SkeletalStructure,
@@ -102,7 +102,7 @@ def online(out: Path) -> list[Row]:
     found = {}
     for horizon in (0, 5, 10, 20):
         base = replace(scene.traces(False), interaction=Interaction(horizon))
-        wishes = pair_edges(base, [("a", "b")], 0.1, kind=Kind.INTERACTION, priority=100.0)
+        wishes = pair_edges(base, [("a", "b")], 0.1, kind=INTERACTION, priority=100.0)
         graph = base.joined(wishes, smoothness_edges(scene.names, scene.animation))
         found[horizon] = solve_causally(graph, scene.animation, Newton(), Objective.HALF_SQUARED).positions
     for axis, horizon, title in ((axes[0, 0], 0, "Euclidean"), (axes[0, 1], 20, "interaction, horizon 20")):

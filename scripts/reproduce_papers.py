@@ -17,12 +17,11 @@ from reproduce_interaction import Row, anticipation, clap, online, two_constrain
 from robot_retarget.dgp import (
     Branching,
     Ipopt,
-    Kind,
     Newton,
     Objective,
+    PointSolution,
     Sensing,
     SkeletalStructure,
-    Solution,
     Team,
     adapt,
     bone_edges,
@@ -73,7 +72,7 @@ def drift(scene: Scene, x: np.ndarray) -> float:
     return float(np.linalg.norm(x[[0, -1]] - scene.animation[[0, -1]], axis=-1).max())
 
 
-def anchored(scene: Scene, threshold: float) -> tuple[Solution, Solution]:
+def anchored(scene: Scene, threshold: float) -> tuple[PointSolution, PointSolution]:
     """The papers' method with free ends, and hard thresholds with the first and last frame held."""
     base, candidates = scene.traces(False), scene.thresholds(threshold)
     free = solve_with_thresholds(base, candidates, scene.animation, papers)
@@ -157,7 +156,7 @@ def hands(out: Path) -> list[Row]:
     )
     _draw_hands(columns, out)
     least = {title: closest(source, 0.06, x) for title, x, _ in columns}
-    bones = np.abs(kept.errors[kept.graph.kind == Kind.BONE]).max()
+    bones = np.abs(kept.errors[kept.graph.edges.kind == "bone"]).max()
     got = (
         f"hand–head: original {least['original']:.4f}, angle transfer {least['angle transfer']:.4f} (collides), first method "
         f"{least['dynDGP, as printed']:.4f}, with E_t {least['dynDGP + weak E_t']:.6f} (Δ = 0.06, bones to {bones:.0e} m); "
@@ -196,7 +195,7 @@ def postures(out: Path) -> list[Row]:
         graph = adapt(x, body, target)
         soft, exact = solve(graph, x), solve(graph, x, Newton())
         hard = solve(graph, x, Ipopt())
-        bones = soft.relative_errors[graph.kind == Kind.BONE].max()
+        bones = soft.relative_errors[graph.edges.kind == "bone"].max()
         got = (
             f"σ {stress(graph, x):.4g} → {exact.stress:.6e} (spectral {soft.iterations[0]} iterations, {soft.seconds * 1e3:.1f} ms; "
             f"Newton {exact.iterations[0]}, {exact.seconds * 1e3:.1f} ms); bones off by {bones:.1%}; hard bones σ {hard.stress:.6e}"
@@ -261,10 +260,10 @@ def formation(out: Path) -> list[Row]:
 def mesh(out: Path) -> list[Row]:
     """§4.4 of 2019: a stiff mesh whose 6th distances are measured anew in every frame."""
     lengths, began = {"pulled by all distances": [], "branch and prune": []}, time.perf_counter()
-    previous, true = np.zeros((6, 3)), stiff_mesh(0, 0.0)[1].lower
+    previous, true = np.zeros((6, 3)), stiff_mesh(0, 0.0)[1].edges.lower
     for frame in range(40):
         interval, pulled = stiff_mesh(frame)
-        stiff = interval.select(interval.exact)
+        stiff = interval.select(interval.edges.exact)
         found = branch_and_prune(interval, Branching(tolerance=2e-3, samples=41))
         previous = nearest_realization(found, previous) if frame else found.positions[0]
         previous = solve(stiff, previous, Newton()).positions[0]
@@ -274,7 +273,7 @@ def mesh(out: Path) -> list[Row]:
     sheet, axes = draw.sheet(2, 1, (4.0, 2.4))
     spread = {}
     for axis, (title, table) in zip(axes[0], lengths.items(), strict=True):
-        error = 1e3 * (np.array(table) - true[stiff_mesh(0)[0].exact])
+        error = 1e3 * (np.array(table) - true[stiff_mesh(0)[0].edges.exact])
         axis.plot(np.arange(1, 41), error, color=draw.RED if title.startswith("pulled") else draw.BLUE, lw=0.8)
         axis.set(xlabel="frame", title=f"{title}: edge errors [mm]", ylim=(-2, 2))
         spread[title] = np.abs(error).max()

@@ -46,7 +46,7 @@ LAYERS = {
     "collision": {"trajectory", "robot"},
     "servo": {"actuators", "feedback", "goals", "trajectory"},
     "summary": {"motion", "dgp", "robot", "describe", "solve"},
-    "transfer": CORE - {"dgp"} | {"collision"},
+    "transfer": CORE | {"collision"},
     "simulate": CORE - {"motion", "dgp", "human"} | {"actuators", "feedback", "goals", "collision"},
     "score": {"trajectory", "motion", "robot", "human", "describe", "simulate"},
     "formats": {"actuators", "trajectory", "motion", "robot"},

@@ -19,7 +19,7 @@ from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_plac
 from robot_retarget.balance.steps import carried, within_reach
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.zmp import Steadiness
-from robot_retarget.describe.graph import Graph, graph_from
+from robot_retarget.describe.graph import RobotGraph, graph_from
 from robot_retarget.describe.likeness import likeness_of
 from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.human.activity import activity_of, require_own_feet
@@ -68,8 +68,8 @@ class Acceptable:
 
 
 def in_balance(
-    graph: Graph, draft: Solution, legs: str, mode: str, progress: Progress | None = None
-) -> tuple[Balanced, Graph, Solution]:
+    graph: RobotGraph, draft: Solution, legs: str, mode: str, progress: Progress | None = None
+) -> tuple[Balanced, RobotGraph, Solution]:
     """Bring a draft into balance; return the playback, the graph at its frames, and its solution.
 
     Raises:
@@ -92,7 +92,7 @@ def in_balance(
     return replace(balanced, instead=reason), graph, solution
 
 
-def _require_alike(graph: Graph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
+def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Acceptable) -> None:
     """Raises: BalanceError: legs or trunk are too far from the human's."""
     likeness = likeness_of(graph, qpos, frames)
     for part, bound in (("legs", most.legs), ("trunk", most.trunk)):
@@ -103,7 +103,7 @@ def _require_alike(graph: Graph, qpos: Floats, frames: np.ndarray, most: Accepta
 
 def _played_as(
     planter: Planter, draft: Solution, legs: str, mode: str, count: Count, acceptable: Acceptable | None = None
-) -> tuple[Balanced, Graph, Solution]:
+) -> tuple[Balanced, RobotGraph, Solution]:
     """Return a playback with following or standing legs.
 
     Raises:

@@ -11,7 +11,7 @@ from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Timeline
 from robot_retarget.balance.zmp import Plan, Polygon, Steadiness, plan_centre, support
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.soles import flattened
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
@@ -36,7 +36,7 @@ ARC = 0.1
 class Clip:
     """A clip to be played: T frames."""
 
-    graph: Graph
+    graph: RobotGraph
     """The graph of the human's targets."""
     qpos: Floats
     """(T, nq) approximate solutions."""

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import Nearby, Playback, Played, Stood
 from robot_retarget.describe.kinds.mass import Mass
 from robot_retarget.describe.soles import CORNERS, sole_corners
@@ -54,7 +54,7 @@ class PlantOptions:
 class Planter:
     """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
 
-    def __init__(self, graph: Graph, options: PlantOptions | None = None):
+    def __init__(self, graph: RobotGraph, options: PlantOptions | None = None):
         self.robot, self.match, self.options = graph.robot, graph.match, options or PlantOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
@@ -115,7 +115,7 @@ class Planter:
         return self.solver.raise_above_floor(pose).qpos
 
     def targets(
-        self, graph: Graph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
     ) -> list[Track]:
         """Return the tracks of a playback.
 
@@ -139,7 +139,7 @@ class Planter:
         return [*tracks, Mass().track(centre, self.leg)]
 
 
-def knees_bent(graph: Graph, bent: float) -> Graph:
+def knees_bent(graph: RobotGraph, bent: float) -> RobotGraph:
     """Return the graph with joint ranges that exclude knees that are straight or bent backward."""
     robot, anatomy = graph.robot, graph.match.anatomy
     for knee in ("l_knee", "r_knee"):
@@ -154,7 +154,7 @@ def knees_bent(graph: Graph, bent: float) -> Graph:
     return graph
 
 
-def held_apart(graph: Graph, options: PlantOptions) -> Graph:
+def held_apart(graph: RobotGraph, options: PlantOptions) -> RobotGraph:
     """Return the graph with the margins between surfaces of a playback: smaller between links that are not on arms."""
     arms = {graph.robot.model.body(int(b)).name for b in np.flatnonzero(_on_arms(graph.robot, graph.match))}
     leg, tracks = graph.match.robot_leg, []

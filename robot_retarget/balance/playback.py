@@ -9,7 +9,7 @@ from robot_retarget.balance.outline import Clip, Outline, outlined
 from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.balance.zmp import Plan, Steadiness
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.track import Track
 from robot_retarget.errors import BalanceError
 from robot_retarget.progress import Count
@@ -79,7 +79,7 @@ class Balanced:
         return (f"balanced: {slower}{shorter}{feet}, with a stand before and after", *why)
 
 
-def expected_steps(graph: Graph) -> int:
+def expected_steps(graph: RobotGraph) -> int:
     """Estimate the progress steps of `in_balance`: the playback takes about twice as long as the clip."""
     return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
 

@@ -12,7 +12,7 @@ from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
-    from robot_retarget.describe.graph import Graph
+    from robot_retarget.describe.graph import RobotGraph
     from robot_retarget.motion import Motion
     from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
@@ -271,7 +271,7 @@ def described(
     map_file: Path | None,
     edges: Path | None,
     favour: str = "balanced",
-) -> "Graph":
+) -> "RobotGraph":
     """The graph of a motion on a robot, with the edits of a file."""
     from robot_retarget.describe.edits import edited, read_edits
     from robot_retarget.describe.graph import describe

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.own import End, Own
-from robot_retarget.dgp.track import HARD, Track
+from robot_retarget.dgp.track import HARD, Track, beside
 from robot_retarget.errors import GraphError, known
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -99,7 +99,7 @@ def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, le
         same = (track.lower[0, k], track.upper[0, k]) == (edge.lower, edge.upper)
         if same and (track.priority[:, k].max() >= HARD) == (edge.priority >= HARD):
             return replace(track, priority=_raised(track.priority, int(k), profile))
-    return _side_by_side(track, alone)
+    return beside(track, alone)
 
 
 def checked_end(match: Match, robot: Robot, end: End) -> End:
@@ -223,16 +223,6 @@ def _raised(values: Floats, column: int, at_least: Floats) -> Floats:
     found = np.array(values)
     found[:, column] = np.maximum(found[:, column], at_least)
     return found
-
-
-def _side_by_side(first: Track, second: Track) -> Track:
-    """Return two tracks of added edges as one."""
-    assert isinstance(first.kind, Own) and isinstance(second.kind, Own)
-    lower, upper, priority = (
-        np.hstack([getattr(t, name) for t in (first, second)]) for name in ("lower", "upper", "priority")
-    )
-    kind, ends = Own((*first.kind.ends, *second.kind.ends)), (*first.ends, *second.ends)
-    return Track(kind, ends, lower, upper, priority, np.append(first.scale, second.scale))
 
 
 def _place(values: ArrayLike) -> Floats:

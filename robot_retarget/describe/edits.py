@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.own import End
 from robot_retarget.documents import parse_toml, read_text
 from robot_retarget.errors import GraphError, known
@@ -77,7 +77,7 @@ def read_edits(path: str | Path) -> list[Edit]:
     return sorted(found, key=lambda edit: edit.line)
 
 
-def edited(graph: Graph, edits: Iterable[Edit]) -> Graph:
+def edited(graph: RobotGraph, edits: Iterable[Edit]) -> RobotGraph:
     """Apply edits to a graph, in order.
 
     Raises:
@@ -107,7 +107,7 @@ def write_edits(edits: Iterable[Edit], path: str | Path) -> Path:
     return Path(path)
 
 
-def _made(graph: Graph, action: str, values: Mapping[str, Any]) -> Graph:
+def _made(graph: RobotGraph, action: str, values: Mapping[str, Any]) -> RobotGraph:
     if action == "edge":
         at = values["at"]
         interval = (float(at[0]), float(at[1])) if isinstance(at, list) else float(at)

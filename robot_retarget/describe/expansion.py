@@ -12,36 +12,32 @@ limits of the robot.
 """
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.own import Own
-from robot_retarget.dgp.graph import Graph as Instance
-from robot_retarget.dgp.graph import Kind
-from robot_retarget.dgp.track import HARD, Track
+from robot_retarget.dgp.edges import BONE
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.track import HARD, Track, exact
 
 if TYPE_CHECKING:
-    from robot_retarget.describe.graph import Graph
-
-LABELS = {"touch": Kind.TOUCH}
-"""Kinds of edges with a label in the papers' graph; the others are postures."""
+    from robot_retarget.describe.graph import RobotGraph
 
 
-def expanded(graph: "Graph") -> Instance:
-    """Return the papers' graph over V × T: V the keypoints, and the places of added edges, fixed by their boxes."""
+def expanded(graph: "RobotGraph") -> PointGraph:
+    """Return the graph of points over V × T: V the keypoints, and the places of added edges, fixed by their boxes."""
     places = places_of(graph)
     vertices = (*graph.match.keypoints, *places)
     tracks = [track.subset(between_points(track, vertices)) for track in graph.costs]
     held = np.array([places.get(name, np.full(3, np.nan)) for name in vertices])
-    boxes = (np.tile(np.where(np.isnan(held), free, held), (len(graph), 1, 1)) for free in (-np.inf, np.inf))
-    bones = replace(_bones(graph, vertices), **dict(zip(("box_lower", "box_upper"), boxes, strict=True)))
-    return bones.joined(*(_edges(track, vertices, len(graph)) for track in tracks if len(track)))
+    below, above = (np.where(np.isnan(held), free, held) for free in (-np.inf, np.inf))
+    chosen = (_bones(graph), *(track for track in tracks if len(track)))
+    return PointGraph(chosen, vertices, len(graph), 3, box_lower=below, box_upper=above)
 
 
-def places_of(graph: "Graph") -> dict[str, Floats]:
+def places_of(graph: "RobotGraph") -> dict[str, Floats]:
     """Return the places in the world at which added edges end, by name."""
     found = {}
     for track in graph.tracks:
@@ -56,33 +52,10 @@ def between_points(track: Track, vertices: Collection[str]) -> np.ndarray:
     return np.array([not track.axes and set(ends) <= set(vertices) for ends in track.ends], dtype=bool)
 
 
-def _edges(track: Track, vertices: tuple[str, ...], frames: int) -> Instance:
-    """Return a track frame after frame; an edge with π = 0 is absent."""
-    ends = np.array([[vertices.index(end) for end in pair] for pair in track.ends])
-    ids = np.arange(frames)[:, None, None] * len(vertices) + ends
-    present = track.priority > 0
-    i, j = ids[present].T
-    return Instance(
-        vertices,
-        frames,
-        3,
-        i,
-        j,
-        track.lower[present],
-        track.upper[present],
-        (track.priority / track.scale**2)[present],
-        np.array(LABELS.get(track.name, Kind.POSTURE), np.int8),
-        np.broadcast_to(track.huber_delta * track.scale, present.shape)[present],
-    )
-
-
-def _bones(graph: "Graph", vertices: tuple[str, ...]) -> Instance:
+def _bones(graph: "RobotGraph") -> Track:
     """Return the robot's bones with their lengths in its reference pose."""
     match, leg = graph.match, graph.match.robot_leg
     children = np.flatnonzero((match.parents >= 0) & (match.robot_bones > 0))
-    first = np.arange(len(graph))[:, None] * len(vertices)
-    i, j = ((first + ends).ravel() for ends in (match.parents[children], children))
-    length = np.tile(match.robot_bones[children], len(graph))
-    return Instance(
-        vertices, len(graph), 3, i, j, length, length, np.array(HARD / leg**2), np.array(Kind.BONE, np.int8)
-    )
+    ends = tuple((match.keypoints[match.parents[child]], match.keypoints[child]) for child in children)
+    length = np.broadcast_to(match.robot_bones[children], (len(graph), len(ends)))
+    return exact(BONE, ends, length, HARD, leg)

@@ -5,16 +5,13 @@ holds the edges of one kind: their ends once, their intervals and priorities fra
 enforces only the tracks of a graph.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from robot_retarget import dgp
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.kinds import KINDS
@@ -22,9 +19,11 @@ from robot_retarget.describe.kinds.kind import MotionKind, RetargetContext, TwoP
 from robot_retarget.describe.kinds.own import End, Own
 from robot_retarget.describe.path import pelvis_path
 from robot_retarget.describe.weights import Weights
-from robot_retarget.dgp.role import FRAME, Role
-from robot_retarget.dgp.track import HARD, Track
-from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.role import Role
+from robot_retarget.dgp.track import Track
+from robot_retarget.errors import UsageError
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion, read_motion
@@ -35,32 +34,17 @@ MOST_FPS = 30.0
 PLAUSIBLE_FPS = (5.0, 120.0)
 """Accepted rates in addition to the motion's own [1/s]: below, limb swings fall between frames; above, frames are
 interpolated, as playback does anyway."""
-ROW = np.dtype(
-    [
-        ("kind", "U16"),
-        ("a", "U48"),
-        ("b", "U48"),
-        ("axis", "U8"),
-        ("frame", np.int64),
-        ("lower", np.float64),
-        ("upper", np.float64),
-        ("priority", np.float64),
-        ("hard", np.bool_),
-    ]
-)
 
 
 @dataclass(frozen=True, eq=False)
-class Graph:
-    """The edges of one motion on one robot."""
+class RobotGraph(Graph):
+    """The edges of one motion on one robot, realized by its joint coordinates."""
 
     motion: Motion
     """The described motion: cut and resampled."""
     robot: Robot
     match: Match
     human: HumanFeatures
-    tracks: tuple[Track, ...]
-    """One per kind; hard edges have the priority `track.HARD`, limits ∞."""
     pelvis: Floats
     """(T, 3) target positions of the pelvis [m]; the solver's starts use them."""
     weights: Weights
@@ -76,11 +60,6 @@ class Graph:
         return self.human.fps
 
     @property
-    def kinds(self) -> dict[str, Track]:
-        """All tracks by the name of their kind."""
-        return {track.name: track for track in self.tracks}
-
-    @property
     def costs(self) -> list[Track]:
         """The tracks of symbolic costs of one frame, in the order of compiled measures."""
         return frame_costs(self.tracks)
@@ -89,30 +68,7 @@ class Graph:
         counts = ", ".join(f"{len(track)} {name}" for name, track in self.kinds.items())
         return f"<Graph {self.robot.name} × {len(self)} frames at {self.fps:g}/s; edges a frame: {counts}>"
 
-    def between(self, a: str, b: str) -> dict[str, Track]:
-        """Return the edges that join two ends, by kind.
-
-        Raises:
-            GraphError: an end is unknown.
-        """
-        for end in (a, b):
-            self._require_end(end)
-        found = {}
-        for name, track in self.kinds.items():
-            if (joined := track.joins(a, b)).any():
-                found[name] = track.subset(joined)
-        return found
-
-    def table(self, frames: ArrayLike | None = None) -> np.ndarray:
-        """Return the expansion over V × T as a structured array: kind, a, b, axis, frame, lower, upper, priority, hard.
-
-        Args:
-            frames: the frames to include; an edge without priority at a frame is absent there.
-        """
-        chosen = np.arange(len(self)) if frames is None else np.atleast_1d(np.asarray(frames, dtype=int))
-        return np.concatenate([_rows(track, chosen) for track in self.kinds.values()])
-
-    def expanded(self) -> "dgp.Graph":
+    def expanded(self) -> PointGraph:
         """Return the papers' graph of free points (`describe.expansion`): edges of keypoints and places, and bones."""
         return expanded(self)
 
@@ -125,7 +81,7 @@ class Graph:
         frames: tuple[int, int] | None = None,
         priority: float | None = None,
         hard: bool = False,
-    ) -> "Graph":
+    ) -> "RobotGraph":
         """Return the graph with an additional edge of the user, E⁺.
 
         Args:
@@ -145,55 +101,11 @@ class Graph:
         grown = with_added(own, edge, len(self), self.fps, self.match.robot_leg)
         return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
-    def with_priority(self, what: str | tuple[str, str], factor: float) -> "Graph":
-        """Return the graph with the priority of a kind, or of the edges between two ends, multiplied by a factor.
-
-        Raises:
-            GraphError: an unknown kind or end, a factor below 0, or a limit, which has no priority.
-        """
-        if not 0 <= factor < np.inf:
-            raise GraphError(f"a priority is multiplied by a factor of 0 or more, got {factor}")
-        refusal = f"{what} is a limit, which has no priority; `with_bounds` moves it"
-        return self._changed(what, lambda track, edges: track.weighed(factor, edges), _is_cost, refusal)
-
-    def with_bounds(
-        self,
-        what: str | tuple[str, str],
-        lower: float | None = None,
-        upper: float | None = None,
-        *,
-        factor: float = 1.0,
-    ) -> "Graph":
-        """Return the graph with other bounds of a limit or of added edges: margins, speed shares, narrower ranges.
-
-        Args:
-            what: a kind, or two ends.
-            lower: in the unit of the kind, in place of the present bound.
-            upper: the same for the upper bound.
-            factor: multiplies both bounds afterwards, e.g. .8 for four fifths of all joint speeds.
-
-        Raises:
-            GraphError: an unknown kind or end, targets that follow the human's motion, a bound beyond the robot's own, or
-                an empty interval.
-        """
-        refusal = f"the targets of {what} follow the human's motion; `with_priority` weighs them"
-        return self._changed(what, lambda t, edges: _rebounded(t, edges, lower, upper, factor), _has_bounds, refusal)
-
-    def without(self, what: str | tuple[str, str]) -> "Graph":
-        """Return the graph without a kind, or without the edges between two ends.
-
-        Raises:
-            GraphError: an unknown kind or end, or joint ranges, which protect the robot.
-        """
-        refusal = f"{what} protects the robot; narrow it with `with_bounds`, or load the robot with wider limits"
-        left = self._changed(what, _less, _can_be_dropped, refusal)
-        return replace(left, tracks=tuple(track for track in left.tracks if len(track)))
-
-    def frames(self, first: int, last: int) -> "Graph":
+    def frames(self, first: int, last: int) -> "RobotGraph":
         """Return the graph of frames `first` … `last` − 1."""
         return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
 
-    def at(self, frames: slice | np.ndarray) -> "Graph":
+    def at(self, frames: slice | np.ndarray) -> "RobotGraph":
         """Return the edges at some frames, of the same motion."""
         return replace(
             self,
@@ -202,52 +114,14 @@ class Graph:
             tracks=tuple(track.at(frames) for track in self.tracks),
         )
 
-    @cached_property
-    def ends(self) -> tuple[str, ...]:
-        """The names of all ends."""
-        return tuple(dict.fromkeys(end for t in self.kinds.values() for pair in t.ends for end in pair))
+    def _is_free(self, track: Track) -> bool:
+        """Whether the intervals of a track do not follow the human's motion."""
+        return track.role is not Role.COST or isinstance(track.kind, Own)
 
-    def _require_end(self, end: str) -> None:
-        if end not in self.ends:
-            raise GraphError(f"nothing in the graph is called {end!r}; {known(self.ends)}")
-
-    def _changed(
-        self,
-        what: str | tuple[str, str],
-        change: Callable[[Track, np.ndarray], Track],
-        applies: Callable[[Track], bool],
-        refusal: str,
-    ) -> "Graph":
-        """Return the graph with the named edges changed, in the tracks to which the change applies.
-
-        Raises:
-            GraphError: an unknown kind or end, or the change applies to no track.
-        """
-        if isinstance(what, str) and what not in self.kinds:
-            raise GraphError(f"no kind {what!r}; {known(self.kinds)}")
-        for end in () if isinstance(what, str) else what:
-            self._require_end(end)
-        tracks, changed = [], False
-        for track in self.tracks:
-            edges = np.full(len(track), track.name == what) if isinstance(what, str) else track.joins(*what)
-            chosen = bool(edges.any()) and applies(track)
-            changed |= chosen
-            tracks.append(change(track, edges) if chosen else track)
-        if not changed:
-            raise GraphError(refusal)
-        return replace(self, tracks=tuple(tracks))
-
-
-def _is_cost(track: Track) -> bool:
-    return track.role is Role.COST
-
-
-def _has_bounds(track: Track) -> bool:
-    return track.role is not Role.COST or isinstance(track.kind, Own)
-
-
-def _can_be_dropped(track: Track) -> bool:
-    return (track.role, track.stencil) != (Role.BOUND, FRAME)
+    def _less(self, track: Track, edges: Bools) -> Track:
+        """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
+        whole = isinstance(track.kind, TwoPassKind) and not edges.all()
+        return track.weighed(0.0, edges) if whole else super()._less(track, edges)
 
 
 def describe(
@@ -259,7 +133,7 @@ def describe(
     weights: Weights | None = None,
     favour: str = "balanced",
     kinds: Iterable[MotionKind] = KINDS,
-) -> Graph:
+) -> RobotGraph:
     """Build the graph of a human motion on a robot.
 
     Args:
@@ -306,13 +180,13 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 def graph_of(
     motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[MotionKind] = KINDS
-) -> Graph:
+) -> RobotGraph:
     """The graph of matched bodies."""
     context = RetargetContext(features_of(motion, matched), matched, robot, weights)
     return _built(motion, context, kinds)
 
 
-def graph_from(graph: Graph, human: HumanFeatures) -> Graph:
+def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
     """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
     context = RetargetContext(human, graph.match, graph.robot, graph.weights)
     costs = {track.name for track in graph.costs}
@@ -325,41 +199,7 @@ def _retargeted(track: Track, context: RetargetContext) -> Track:
     return (track.kind.targets(context) if isinstance(track.kind, MotionKind) else None) or track
 
 
-def _built(motion: Motion, context: RetargetContext, kinds: Iterable[MotionKind]) -> Graph:
+def _built(motion: Motion, context: RetargetContext, kinds: Iterable[MotionKind]) -> RobotGraph:
     tracks = tuple(track for kind in kinds if (track := kind.targets(context)) is not None)
     path = pelvis_path(context.human, context.match)
-    return Graph(motion, context.robot, context.match, context.human, tracks, path, context.weights)
-
-
-def _less(track: Track, edges: np.ndarray) -> Track:
-    """A track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
-    whole = isinstance(track.kind, TwoPassKind) and not edges.all()
-    return track.weighed(0.0, edges) if whole else track.subset(~edges)
-
-
-def _rebounded(track: Track, edges: np.ndarray, lower: float | None, upper: float | None, factor: float) -> Track:
-    """Return a track with other intervals of some edges."""
-    low, high = (
-        factor * (own[:, edges] if bound is None else np.full_like(own[:, edges], bound))
-        for own, bound in ((track.lower, lower), (track.upper, upper))
-    )
-    if (low > high).any() or not np.isfinite(factor):
-        raise GraphError(f"{track.name}: the bounds leave no interval: {low.max():g} … {high.min():g}")
-    if track.role is Role.BOUND and ((low < track.lower[:, edges]).any() or (high > track.upper[:, edges]).any()):
-        raise GraphError(f"{track.name}: bounds can be narrowed only; the robot's limits file widens them")
-    return track.bounded(low, high, edges)
-
-
-def _rows(track: Track, frames: np.ndarray) -> np.ndarray:
-    """Return the expansion of one track."""
-    present = np.argwhere(track.priority[frames] > 0)
-    t, edges = frames[present[:, 0]], present[:, 1]
-    rows = np.empty(len(present), dtype=ROW)
-    rows["kind"], rows["frame"] = track.name, t
-    ends = np.array(track.ends).reshape(-1, 2)
-    rows["a"], rows["b"] = ends[edges].T
-    rows["axis"] = np.array(track.axes)[edges] if track.axes else ""
-    for column in ("lower", "upper", "priority"):
-        rows[column] = getattr(track, column)[t, edges]
-    rows["hard"] = rows["priority"] >= HARD
-    return rows
+    return RobotGraph(tracks, motion, context.robot, context.match, context.human, path, context.weights)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints, unit
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.travel import Frames, Travel, human_travel, robot_travel
 from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import world_points
@@ -157,7 +157,7 @@ class Likeness:
 
 
 def likeness_of(
-    graph: Graph,
+    graph: RobotGraph,
     qpos: Floats,
     frames: Frames = slice(None),
     *,
@@ -183,7 +183,7 @@ def likeness_of(
     return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps)
 
 
-def _rushed(graph: Graph, qpos: Floats) -> Bools:
+def _rushed(graph: RobotGraph, qpos: Floats) -> Bools:
     """(T,) whether a joint is at its speed limit on the way to the next frame; the last frame has none."""
     robot = graph.robot
     speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * graph.fps
@@ -232,7 +232,7 @@ def _path_off(robot: Floats, human: Floats, leg: float) -> float:
     return float(off / max(away, leg))
 
 
-def _contacts_kept(graph: Graph, robot: Floats) -> float | None:
+def _contacts_kept(graph: RobotGraph, robot: Floats) -> float | None:
     """The share of the human's contacts that are as near on the robot."""
     track = graph.kinds.get("touch")
     if track is None:

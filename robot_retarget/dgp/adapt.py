@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_retarget.arrays import Floats
-from robot_retarget.dgp.build import empty, every_frame
-from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.dgp.build import edge_track, empty
+from robot_retarget.dgp.edges import BONE, INTERACTION, POSTURE, PointKind
 from robot_retarget.dgp.interaction import Interaction, interaction_distance
+from robot_retarget.dgp.points import PointGraph
 from robot_retarget.dgp.skeletal import SkeletalStructure, transfer_directions
+from robot_retarget.dgp.track import Track
 from robot_retarget.errors import GraphError, UsageError, known
 
 
@@ -71,7 +73,7 @@ def adapt(
     target: SkeletalStructure,
     blend: Blend | None = None,
     interaction: Interaction | None = None,
-) -> Graph:
+) -> PointGraph:
     """The instance whose solution is the posture of `source` on the body of `target`.
 
     Bones are edges of kind `BONE` (hard under `Ipopt`), other pairs `POSTURE`; every edge is exact.
@@ -105,13 +107,19 @@ def adapt(
         near = np.where(bone, 1.0, np.exp(-((near_matrix / blend.reach) ** 2)))
         delta = near * delta + (1.0 - near) * apart
         priority = np.where(bone, priority, priority * (blend.base + blend.gain * near))
-    i, j = every_frame(u, v, graph)
-    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE), (graph.frames, 1))
+    tracks = [_track(BONE, graph, u, v, bone, delta, priority), _track(POSTURE, graph, u, v, ~bone, delta, priority)]
     if interaction is not None:
-        kind[1:, ~bone] = Kind.INTERACTION
-        measure = {"horizon": interaction.horizon, "dead_band": interaction.dead_band}
-        ahead = interaction_distance(x[:-1], x[1:], **measure)[0]
+        ahead = interaction_distance(x[:-1], x[1:], horizon=interaction.horizon, dead_band=interaction.dead_band)[0]
         ratio = path_weights(target.parents, target.lengths)[u, v] / path_weights(source.parents, source.lengths)[u, v]
-        delta = np.concatenate([delta[:1], np.where(bone, delta[1:], ratio * ahead)])
-    flat, columns = delta.ravel(), {"priority": priority.ravel(), "kind": kind.ravel(), "huber_delta": np.inf}
-    return replace(graph, i=i, j=j, lower=flat, upper=flat, interaction=interaction or graph.interaction, **columns)
+        delta = np.concatenate([delta[:1], ratio * ahead])
+        first = np.arange(len(x))[:, None] == 0
+        tracks[1] = replace(tracks[1], priority=np.where(first, tracks[1].priority, 0.0))
+        tracks.append(_track(INTERACTION, graph, u, v, ~bone, delta, priority))
+    return replace(graph, tracks=tuple(tracks), interaction=interaction or graph.interaction)
+
+
+def _track(
+    kind: PointKind, graph: PointGraph, u: Ints, v: Ints, chosen: Bools, delta: Floats, priority: Floats
+) -> Track:
+    """Return the chosen pairs as exact edges."""
+    return edge_track(kind, graph, u[chosen], v[chosen], delta[:, chosen], delta[:, chosen], priority[:, chosen])

@@ -7,15 +7,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.graph import Animated, Graph, Kind
+from robot_retarget.dgp.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, PointKind, trace
+from robot_retarget.dgp.points import Animated, PointGraph
 from robot_retarget.dgp.skeletal import SkeletalStructure
-from robot_retarget.dgp.solution import Solution
+from robot_retarget.dgp.solution import PointSolution
 from robot_retarget.dgp.stress import distances
+from robot_retarget.dgp.track import Track
 from robot_retarget.errors import GraphError, UsageError, known
 
 
-def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[Graph, Floats]:
-    """The graph of V × T without edges, and the animation (T, V, K) it is drawn from, checked.
+def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[PointGraph, Floats]:
+    """Return the graph of V × T without edges, and the animation (T, V, K), checked.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) or (V, K) [m].
 
     Raises:
         GraphError: the animation is not (T, V, K) or (V, K) with K = 2 or 3.
@@ -24,22 +30,71 @@ def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[Graph, Floats]
     x = x[None] if x.ndim == 2 else x
     if x.ndim != 3:
         raise GraphError(f"an animation is (frames, vertices, K), got {x.shape}")
-    ends, bounds = np.zeros(0, dtype=np.int64), np.zeros(0)
-    graph = Graph(tuple(vertices), len(x), x.shape[2], ends, ends, bounds, bounds)
+    graph = PointGraph((), tuple(vertices), len(x), x.shape[2])
     return graph, graph.checked(x)
 
 
-def measured(graph: Graph, animation: Floats, i: Ints, j: Ints, kind: Kind, priority: ArrayLike = 1.0) -> Graph:
-    """The graph with exact edges whose δ is the distance in the animation."""
-    bare = replace(graph, i=i, j=j, lower=0.0, upper=np.inf, priority=priority, kind=int(kind), huber_delta=np.inf)
-    delta = distances(bare, animation)
-    return replace(bare, lower=delta, upper=delta)
+def listed_edges(
+    vertices: Sequence[str], dimension: int, i: Ints, j: Ints, lower: ArrayLike, upper: ArrayLike, **columns: ArrayLike
+) -> PointGraph:
+    """Return a graph of one frame from a list of distances.
+
+    Args:
+        vertices: (V,) names.
+        dimension: K.
+        i: (E,) index of one end.
+        j: (E,) index of the other end.
+        lower: (E,) least distances [m].
+        upper: (E,) greatest distances [m].
+        columns: priority (E,) or a scalar, 1 by default.
+
+    Raises:
+        GraphError: an index is no vertex.
+    """
+    graph = PointGraph((), tuple(vertices), 1, dimension)
+    outside = [k for k in (*np.ravel(i), *np.ravel(j)) if not 0 <= k < len(graph.vertices)]
+    if outside:
+        raise GraphError(f"an edge ends at vertex {outside[0]} of {len(graph.vertices)}; {known(graph.vertices)}")
+    return replace(graph, tracks=(edge_track(POSTURE, graph, i, j, lower, upper, **columns),))
 
 
-def trace_edges(vertices: Sequence[str], animation: ArrayLike, depth: int = 3, priority: float = 1.0) -> Graph:
-    """E* of [MucherinoOmer2019, eq. 1]: each object to its own last `depth` positions (τ, 3 in the paper).
+def edge_track(
+    kind: PointKind,
+    graph: PointGraph,
+    i: Ints,
+    j: Ints,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    priority: ArrayLike = 1.0,
+) -> Track:
+    """Return a track of E edges between objects.
+
+    Args:
+        kind: of the edges.
+        graph: gives V × T.
+        i: (E,) places of the first ends in V.
+        j: (E,) places of the second ends.
+        lower: least distances [m], broadcast to (T, E).
+        upper: as `lower`.
+        priority: π, broadcast to (T, E).
+    """
+    ends = tuple((graph.vertices[a], graph.vertices[b]) for a, b in zip(i, j, strict=True))
+    low, high, weight = (
+        np.broadcast_to(np.asarray(x, dtype=float), (graph.frames, len(ends))) for x in (lower, upper, priority)
+    )
+    return Track(kind, ends, low, high, weight, np.ones(len(ends)))
+
+
+def trace_edges(vertices: Sequence[str], animation: ArrayLike, depth: int = 3, priority: float = 1.0) -> PointGraph:
+    """Return E* of [MucherinoOmer2019, eq. 1]: each object to its own last `depth` positions (τ, 3 in the paper).
 
     ⋃_{t ≥ τ+1} E_v^(t−τ, t) is every pair of v with |q − t| ≤ τ: τ (2n − τ − 1)/2 edges per object.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) [m].
+        depth: τ.
+        priority: π of every edge.
 
     Raises:
         UsageError: the depth is not within 1 … frames − 1.
@@ -47,25 +102,48 @@ def trace_edges(vertices: Sequence[str], animation: ArrayLike, depth: int = 3, p
     graph, x = empty(vertices, animation)
     if not 1 <= depth < max(len(x), 2):
         raise UsageError(f"depth must be 1 … {len(x) - 1} for {len(x)} frames, got {depth}")
-    size = x.shape[1]
-    pairs = [(np.arange((len(x) - lag) * size), np.arange(lag * size, len(x) * size)) for lag in range(1, depth + 1)]
-    i, j = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    return measured(graph, x, i, j, Kind.TRACE, priority)
+    everyone, tracks = np.arange(x.shape[1]), []
+    for lag in range(1, depth + 1):
+        delta = np.zeros(x.shape[:2])
+        delta[lag:] = np.linalg.norm(x[lag:] - x[:-lag], axis=-1)
+        tracks.append(edge_track(trace(lag), graph, everyone, everyone, delta, delta, priority))
+    return replace(graph, tracks=tuple(tracks))
 
 
-def frame_edges(vertices: Sequence[str], animation: ArrayLike, priority: ArrayLike = 1.0) -> Graph:
-    """E* = ⋃_t E_t, every pair of every frame: the second method of [MucherinoOmer2019, §4.1].
+def frame_edges(vertices: Sequence[str], animation: ArrayLike, priority: ArrayLike = 1.0) -> PointGraph:
+    """Return E* = ⋃_t E_t, every pair of every frame: the second method of [MucherinoOmer2019, §4.1].
 
     The paper's text says inter-frame where its formula and argument say intra-frame.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) or (V, K) [m].
+        priority: π, a scalar or one per pair of `numpy.triu_indices(V, 1)`.
     """
     graph, x = empty(vertices, animation)
-    i, j = every_frame(*np.triu_indices(x.shape[1], 1), graph)
-    pairs = x.shape[1] * (x.shape[1] - 1) // 2
-    return measured(graph, x, i, j, Kind.POSTURE, np.tile(np.broadcast_to(priority, pairs), len(x)))
+    i, j = np.triu_indices(x.shape[1], 1)
+    return replace(graph, tracks=(measured(POSTURE, graph, x, i, j, priority),))
 
 
-def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> Graph:
-    """E* of a motion, or of places (T, V, K): see `Graph.of`."""
+def measured(
+    kind: PointKind, graph: PointGraph, animation: Floats, i: Ints, j: Ints, priority: ArrayLike = 1.0
+) -> Track:
+    """Return a track of exact edges whose δ is the distance of two objects in the animation.
+
+    Args:
+        kind: of the edges.
+        graph: gives V × T.
+        animation: (T, V, K) [m].
+        i: (E,) places of the first ends in V.
+        j: (E,) places of the second ends.
+        priority: π, broadcast to (T, E).
+    """
+    delta = np.linalg.norm(animation[:, i] - animation[:, j], axis=-1)
+    return edge_track(kind, graph, i, j, delta, delta, priority)
+
+
+def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
+    """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`."""
     if isinstance(motion, Animated):
         graph, x = empty(motion.skeleton.names, motion.positions)
         parents = np.asarray(motion.skeleton.parents, dtype=np.int64)
@@ -76,37 +154,40 @@ def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, post
         parents = np.full(len(graph.vertices), -1)
     i, j = np.triu_indices(len(parents), 1)
     bone = (parents[i] == j) | (parents[j] == i)
-    kept = bone | postures
-    kind = np.tile(np.where(bone, Kind.BONE, Kind.POSTURE)[kept], graph.frames)
-    within = replace(measured(graph, x, *every_frame(i[kept], j[kept], graph), Kind.POSTURE), kind=kind)
+    tracks = [measured(BONE, graph, x, i[bone], j[bone])] if bone.any() else []
+    if postures and not bone.all():
+        tracks.append(measured(POSTURE, graph, x, i[~bone], j[~bone]))
+    within = replace(graph, tracks=tuple(tracks))
     return within.joined(trace_edges(graph.vertices, x, traces)) if traces and len(x) > 1 else within
 
 
-def bone_edges(graph: Graph, structure: SkeletalStructure, priority: float = 10.0) -> Graph:
-    """The bones of (S, χ) in every frame of a graph, δ = ‖χ(u) − χ(v)‖, [MucherinoOmer2019, Definition 3].
+def bone_edges(graph: PointGraph, structure: SkeletalStructure, priority: float = 10.0) -> PointGraph:
+    """Return the bones of (S, χ) in every frame of a graph, δ = ‖χ(u) − χ(v)‖, [MucherinoOmer2019, Definition 3].
+
+    Args:
+        graph: gives V × T.
+        structure: (S, χ).
+        priority: π of every bone.
 
     Raises:
         GraphError: a joint is no vertex of the graph.
     """
-    places = np.array([_place(graph, name) for name in structure.names])
+    places = np.array([graph.place(name) for name in structure.names])
     parent, child = structure.bones.T
-    i, j = every_frame(places[parent], places[child], graph)
-    delta = np.tile(structure.lengths[1:], graph.frames)
-    return replace(
-        graph, i=i, j=j, lower=delta, upper=delta, priority=priority, kind=int(Kind.BONE), huber_delta=np.inf
-    )
+    lengths = structure.lengths[1:]
+    return replace(graph, tracks=(edge_track(BONE, graph, places[parent], places[child], lengths, lengths, priority),))
 
 
 def pair_edges(
-    graph: Graph,
+    graph: PointGraph,
     pairs: Sequence[tuple[str, str]],
     lower: ArrayLike,
     upper: ArrayLike = np.inf,
     *,
-    kind: Kind = Kind.SEPARATION,
+    kind: PointKind = SEPARATION,
     priority: ArrayLike = 10.0,
-) -> Graph:
-    """Edges between named objects in every frame (from the second on for `INTERACTION`).
+) -> PointGraph:
+    """Return edges between named objects in every frame (from the second on for `INTERACTION`).
 
     Args:
         graph: gives V × T.
@@ -119,18 +200,17 @@ def pair_edges(
     Raises:
         GraphError: an unknown object.
     """
-    ends = np.array([[_place(graph, name) for name in pair] for pair in pairs], dtype=np.int64).reshape(-1, 2)
-    first = 1 if kind is Kind.INTERACTION else 0
-    i, j = every_frame(ends[:, 0], ends[:, 1], graph, first)
-    columns = {
-        name: np.tile(np.broadcast_to(np.asarray(value, dtype=np.float64), len(ends)), graph.frames - first)
-        for name, value in (("lower", lower), ("upper", upper), ("priority", priority))
-    }
-    return replace(graph, i=i, j=j, kind=int(kind), huber_delta=np.inf, **columns)
+    ends = np.array([[graph.place(name) for name in pair] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    return replace(graph, tracks=(edge_track(kind, graph, ends[:, 0], ends[:, 1], lower, upper, priority),))
 
 
-def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> Graph:
-    """Second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
+def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> PointGraph:
+    """Return second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) [m].
+        priority: π of every edge.
 
     Raises:
         UsageError: there are fewer than three frames.
@@ -138,31 +218,30 @@ def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: fl
     graph, x = empty(vertices, animation)
     if len(x) < 3:
         raise UsageError(f"second differences need three frames, got {len(x)}")
-    i = np.arange((len(x) - 2) * x.shape[1])
-    exact = measured(graph, x, i, i + 2 * x.shape[1], Kind.SMOOTHNESS, priority)
-    return replace(exact, lower=0.0)
+    most, everyone = np.zeros(x.shape[:2]), np.arange(x.shape[1])
+    most[1:-1] = np.linalg.norm(np.diff(x, 2, axis=0), axis=-1)
+    return replace(graph, tracks=(edge_track(SMOOTHNESS, graph, everyone, everyone, 0.0, most, priority),))
 
 
-def every_frame(u: Ints, v: Ints, graph: Graph, first: int = 0) -> tuple[Ints, Ints]:
-    """Ids of pairs of objects (places in V) repeated in the frames from `first` on, frame after frame."""
-    offsets = np.arange(first, graph.frames)[:, None] * len(graph.vertices)
-    return (offsets + u).ravel(), (offsets + v).ravel()
+def threshold_edges(candidates: PointGraph, animation: ArrayLike) -> PointGraph:
+    """Return E⁺ of [MucherinoOmer2019, eq. 2]: the candidates whose pair is within its lower bound in the animation.
 
-
-def threshold_edges(candidates: Graph, animation: ArrayLike) -> Graph:
-    """E⁺ of [MucherinoOmer2019, eq. 2]: the candidates whose pair is within its lower bound in the animation."""
+    Args:
+        candidates: every pair that may be separated, δ = [Δ, ∞].
+        animation: (T, V, K) [m].
+    """
     return candidates.select(_closer(candidates, candidates.checked(animation), 0.0))
 
 
 def solve_with_thresholds(
-    base: Graph,
-    candidates: Graph,
+    base: PointGraph,
+    candidates: PointGraph,
     start: ArrayLike,
-    solver: Callable[[Graph, Floats], Solution],
+    solver: Callable[[PointGraph, Floats], PointSolution],
     *,
     tolerance: float = 1e-4,
     rounds: int = 10,
-) -> Solution:
+) -> PointSolution:
     """Solve E* ∪ E⁺, and detect E⁺ again in the solution until no pair violates its threshold.
 
     A single detection in the original animation misses frames that become violated during the solution.
@@ -187,11 +266,5 @@ def solve_with_thresholds(
     return solution
 
 
-def _closer(candidates: Graph, x: Floats, slack: float) -> NDArray[np.bool_]:
-    return distances(candidates, x) <= candidates.lower + slack
-
-
-def _place(graph: Graph, name: str) -> int:
-    if name not in graph.vertices:
-        raise GraphError(f"unknown vertex {name!r}; {known(graph.vertices)}")
-    return graph.vertices.index(name)
+def _closer(candidates: PointGraph, x: Floats, slack: float) -> NDArray[np.bool_]:
+    return distances(candidates, x) <= candidates.edges.lower + slack

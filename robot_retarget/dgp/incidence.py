@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.graph import Graph, Kind
+from robot_retarget.dgp.edges import Distance, Edges
 from robot_retarget.dgp.interaction import Interaction, steps_ahead
 
 _DENSE = 20_000
@@ -46,22 +46,32 @@ class Incidence:
             total = total + self.steps_t @ (k[:, None] * forces).reshape(flat.shape)
         return total.reshape(-1, *forces.shape[1:])
 
-    def members(self, graph: Graph, k: Floats | None) -> tuple[Ints, Floats]:
-        """Return the vertices (E, m) of each difference and their coefficients (E, m), at constant k."""
-        ids, coefficients = _members(graph)
+    def members(self, edges: Edges, k: Floats | None) -> tuple[Ints, Floats]:
+        """Return the vertices (E, m) of each difference and their coefficients (E, m), at constant k.
+
+        Args:
+            edges: E edges.
+            k: (E, 1) steps ahead, None where every edge is Euclidean.
+        """
+        ids, coefficients = _members(edges)
         if k is None:
             return ids, coefficients
-        earlier = np.where((graph.kind == Kind.INTERACTION)[:, None], ids - len(graph.vertices), ids)
+        earlier = np.where((edges.distance == Distance.INTERACTION)[:, None], ids - len(edges.vertices), ids)
         return np.concatenate([ids, earlier], axis=1), np.concatenate([coefficients * (1 + k), -coefficients * k], 1)
 
 
-def incidence(graph: Graph) -> Incidence:
-    """Return the operator of a graph's edges."""
-    shape = len(graph), graph.frames * len(graph.vertices)
-    ids, coefficients = _members(graph)
+def incidence(edges: Edges, interaction: Interaction) -> Incidence:
+    """Return the operator of E edges.
+
+    Args:
+        edges: E edges over V × T.
+        interaction: the measure of interaction edges.
+    """
+    shape = len(edges), edges.frames * len(edges.vertices)
+    ids, coefficients = _members(edges)
     ends = _matrix(ids, coefficients, shape)
-    moving = (graph.kind == Kind.INTERACTION)[:, None] * coefficients
-    back = np.where(moving != 0, ids - len(graph.vertices), ids)
+    moving = (edges.distance == Distance.INTERACTION)[:, None] * coefficients
+    back = np.where(moving != 0, ids - len(edges.vertices), ids)
     steps = _matrix(ids, moving, shape) - _matrix(back, moving, shape) if moving.any() else None
     if shape[0] * shape[1] <= _DENSE:
         ends = ends.toarray()
@@ -70,17 +80,17 @@ def incidence(graph: Graph) -> Incidence:
         ends_t=_turned(ends),
         steps=steps,
         steps_t=None if steps is None else steps.T.tocsr(),
-        interaction=graph.interaction,
+        interaction=interaction,
     )
 
 
-def _members(graph: Graph) -> tuple[Ints, Floats]:
+def _members(edges: Edges) -> tuple[Ints, Floats]:
     """Return the terms of x_j − x_i, or of x_j + x_i − 2 x_middle for edges of smoothness."""
-    smooth = (graph.kind == Kind.SMOOTHNESS)[:, None]
+    smooth = (edges.distance == Distance.SECOND_DIFFERENCE)[:, None]
     if not smooth.any():
-        return np.stack([graph.j, graph.i], axis=1), np.tile([1.0, -1.0], (len(graph), 1))
-    middle = np.where(smooth[:, 0], (graph.i + graph.j) // 2, graph.i)
-    return np.stack([graph.j, graph.i, middle], axis=1), np.where(smooth, [1.0, 1.0, -2.0], [1.0, -1.0, 0.0])
+        return np.stack([edges.j, edges.i], axis=1), np.tile([1.0, -1.0], (len(edges), 1))
+    middle = np.where(smooth[:, 0], (edges.i + edges.j) // 2, edges.i)
+    return np.stack([edges.j, edges.i, middle], axis=1), np.where(smooth, [1.0, 1.0, -2.0], [1.0, -1.0, 0.0])
 
 
 def _matrix(ids: Ints, coefficients: Floats, shape: tuple[int, int]) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.dgp.graph import Animated
+from robot_retarget.dgp.points import Animated
 from robot_retarget.errors import GraphError
 
 

@@ -1,37 +1,23 @@
-"""The result of a solver: the realization, the reason that it stopped, and measures of its quality."""
+"""The result of a solver of points: the realization, the reason that it stopped, and measures of its quality."""
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.stress import Objective, errors, relative_errors, stress
+from robot_retarget.dgp.graph import EdgeError
+from robot_retarget.dgp.objective import Objective
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.status import Status
+from robot_retarget.dgp.stress import distances, errors, relative_errors, stress
 
 
-class Status(Enum):
-    """Why a solver stopped; the value is the message."""
+@dataclass(frozen=True, eq=False)
+class PointSolution:
+    """A realization of a graph of points, and how it was found."""
 
-    ZERO = "the stress fell below its tolerance"
-    STATIONARY = "the step fell below its tolerance: a stationary point"
-    STUCK = "no step along the search direction lowers the stress any further"
-    LIMIT = "the iteration limit was reached: raise it, or start from this solution"
-    INFEASIBLE = "the hard distances cannot all be met from this start"
-    FAILED = "the back end gave up"
-
-    @property
-    def converged(self) -> bool:
-        """Whether the solver stopped because it was done."""
-        return self in (Status.ZERO, Status.STATIONARY)
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A realization of a graph with the story of how it was found."""
-
-    graph: Graph
+    graph: PointGraph
     positions: Floats
     """(T, V, K) [m]."""
     objective: Objective
@@ -49,6 +35,11 @@ class Solution:
     def status(self) -> Status:
         """The worst of the statuses."""
         return max(self.statuses, key=list(Status).index)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every frame ended at a stationary point."""
+        return self.status is Status.CONVERGED
 
     @cached_property
     def stress(self) -> float:
@@ -68,14 +59,20 @@ class Solution:
     @property
     def mean_error(self) -> float:
         """MDE, the mean relative error over the edges."""
-        return float(self.relative_errors.mean()) if len(self.graph) else 0.0
+        return float(self.relative_errors.mean()) if len(self.errors) else 0.0
 
     @property
     def largest_error(self) -> float:
         """LDE, the largest relative error over the edges."""
         return float(self.relative_errors.max(initial=0.0))
 
-    def worst(self, count: int = 5) -> tuple[tuple[str, float], ...]:
-        """The edges with the largest errors, by name, with the signed error [m]."""
-        order = np.argsort(-np.abs(self.errors))[:count]
-        return tuple((self.graph.edge_name(edge), float(self.errors[edge])) for edge in order)
+    def costliest(self, count: int = 8) -> list[EdgeError]:
+        """Return the edges with the largest stress over all frames, each at its worst frame."""
+        measured, first = {}, 0
+        d = distances(self.graph, self.positions)
+        for track in self.graph.tracks:
+            present = track.present
+            values = np.clip(np.zeros(present.shape), track.lower, track.upper)
+            values[present] = d[first : first + int(present.sum())]
+            measured[track.name], first = values, first + int(present.sum())
+        return self.graph.costliest(measured, count)

@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
+from robot_retarget.dgp.objective import Objective, edge_terms
 from robot_retarget.dgp.role import Role
 from robot_retarget.errors import GraphError
 
@@ -39,6 +40,10 @@ class Selectable(Protocol):
 
     def of(self, edges: np.ndarray) -> Any:
         """Return the same kind for some of the edges."""
+        ...
+
+    def with_edges(self, other: Any) -> Any:
+        """Return the same kind for its own edges and those of another."""
         ...
 
 
@@ -74,12 +79,26 @@ class Track:
         object.__setattr__(self, "scale", frozen(np.broadcast_to(self.scale, (edges,))))
         if len(self.ends) != edges:
             raise GraphError(f"{self.name}: {len(self.ends)} pairs of ends for {edges} edges")
-        crossed = np.argwhere(self.lower > self.upper)
-        if crossed.size:
-            frame, edge = crossed[0]
+        self.refuse(~(self.lower <= self.upper), "has no interval")
+        self.refuse(~(self.priority >= 0), "has a priority that is no number of 0 or more")
+        if not self.huber_delta > 0:
+            raise GraphError(f"{self.name} has the Huber scale {self.huber_delta:g}, which is not above 0")
+
+    def refuse(self, wrong: np.ndarray, reason: str) -> None:
+        """Raise for the first edge that is wrong.
+
+        Args:
+            wrong: (T, E) which edges are.
+            reason: what they are, after their name.
+
+        Raises:
+            GraphError: an edge is wrong; the message names it, its frame, interval and priority.
+        """
+        if wrong.any():
+            frame, edge = np.argwhere(wrong)[0]
+            lower, upper, priority = (getattr(self, name)[frame, edge] for name in ("lower", "upper", "priority"))
             raise GraphError(
-                f"{self.edge_name(edge)} asks for {self.lower[frame, edge]:g} … {self.upper[frame, edge]:g} at frame {frame}: "
-                "the least is above the most"
+                f"{self.edge_name(edge)} {reason} at frame {frame}: {lower:g} … {upper:g}, priority {priority:g}"
             )
 
     def __len__(self) -> int:
@@ -105,16 +124,27 @@ class Track:
         """Whether every interval is a single value."""
         return bool((self.lower == self.upper).all())
 
-    def loss(self, error: Floats) -> Floats:
-        """Return ϱ of errors."""
-        if np.isinf(self.huber_delta):
-            return error**2
-        return 2 * self.huber_delta**2 * (np.sqrt(1 + (error / self.huber_delta) ** 2) - 1)
+    @property
+    def present(self) -> np.ndarray:
+        """(T, E) where an edge exists: its priority is above 0, and its stencil stays within the frames."""
+        frames = np.arange(len(self.lower))
+        inside = (frames + self.stencil[0] >= 0) & (frames + self.stencil[-1] < len(frames))
+        return (self.priority > 0) & inside[:, None]
 
-    def stress(self, values: Floats) -> Floats:
-        """(T, E) π ϱ(e) of measured values (T, E)."""
-        errors = (values - np.clip(values, self.lower, self.upper)) / self.scale
-        return self.priority * self.loss(errors)
+    def errors(self, values: Floats) -> Floats:
+        """Return (T, E) errors (d − y)/scale of measures (T, E) [-]: negative where a pair is too close."""
+        return (values - np.clip(values, self.lower, self.upper)) / self.scale
+
+    def stress(self, values: Floats, objective: Objective = Objective.SQUARED) -> Floats:
+        """Return (T, E) the share of every edge in σ.
+
+        Args:
+            values: (T, E) measures, in the unit of the interval.
+            objective: `SQUARED` is what solvers of robots minimise, π ϱ(e).
+        """
+        target = np.clip(values, self.lower, self.upper)
+        huber_delta = None if np.isinf(self.huber_delta) else self.huber_delta * self.scale
+        return edge_terms(objective, values - target, target, self.priority / self.scale**2, huber_delta)[0]
 
     def edge_name(self, edge: int) -> str:
         """Return a name such as `touch l_hand – head`, with the axis of a coordinate."""
@@ -155,7 +185,13 @@ class Track:
         )
 
     def bounded(self, lower: Floats | float, upper: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
-        """Return the track with other intervals for some edges."""
+        """Return the track with other intervals for some edges.
+
+        Args:
+            lower: broadcast to (T, edges), in the unit of the interval.
+            upper: as `lower`.
+            edges: a mask or indices of columns.
+        """
         bounds = {"lower": np.array(self.lower), "upper": np.array(self.upper)}
         bounds["lower"][:, edges], bounds["upper"][:, edges] = lower, upper
         return replace(self, **bounds)
@@ -203,3 +239,20 @@ def joined(parts: Sequence[Track]) -> Track:
     """Return the same edges over consecutive frames."""
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
     return replace(parts[0], **columns)
+
+
+def beside(first: Track, second: Track) -> Track:
+    """Return the edges of two tracks of one kind over the same frames.
+
+    Raises:
+        GraphError: the tracks are of different kinds or Huber scales.
+    """
+    joins = isinstance(first.kind, Selectable) and type(first.kind) is type(second.kind)
+    if not joins and (first.kind, first.huber_delta) != (second.kind, second.huber_delta):
+        raise GraphError(f"tracks of one name {first.name} have other stencils, measures or Huber scales")
+    columns = {
+        name: np.hstack([getattr(first, name), getattr(second, name)])
+        for name in ("lower", "upper", "priority", "scale")
+    }
+    kind = first.kind.with_edges(second.kind) if isinstance(first.kind, Selectable) else first.kind
+    return replace(first, kind=kind, ends=(*first.ends, *second.ends), axes=(*first.axes, *second.axes), **columns)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_retarget.describe.edits import Edit, write_edits
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.edit.touchup import Mended, mended
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion
@@ -13,7 +13,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.trajectory import Trajectory
 
 
-def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: str | Path | None = None) -> Graph:
+def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: str | Path | None = None) -> RobotGraph:
     """Return the graph of a motion, sampled at the frames of a trajectory of that motion.
 
     Raises:
@@ -26,7 +26,7 @@ def graph_of(motion: Motion, robot: Robot, trajectory: Trajectory, overrides: st
 class Session:
     """All states of a trajectory under touch-up; every state is kept, so undo and redo give the same bytes."""
 
-    def __init__(self, graph: Graph, trajectory: Trajectory, edits_file: Path, trajectory_file: Path):
+    def __init__(self, graph: RobotGraph, trajectory: Trajectory, edits_file: Path, trajectory_file: Path):
         """Start with an unchanged trajectory; only `save` writes the two files."""
         self._states = [(graph, trajectory)]
         self._edits: list[Edit] = []

@@ -15,7 +15,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.added import SOFT, end_name
 from robot_retarget.describe.edits import Edit, edited, end_of
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.own import Own
 from robot_retarget.describe.soles import smoothstep
 from robot_retarget.progress import Count
@@ -44,7 +44,7 @@ FIXED = 2
 class Mended:
     """A trajectory after a touch-up."""
 
-    graph: Graph
+    graph: RobotGraph
     """With the edge."""
     trajectory: Trajectory
     first: int
@@ -63,7 +63,7 @@ class Mended:
         return tuple(edge.sentence for edge in self.unmet if edge.kind == Own.name)
 
 
-def mended(graph: Graph, trajectory: Trajectory, edit: Edit) -> Mended:
+def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
     """Solve the frames around an edit again.
 
     Args:
@@ -125,7 +125,7 @@ def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:
     return smoothstep(np.clip(1 - away / around, 0.0, 1.0))
 
 
-def _reached(graph: Graph, edit: Edit, measured: Mapping[str, Floats], frames: slice) -> str:
+def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], frames: slice) -> str:
     """The requested interval of an edge and its measured range at its frames."""
     if edit.action != "edge":
         return ""
@@ -139,7 +139,7 @@ def _reached(graph: Graph, edit: Edit, measured: Mapping[str, Floats], frames: s
     return f"{a} and {b} are {values.min():.1f} to {values.max():.1f} cm apart, requested {interval} cm{firmer}"
 
 
-def _faded(graph: Graph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:
+def _faded(graph: RobotGraph, known: Sequence[Floats], poses: Sequence[Floats], frames: int) -> Floats:
     """(T, nq) the poses, faded to the known ones over the last `frames`: q ⊕ w (p ⊖ q), w a smoothstep."""
     ahead = len(poses) - 1 - np.arange(len(poses))
     shares = smoothstep(np.clip(ahead / frames, 0.0, 1.0)) if frames else np.ones(len(poses))
@@ -147,7 +147,7 @@ def _faded(graph: Graph, known: Sequence[Floats], poses: Sequence[Floats], frame
     return np.array([integrate(graph.robot, q, w * v) for q, w, v in zip(known, shares, changes, strict=True)])
 
 
-def all_mended(graph: Graph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[Mended]]:
+def all_mended(graph: RobotGraph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[Mended]]:
     """Apply edits in order, each to the result of the one before.
 
     Returns:

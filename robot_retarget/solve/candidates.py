@@ -16,7 +16,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
+from robot_retarget.dgp.status import Status
 from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.kinematics import difference
@@ -25,13 +26,12 @@ from robot_retarget.robot.model import HINGE
 from robot_retarget.robot.root import place_body
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
 def coarse_path(
-    solver: FrameSolver, graph: Graph, all_targets: ClipTargets, search: Search, known: list[Floats] | None = None
+    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, search: Search, known: list[Floats] | None = None
 ) -> list[Floats]:
     """Return a configuration (nq,) per frame: the cheapest path through the candidates, on splines between moments.
 
@@ -62,7 +62,9 @@ def coarse_path(
 class Candidates:
     """Poses found until now, per moment."""
 
-    def __init__(self, solver: FrameSolver, graph: Graph, all_targets: ClipTargets, frames: np.ndarray, search: Search):
+    def __init__(
+        self, solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: np.ndarray, search: Search
+    ):
         self.solver, self.graph, self.all_targets, self.search = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[Pose]] = [[] for _ in frames]
@@ -182,7 +184,7 @@ class Candidates:
         return True
 
 
-def seek(solver: FrameSolver, graph: Graph, all_targets: ClipTargets, frame: int, search: Search) -> list[Pose]:
+def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search) -> list[Pose]:
     """Where descents from several starts end, the cheapest first.
 
     The starts are the reference pose, the standing pose, and standing poses with drawn limbs. Each limb is drawn many
@@ -229,7 +231,7 @@ def _left(robot: Robot, forward: Floats) -> Floats:
     return np.cross([0.0, 0.0, 1.0], forward)
 
 
-def place_root(graph: Graph, qpos: Floats, frame: int) -> Floats:
+def place_root(graph: RobotGraph, qpos: Floats, frame: int) -> Floats:
     """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
     return rooted(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
 

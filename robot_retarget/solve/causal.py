@@ -3,7 +3,7 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
@@ -14,7 +14,7 @@ from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 
-def causal_poses(solver: FrameSolver, graph: Graph, search: Search, count: Count) -> list[Pose]:
+def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: Count) -> list[Pose]:
     """Each frame from the ones before, no farther than joints turn; the first from several starts."""
     all_targets, poses = targets_of(graph.tracks), []
     before = seek(solver, graph, all_targets, 0, search)[0].qpos

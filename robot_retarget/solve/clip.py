@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import Past, TwoPassKind
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
+from robot_retarget.dgp.status import Status
 from robot_retarget.dgp.track import Track, joined
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
@@ -19,7 +20,6 @@ from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.solve.swept_collision import Between, on_the_way
@@ -56,12 +56,12 @@ class Clip:
 
 def clip_poses(
     solver: FrameSolver,
-    graph: Graph,
+    graph: RobotGraph,
     search: Search,
     smoothing: Smoothing,
     count: Count,
     part: Part | None = None,
-) -> tuple[list[Pose], Graph]:
+) -> tuple[list[Pose], RobotGraph]:
     """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.TwoPassKind`).
 
     Args:
@@ -86,12 +86,12 @@ def clip_poses(
     return poses[len(known) :], replace(solved, tracks=renewed)
 
 
-def coarse_tracks(graph: Graph) -> list[Track]:
+def coarse_tracks(graph: RobotGraph) -> list[Track]:
     """What is asked of the coarse path."""
     return [track.kind.coarse(track) if isinstance(track.kind, TwoPassKind) else track for track in graph.tracks]
 
 
-def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
+def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
     """Return the tracks; those that depend on the robot's own path are renewed."""
     measured = measured_by(solver.problem, graph, np.array(coarse))
     return [
@@ -100,7 +100,7 @@ def renewed_tracks(solver: FrameSolver, graph: Graph, coarse: list[Floats], fixe
     ]
 
 
-def measured_by(problem: Problem, graph: Graph, qpos: Floats) -> dict[str, Floats]:
+def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     """Return per kind of symbolic cost (T, E) the values of its edges at configurations (T, nq)."""
     every = np.array([problem.values(q) for q in qpos])
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]

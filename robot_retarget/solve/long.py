@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph, at_rate, graph_of
+from robot_retarget.describe.graph import RobotGraph, at_rate, graph_of
 from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
 from robot_retarget.human.match import match
@@ -68,7 +68,7 @@ def _pieces(windows: tuple[Window, ...]) -> Iterator[tuple[Window, ...]]:
         yield windows[first : first + PIECE]
 
 
-def _origin(graph: Graph, motion: Motion) -> Floats:
+def _origin(graph: RobotGraph, motion: Motion) -> Floats:
     """Return (2,) the start of a piece's path on the clip's path [m]; each path starts above its own origin."""
     found, frames = graph.match, (motion.frames(0, 1), graph.motion.frames(0, 1))
     column = found.index("pelvis") if "pelvis" in found.keypoints else slice(None)

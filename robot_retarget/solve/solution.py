@@ -2,32 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.expansion import between_points, places_of
-from robot_retarget.describe.graph import Graph
-from robot_retarget.dgp.stress import Objective, edge_terms
+from robot_retarget.describe.graph import RobotGraph
+from robot_retarget.dgp.graph import EdgeError
+from robot_retarget.dgp.objective import Objective
+from robot_retarget.dgp.status import Status
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0
 """A faster hinge is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos reach up to 10."""
 PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
 """The papers' objectives."""
-
-
-class Status(Enum):
-    """Why the solver stopped at a frame; the value is the sentence for a person."""
-
-    CONVERGED = "the step fell below the tolerance"
-    OUT_OF_ITERATIONS = "the iterations ran out; the pose is usable, not final"
-    BLOCKED = "no admissible step was found; the previous pose is kept"
-    CALIBRATING = "the performer is being watched; the robot stands meanwhile"
-    HELD = "no frame came; the robot comes to rest"
-    UNREACHED = "a hard edge cannot be reached; the pose comes as near as it can"
 
 
 @dataclass(frozen=True)
@@ -63,7 +53,7 @@ class Solution:
     """A trajectory with its quality: the end of each frame, the cost of each edge, and the place of that cost."""
 
     trajectory: Trajectory
-    graph: Graph
+    graph: RobotGraph
     status: tuple[Status, ...]
     cost: Floats
     """(T,) the minimised cost at the returned configurations: Σ over kinds of `stress`."""
@@ -82,8 +72,7 @@ class Solution:
 
     def errors(self, kind: str) -> Floats:
         """Return (T, E) signed errors (d − y)/scale of a kind's edges [-]."""
-        track, found = self.graph.kinds[kind], self.measured[kind]
-        return (found - np.clip(found, track.lower, track.upper)) / track.scale
+        return self.graph.kinds[kind].errors(self.measured[kind])
 
     @property
     def posture_error(self) -> Floats:
@@ -98,11 +87,8 @@ class Solution:
         for kind, measured in self.measured.items():
             track = self.graph.kinds[kind]
             free = between_points(track, vertices)
-            d, scale = measured[:, free], track.scale[free]
-            y = np.clip(d, track.lower[:, free], track.upper[:, free])
             for objective, total in found.items():
-                terms = edge_terms(objective, d - y, y, track.priority[:, free] / scale**2, track.huber_delta * scale)
-                total += terms[0].sum(axis=1)
+                total += track.subset(free).stress(measured[:, free], objective).sum(axis=1)
         return found
 
     def unsolved(self) -> list[int]:
@@ -122,32 +108,10 @@ class Solution:
         order = np.argsort(-np.abs(steps[frames, joints]))
         return [(names[joints[k]], int(frames[k]) + 1, float(steps[frames[k], joints[k]])) for k in order]
 
-    def costliest(self, count: int = 8) -> list["EdgeError"]:
+    def costliest(self, count: int = 8) -> list[EdgeError]:
         """Return the edges with the largest cost over the clip, each at its worst frame."""
-        found = []
-        for kind in self.measured:
-            track, errors = self.graph.kinds[kind], self.errors(kind)
-            loss = self.edge_stress(kind)
-            for e in np.argsort(-loss.sum(axis=0))[:count]:
-                t = int(loss[:, e].argmax())
-                wished = float(np.clip(self.measured[kind][t, e], track.lower[t, e], track.upper[t, e]))
-                values = float(self.measured[kind][t, e]), float(errors[t, e]), float(track.priority[t, e])
-                found.append((float(loss[:, e].sum()), EdgeError(track.edge_name(int(e)), t, wished, *values)))
-        return [edge for _, edge in sorted(found, key=lambda item: -item[0])[:count]]
+        return self.graph.costliest(self.measured, count)
 
     def edge_stress(self, kind: str) -> Floats:
         """(T, E) π ϱ(e) of a kind's edges."""
         return self.graph.kinds[kind].stress(self.measured[kind])
-
-
-@dataclass(frozen=True)
-class EdgeError:
-    """An edge at a frame."""
-
-    name: str
-    frame: int
-    wished: float
-    measured: float
-    error: float
-    """(d − y)/scale [-]."""
-    priority: float

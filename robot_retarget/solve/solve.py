@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.dgp.role import SECOND_DIFFERENCE, Role
+from robot_retarget.dgp.status import Status
 from robot_retarget.motion import Motion
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
@@ -18,7 +19,7 @@ from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, measured_by
 from robot_retarget.solve.options import Options, Search, Smoothing
 from robot_retarget.solve.problem import Problem, build_problem
-from robot_retarget.solve.solution import Solution, Status
+from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.solve.unmet import unmet_edges
 from robot_retarget.solve.windows import Part
@@ -30,7 +31,7 @@ clips."""
 
 
 def solve_graph(
-    graph: Graph,
+    graph: RobotGraph,
     *,
     problem: Problem | None = None,
     options: Options | None = None,
@@ -74,12 +75,12 @@ def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
     )
 
 
-def problem_of(graph: Graph) -> Problem:
+def problem_of(graph: RobotGraph) -> Problem:
     """Compile the graph's edges as functions."""
     return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
 
 
-def solution_of(solver: FrameSolver, graph: Graph, poses: list[Pose], timings: dict[str, float]) -> Solution:
+def solution_of(solver: FrameSolver, graph: RobotGraph, poses: list[Pose], timings: dict[str, float]) -> Solution:
     """Evaluate the cost of every frame and the stress of every kind at solved poses."""
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = trajectory_of(graph.motion, graph.robot, qpos)
@@ -101,7 +102,7 @@ def _numeric_stress(solver: FrameSolver, qpos: Floats, fps: float) -> dict[str, 
     return {name: np.array([part[name] for part in parts]) for name in parts[0]}
 
 
-def _temporal_stress(graph: Graph, qpos: Floats) -> dict[str, Floats]:
+def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
     tracks = [t for t in graph.tracks if t.role is Role.COST and t.stencil == SECOND_DIFFERENCE]
     speed = np.array([difference(graph.robot, a, b) for a, b in pairwise(qpos)])

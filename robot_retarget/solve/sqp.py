@@ -6,6 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.kind import Past
+from robot_retarget.dgp.status import Status
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
@@ -14,7 +15,6 @@ from robot_retarget.solve.limits import joint_bounds
 from robot_retarget.solve.options import Options
 from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.swept_collision import Between, on_the_way
 
 SHORT = 0.1

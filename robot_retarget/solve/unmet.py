@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.track import HARD
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solve.solution import UnmetEdge
@@ -24,7 +24,7 @@ MATTERS = 0.1
 
 
 def unmet_edges(
-    solver: FrameSolver, graph: Graph, measured: Mapping[str, Floats], qpos: Floats
+    solver: FrameSolver, graph: RobotGraph, measured: Mapping[str, Floats], qpos: Floats
 ) -> tuple[UnmetEdge, ...]:
     """The hard edges of all kinds that miss their interval by more than `UNMET`, the largest miss first.
 

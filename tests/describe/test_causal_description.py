@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robot_retarget.describe.causal.targets import CausalTargets
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.dgp.track import HARD
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import LEAP, CausalFeatures
@@ -17,11 +17,11 @@ CLIPS = ("walk", "squat", "wave", "clap", "hips_and_bow")
 
 
 @pytest.fixture(scope="module", params=CLIPS)
-def graph(request: pytest.FixtureRequest) -> Graph:
+def graph(request: pytest.FixtureRequest) -> RobotGraph:
     return describe(read_motion(SAMPLES / f"{request.param}.bvh"), load_robot("op3"), fps=30)
 
 
-def asked(graph: Graph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def asked(graph: RobotGraph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, E) bounds and π, frame by frame; the robot's soles are where the human's way has them."""
     human, all_targets, motion = (
         CausalFeatures(calibrate(graph.motion, graph.match, graph.human)),
@@ -38,7 +38,7 @@ def asked(graph: Graph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return lower, upper, priority
 
 
-def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: Graph) -> None:
+def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: RobotGraph) -> None:
     (lower, upper, priority), whole, first = asked(graph), targets_of(graph.tracks), 0
     for track in graph.tracks:
         edges = slice(first, first + len(track))
@@ -52,7 +52,7 @@ def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: Graph) -> None:
             assert np.allclose(priority[:, edges], whole.priority[:, edges], rtol=1e-9), track.name
 
 
-def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: Graph) -> None:
+def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: RobotGraph) -> None:
     track = graph.kinds["foothold"]
     first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
     standing = asked(graph)[2][:, first : first + len(track) : 3] > graph.weights.landing
@@ -60,7 +60,7 @@ def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: 
     assert (standing == whole).mean() > 0.85
 
 
-def test_a_touch_comes_on_within_its_time_and_no_faster(graph: Graph) -> None:
+def test_a_touch_comes_on_within_its_time_and_no_faster(graph: RobotGraph) -> None:
     track = graph.kinds["touch"]
     first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
     priority = asked(graph)[2][:, first : first + len(track)] / graph.weights.touch

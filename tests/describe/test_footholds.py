@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import footholds_of, median_pose, nearing, relaxed, settled
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.dgp.track import HARD
 from robot_retarget.human.contacts import contact_schedule
@@ -32,7 +32,7 @@ stances = st.integers(8, 40).flatmap(lambda frames: arrays(bool, frames))
 
 
 @cache
-def walk() -> Graph:
+def walk() -> RobotGraph:
     return describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.describe.added import FADE
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.dgp.track import HARD
 from robot_retarget.errors import GraphError
@@ -22,7 +22,7 @@ HAND_TO_HEAD = ("l_hand", "head")
 
 
 @cache
-def clap() -> Graph:
+def clap() -> RobotGraph:
     return describe(read_motion(SAMPLES / "clap.bvh"), load_robot("op3"), fps=30).frames(0, FRAMES)
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role, frame_costs
 from robot_retarget.describe.kinds.mass import Mass
@@ -46,7 +46,7 @@ class Toy:
 
 
 @cache
-def made() -> tuple[Graph, Problem]:
+def made() -> tuple[RobotGraph, Problem]:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 12), load_robot("op3"), kinds=(*KINDS, Toy()))
     graph = graph.with_edge("l_hand", "r_knee", 0.1).with_edge(HAND, HEAD, (0.1, 0.2))
     mass = Mass().track(np.zeros((len(graph), 2)), graph.match.robot_leg)
@@ -60,7 +60,7 @@ def measured(kind: str, q: Floats) -> Floats:
     return problem.values(q)[np.array(names) == kind]
 
 
-def keypoints(graph: Graph, q: Floats) -> dict[str, Floats]:
+def keypoints(graph: RobotGraph, q: Floats) -> dict[str, Floats]:
     """By MuJoCo; the pelvis is the middle of the hips."""
     names = graph.match.keypoints
     found = dict(zip(names, world_points(graph.robot, graph.match.points, q[None])[0], strict=True))
@@ -75,7 +75,7 @@ def mujoco_data(robot: Robot, q: Floats) -> mujoco.MjData:
     return data
 
 
-def expected(kind: str, graph: Graph, q: Floats) -> Floats:
+def expected(kind: str, graph: RobotGraph, q: Floats) -> Floats:
     """(E,) what the edges of a kind should measure, edge by edge from its names."""
     robot, x, data = graph.robot, keypoints(graph, q), mujoco_data(graph.robot, q)
     if kind == "mass":
@@ -130,7 +130,7 @@ def test_directions_that_are_measured_or_wished_are_unit_vectors(seed: int) -> N
         assert track.axes == ("x", "y", "z") * (len(track) // 3) and track.exact
 
 
-def tree_path(graph: Graph, bones: Floats, a: int, b: int) -> float:
+def tree_path(graph: RobotGraph, bones: Floats, a: int, b: int) -> float:
     """The sum of the bones between two keypoints, by their ancestors."""
     parents = graph.match.parents
 

@@ -1,15 +1,13 @@
 """Branch and prune: all realizations, exact edges."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from small_graphs import graph_of
 
 from robot_retarget.dgp import (
     Branching,
-    Graph,
     Newton,
+    PointGraph,
     Spectral,
     adapt,
     branch_and_prune,
@@ -74,21 +72,24 @@ def test_complete_posture_has_two_mirrored_realizations() -> None:
 @pytest.mark.parametrize("count", [6, 8, 10, 12])
 def test_chain_has_a_realization_per_branch(count: int) -> None:
     graph = frame_edges(named(count), RNG.normal(size=(count, 3)))
-    found = branch_and_prune(graph.select(np.abs(graph.i - graph.j) <= 3))
+    found = branch_and_prune(graph.select(np.abs(graph.edges.i - graph.edges.j) <= 3))
     assert len(found.positions) == 2 ** (count - 3)
     assert len(found.mirrors) == 2 ** (count - 4)
-    assert max(relative_errors(graph.select(np.abs(graph.i - graph.j) <= 3), x).max() for x in found.positions) < 1e-9
+    assert (
+        max(relative_errors(graph.select(np.abs(graph.edges.i - graph.edges.j) <= 3), x).max() for x in found.positions)
+        < 1e-9
+    )
 
 
 def test_chain_in_the_plane_has_a_realization_per_branch() -> None:
     graph = frame_edges(named(7), RNG.normal(size=(7, 2)))
-    assert len(branch_and_prune(graph.select(np.abs(graph.i - graph.j) <= 2)).positions) == 2**5
+    assert len(branch_and_prune(graph.select(np.abs(graph.edges.i - graph.edges.j) <= 2)).positions) == 2**5
 
 
 def test_two_tetrahedra_have_two_shapes_and_their_mirrors() -> None:
     x = RNG.normal(size=(5, 3))
     graph = frame_edges(named(5), x)
-    found = branch_and_prune(graph.select(~((graph.i == 3) & (graph.j == 4)))).positions
+    found = branch_and_prune(graph.select(~((graph.edges.i == 3) & (graph.edges.j == 4)))).positions
     apart = np.linalg.norm(found[:, 3] - found[:, 4], axis=1)
     assert len(found) == 4
     assert len(np.unique(apart.round(9))) == 2
@@ -98,30 +99,32 @@ def test_two_tetrahedra_have_two_shapes_and_their_mirrors() -> None:
 def test_interval_reference_is_sampled_and_pruned() -> None:
     x = RNG.normal(size=(6, 3))
     graph = frame_edges(named(6), x)
-    wide = (graph.i == 0) & (graph.j == 3)
-    thin = (graph.i == 0) & (graph.j == 5)
-    graph = replace(graph, lower=np.where(wide, 0.9 * graph.lower, graph.lower), upper=graph.lower * (1 + 0.1 * wide))
+    wide = (graph.edges.i == 0) & (graph.edges.j == 3)
+    thin = (graph.edges.i == 0) & (graph.edges.j == 5)
+    graph = graph.with_targets(
+        lower=np.where(wide, 0.9 * graph.edges.lower, graph.edges.lower), upper=graph.edges.lower * (1 + 0.1 * wide)
+    )
     graph = graph.select(~thin)
     found = branch_and_prune(graph, Branching(tolerance=0.05, samples=41))
     assert len(found.positions) >= 2
     polished = [solve(graph, y, Newton()) for y in found.positions]
     assert min(solution.largest_error for solution in polished) < 1e-8
-    middle = graph.exact
-    assert all(np.abs(distances(graph, y) - graph.lower)[middle].max() < 0.05 for y in found.positions)
+    middle = graph.edges.exact
+    assert all(np.abs(distances(graph, y) - graph.edges.lower)[middle].max() < 0.05 for y in found.positions)
 
 
 def test_search_stops_at_its_limits() -> None:
     graph = frame_edges(named(12), RNG.normal(size=(12, 3)))
-    graph = graph.select(np.abs(graph.i - graph.j) <= 3)
+    graph = graph.select(np.abs(graph.edges.i - graph.edges.j) <= 3)
     found = branch_and_prune(graph, Branching(solutions=5))
     assert (len(found.positions), found.complete) == (5, False)
 
 
 def test_contradicting_distances_have_no_realization() -> None:
     graph = frame_edges(named(6), RNG.normal(size=(6, 3)))
-    lower = graph.lower.copy()
+    lower = graph.edges.lower.copy()
     lower[-1] *= 1.01
-    found = branch_and_prune(replace(graph, lower=lower, upper=lower))
+    found = branch_and_prune(graph.with_targets(lower=lower, upper=lower))
     assert (len(found.positions), found.complete) == (0, True)
     with pytest.raises(GraphError, match="no realization meets the distances"):
         nearest_realization(found, np.zeros((6, 3)))
@@ -143,8 +146,8 @@ def test_mesh_does_not_vibrate_under_branch_and_prune() -> None:
         interval, pulled = stiff_mesh(frame)
         found = branch_and_prune(interval, Branching(tolerance=2e-3, samples=41))
         start = nearest_realization(found, previous) if frame else found.positions[0]
-        mesh = interval.select(interval.exact)
-        assert len(mesh) == 12
+        mesh = interval.select(interval.edges.exact)
+        assert len(mesh.edges) == 12
         previous = solve(mesh, start, Newton()).positions[0]
         exact.append(distances(mesh, previous))
         soft.append(distances(mesh, solve(pulled, previous).positions))
@@ -154,21 +157,22 @@ def test_mesh_does_not_vibrate_under_branch_and_prune() -> None:
 
 def test_exact_mesh_has_exact_edges_in_every_realization() -> None:
     interval, _ = stiff_mesh(0)
-    exact = replace(interval, lower=stiff_mesh(0, 0.0)[1].lower, upper=stiff_mesh(0, 0.0)[1].lower)
+    true = stiff_mesh(0, 0.0)[1].edges.lower
+    exact = interval.with_targets(lower=true, upper=true)
     found = branch_and_prune(exact)
     assert len(found.positions) == 2
     assert found.mirrors == ((0, 1),)
-    assert max(np.abs(distances(exact, x) - exact.lower).max() for x in found.positions) < 1e-12
+    assert max(np.abs(distances(exact, x) - exact.edges.lower).max() for x in found.positions) < 1e-12
 
 
-def dense_network(count: int, seed: int) -> Graph:
+def dense_network(count: int, seed: int) -> PointGraph:
     """Sensors in a 10 × 10 × 10 box that measure neighbours, half of them to within 0.1 only."""
     rng = np.random.default_rng(seed)
     graph = frame_edges(named(count), rng.uniform(0, 10, (count, 3)))
-    graph = graph.select(graph.lower < 4.5)
-    wide = rng.random(len(graph)) < 0.5
-    lower = np.where(wide, np.maximum(graph.lower - 0.1 * rng.random(len(graph)), 0.0), graph.lower)
-    return replace(graph, lower=lower, upper=lower + 0.1 * wide)
+    graph = graph.select(graph.edges.lower < 4.5)
+    wide = rng.random(len(graph.edges)) < 0.5
+    lower = np.where(wide, np.maximum(graph.edges.lower - 0.1 * rng.random(len(graph.edges)), 0.0), graph.edges.lower)
+    return graph.with_targets(lower=lower, upper=lower + 0.1 * wide)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -183,7 +187,7 @@ def test_dense_sensor_networks_are_solved_from_classical_starts(seed: int) -> No
 @pytest.mark.parametrize(("count", "seed"), [(56, 1), (73, 0)])
 def test_sparse_sensor_networks_are_solved_from_lifted_starts(count: int, seed: int) -> None:
     graph = sensor_network(count, seed)
-    assert len(graph) < 4 * count
+    assert len(graph.edges) < 4 * count
     rough = multistart(graph, list(lifted_starts(graph, 20, seed)))
     assert solve(graph, rough.positions, Newton()).largest_error < 1e-3
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import pdist, squareform
 
-from robot_retarget.dgp import Blend, Interaction, Kind, Newton, Spectral, adapt, solve, stress, table_one_body
+from robot_retarget.dgp import Blend, Interaction, Newton, Spectral, adapt, solve, stress, table_one_body
 from robot_retarget.dgp.papers.body import ARMS, resized
 from robot_retarget.errors import UsageError
 
@@ -28,7 +28,7 @@ def test_the_own_body_and_a_uniformly_larger_one_are_exact() -> None:
     for factor in (1.0, 1.3):
         larger = Interaction(6, dead_band=1e-4 * factor)
         graph = adapt(x, body, body.scaled(factor), interaction=AHEAD)
-        assert graph.interaction == AHEAD and (graph.kind == Kind.INTERACTION).sum() == 23 * (231 - 21)
+        assert graph.interaction == AHEAD and (graph.edges.kind == "interaction").sum() == 23 * (231 - 21)
         assert stress(adapt(x, body, body, interaction=larger), x) < 1e-20
         assert stress(graph, factor * x) == pytest.approx(0.0, abs=1e-12)
 
@@ -36,8 +36,10 @@ def test_the_own_body_and_a_uniformly_larger_one_are_exact() -> None:
 def test_no_interaction_distance_is_over_the_euclidean_one() -> None:
     body, x = table_one_body(), clapping()
     far, near = adapt(x, body, body), adapt(x, body, body, interaction=AHEAD)
-    assert (near.lower <= far.lower + 1e-12).all() and (near.lower < far.lower - 0.01).any()
-    np.testing.assert_allclose(far.lower.reshape(24, -1), [pdist(frame) for frame in x], rtol=1e-12)
+    assert (near.edges.lower <= far.edges.lower + 1e-12).all() and (near.edges.lower < far.edges.lower - 0.01).any()
+    frame, a = np.divmod(far.edges.i, 22)
+    table = np.stack([squareform(pdist(each)) for each in x])
+    np.testing.assert_allclose(far.edges.lower, table[frame, a, far.edges.j % 22], rtol=1e-12)
 
 
 def test_longer_arms_are_solved_from_the_euclidean_solution_and_not_from_the_source() -> None:

@@ -24,7 +24,7 @@ def test_reading_gives_back_what_was_written(format: str, tmp_path: Path) -> Non
     write_nmr(written, path, format)
     read = read_nmr(path)
     for column in ("i", "j", "lower", "upper"):
-        np.testing.assert_array_equal(getattr(read.graph, column), getattr(written.graph, column))
+        np.testing.assert_array_equal(getattr(read.graph.edges, column), getattr(written.graph.edges, column))
     assert read.graph.vertices == ("5", "6", "7", "8", "9", "10")
     if format == "0.3":
         assert read.labels == written.labels
@@ -36,8 +36,8 @@ def test_fields_stand_where_the_formats_put_them(tmp_path: Path) -> None:
     path = tmp_path / "two.nmr"
     path.write_text("1 2 1.5 2.5 N CA ALA GLY\n\n1  3  7 9  3.0 3.0  N C  ALA SER\n")
     read = read_nmr(path)
-    assert read.graph.lower.tolist() == [1.5, 3.0]
-    assert read.graph.upper.tolist() == [2.5, 3.0]
+    assert read.graph.edges.lower.tolist() == [1.5, 3.0]
+    assert read.graph.edges.upper.tolist() == [2.5, 3.0]
     assert read.labels == (Label("N", 7, "ALA"), Label("CA", 0, "GLY"), Label("C", 9, "SER"))
 
 

@@ -114,8 +114,8 @@ def test_graph_admits_a_structure_only_if_every_frame_does() -> None:
     x = np.tile(structure.initial_pose, (3, 1, 1)) + np.arange(3)[:, None, None]
     graph = frame_edges(("a", "b", "c", "d"), np.concatenate([x, RNG.normal(size=(3, 1, 2))], axis=1))
     assert admits(graph, structure)
-    bone = next(edge for edge in range(len(graph)) if graph.edge_name(edge) == "a@1–b@1")
-    assert not admits(graph.select(np.arange(len(graph)) != bone), structure)
+    bone = next(edge for edge in range(len(graph.edges)) if graph.edges.name(edge) == "a@1–b@1")
+    assert not admits(graph.select(np.arange(len(graph.edges)) != bone), structure)
     assert not admits(graph, structure.scaled([1, 1, 1.1]))
     assert not admits(graph.induced([0, 1], 0, 2), structure)
 
@@ -136,6 +136,6 @@ def test_edge_outside_the_vertices_is_named() -> None:
 
 def test_one_missing_distance_makes_the_postures_flexible() -> None:
     graph = graph_of("abcd", "ab bc cd da ac", 1.0)
-    edges = np.stack([graph.i, graph.j], axis=1)
+    edges = np.stack([graph.edges.i, graph.edges.j], axis=1)
     assert locally_rigid(edges, 4, 2)
     assert not any(locally_rigid(np.delete(edges, edge, axis=0), 4, 2) for edge in range(5))

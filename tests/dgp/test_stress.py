@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
-from small_graphs import graph_of
+from small_graphs import graph_of, of_kind
 
 from robot_retarget.dgp import (
-    Graph,
+    INTERACTION,
     Interaction,
-    Kind,
     Objective,
+    PointGraph,
     distances,
     errors,
     frame_edges,
@@ -23,22 +23,22 @@ from robot_retarget.dgp import (
     relative_errors,
     stress,
 )
-from robot_retarget.dgp.stress import FLOOR
+from robot_retarget.dgp.objective import FLOOR
 
 NAMES = tuple("abcdefg")
 
 
-def random_graph(rng: np.random.Generator, frames: int = 3, dimension: int = 3) -> tuple[Graph, np.ndarray]:
+def random_graph(rng: np.random.Generator, frames: int = 3, dimension: int = 3) -> tuple[PointGraph, np.ndarray]:
     """Exact, interval, one-sided and interaction edges between a few objects, and a realization that misses them."""
     x = rng.normal(size=(frames, len(NAMES), dimension))
     graph = frame_edges(NAMES, x, 1.0)
-    lower = graph.lower * rng.uniform(0.5, 1.2, len(graph))
-    width = np.where(rng.random(len(graph)) < 0.5, 0.0, rng.uniform(0, 0.5, len(graph)))
-    upper = np.where(rng.random(len(graph)) < 0.2, np.inf, lower + width)
-    late = (np.arange(len(graph)) >= 21) & (rng.random(len(graph)) < 0.4)
-    kind = np.where(late, Kind.INTERACTION, Kind.POSTURE)
-    priority = rng.uniform(0, 2, len(graph))
-    return replace(graph, lower=lower, upper=upper, kind=kind, priority=priority, interaction=Interaction(5)), x
+    lower = graph.edges.lower * rng.uniform(0.5, 1.2, len(graph.edges))
+    width = np.where(rng.random(len(graph.edges)) < 0.5, 0.0, rng.uniform(0, 0.5, len(graph.edges)))
+    upper = np.where(rng.random(len(graph.edges)) < 0.2, np.inf, lower + width)
+    late = (np.arange(len(graph.edges)) >= 21) & (rng.random(len(graph.edges)) < 0.4)
+    graph = graph.with_targets(lower=lower, upper=upper, priority=rng.uniform(0.01, 2, len(graph.edges)))
+    moving = of_kind(graph.select(late), INTERACTION)
+    return replace(graph.select(~late).joined(moving), interaction=Interaction(5)), x
 
 
 def test_squared_is_twice_half_squared() -> None:
@@ -48,19 +48,19 @@ def test_squared_is_twice_half_squared() -> None:
 
 def test_relative_stress_of_unit_priorities_is_edges_times_mean_error() -> None:
     graph, x = random_graph(np.random.default_rng(1))
-    graph = replace(graph, priority=1.0)
+    graph = graph.with_targets(priority=1.0)
     mean = relative_errors(graph, x).mean()
-    assert stress(graph, x, Objective.RELATIVE) == pytest.approx(len(graph) * mean, rel=1e-13)
+    assert stress(graph, x, Objective.RELATIVE) == pytest.approx(len(graph.edges) * mean, rel=1e-13)
 
 
 def test_half_squared_is_the_printed_sum() -> None:
     rng = np.random.default_rng(2)
     x, y = rng.normal(size=(2, 5, 2))
-    graph = replace(frame_edges(NAMES[:5], x), priority=np.arange(10.0))
+    graph = frame_edges(NAMES[:5], x, np.arange(1.0, 11.0))
     total = 0.0
     for edge in range(10):
-        apart = np.sqrt(sum((y[graph.i[edge]] - y[graph.j[edge]]) ** 2))
-        total += 0.5 * edge * (apart - graph.lower[edge]) ** 2
+        apart = np.sqrt(sum((y[graph.edges.i[edge]] - y[graph.edges.j[edge]]) ** 2))
+        total += 0.5 * (edge + 1) * (apart - graph.edges.lower[edge]) ** 2
     assert stress(graph, y, Objective.HALF_SQUARED) == pytest.approx(total, rel=1e-13)
 
 
@@ -81,10 +81,14 @@ def test_gradient_meets_finite_differences(objective: Objective, dimension: int)
 
 def test_interaction_edges_measure_the_interaction_distance() -> None:
     graph, x = random_graph(np.random.default_rng(4))
-    chosen = graph.kind == Kind.INTERACTION
+    chosen = graph.edges.kind == "interaction"
     assert chosen.any()
     expected, _ = interaction_distance(x[:-1], x[1:], horizon=5)
-    frame, pair = np.divmod(np.flatnonzero(chosen), 21)
+    frame, a = np.divmod(graph.edges.i[chosen], 7)
+    pair = [
+        list(zip(*np.triu_indices(7, 1), strict=True)).index(ends)
+        for ends in zip(a, graph.edges.j[chosen] % 7, strict=True)
+    ]
     np.testing.assert_allclose(distances(graph, x)[chosen], expected[frame - 1, pair], rtol=1e-13)
 
 
@@ -109,8 +113,8 @@ def test_reflection_leaves_the_stress_to_the_last_bit(objective: Objective) -> N
 
 def test_zero_priority_removes_the_edge() -> None:
     graph, x = random_graph(np.random.default_rng(6))
-    silent = replace(graph, priority=np.where(np.arange(len(graph)) % 2, graph.priority, 0.0))
-    kept = graph.select(np.arange(len(graph)) % 2 == 1)
+    silent = graph.with_targets(priority=np.where(np.arange(len(graph.edges)) % 2, graph.edges.priority, 0.0))
+    kept = graph.select(np.arange(len(graph.edges)) % 2 == 1)
     assert stress(silent, x) == pytest.approx(stress(kept, x), rel=1e-14)
     np.testing.assert_allclose(gradient(silent, x), gradient(kept, x), atol=1e-13)
 
@@ -118,7 +122,7 @@ def test_zero_priority_removes_the_edge() -> None:
 def test_distances_inside_their_interval_cost_nothing() -> None:
     graph, x = random_graph(np.random.default_rng(8))
     d = distances(graph, x)
-    wide = replace(graph, lower=0.5 * d, upper=1.5 * d)
+    wide = graph.with_targets(lower=0.5 * d, upper=1.5 * d)
     assert all(stress(wide, x, objective) == 0.0 for objective in Objective)
     assert not gradient(wide, x).any()
 

@@ -11,7 +11,7 @@ from shared_files import ROOT
 
 import robot_retarget as rr
 from robot_retarget.describe.edits import Edit
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.edit.session import Session, graph_of
 from robot_retarget.edit.touchup import AROUND, mended
 from robot_retarget.errors import GraphError, UsageError
@@ -26,7 +26,7 @@ HANDS = Edit("edge", {"a": "l_hand", "b": "r_hand", "at": [0.0, 0.1], "frames": 
 
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Graph, Trajectory]:
+def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[RobotGraph, Trajectory]:
     """As the command line has it: through a file."""
     path = tmp_path_factory.mktemp("solved") / "wave.npz"
     command("solve", WAVE, *CLIP, "--balance", "off", "-o", path)
@@ -39,13 +39,13 @@ def command(*words: str | Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def apart(graph: Graph, trajectory: Trajectory, a: str, b: str) -> np.ndarray:
+def apart(graph: RobotGraph, trajectory: Trajectory, a: str, b: str) -> np.ndarray:
     """(T,) between two keypoints, by forward kinematics [m]."""
     points = world_points(OP3, graph.match.points, trajectory.qpos)
     return np.linalg.norm(points[:, graph.match.index(a)] - points[:, graph.match.index(b)], axis=1)
 
 
-def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[Graph, Trajectory]) -> None:
+def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
     done = mended(graph, trajectory, HANDS)
     held = slice(34, 38)  # the joints need an eighth of a second to come together and to part
@@ -56,21 +56,21 @@ def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[Gra
     assert done.first == 30 - round(AROUND * graph.fps)
 
 
-def test_a_hard_edge_holds_from_its_first_frame_to_its_last(solved: tuple[Graph, Trajectory]) -> None:
+def test_a_hard_edge_holds_from_its_first_frame_to_its_last(solved: tuple[RobotGraph, Trajectory]) -> None:
     table = {"a": "l_hand", "b": "head", "at": 0.12, "frames": [30, 45], "hard": True}
     done = mended(*solved, Edit("edge", table))
     assert np.abs(apart(solved[0], done.trajectory, "l_hand", "head")[30:46] - 0.12).max() < 1e-3
     assert not done.unmet
 
 
-def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tuple[Graph, Trajectory]) -> None:
+def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
     hinges = mended(graph, trajectory, HANDS).trajectory.qpos[:, OP3.qpos_index]
     assert (hinges >= OP3.lower - 1e-6).all() and (hinges <= OP3.upper + 1e-6).all()
     assert (np.abs(np.diff(hinges, axis=0)) * graph.fps <= OP3.max_speed * 1.05).all()
 
 
-def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[Graph, Trajectory], tmp_path: Path) -> None:
+def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[RobotGraph, Trajectory], tmp_path: Path) -> None:
     session = Session(*solved, tmp_path / "EDITS.toml", tmp_path / "EDITS.npz")
     session.make(HANDS.values)
     session.make({"a": "r_hand", "b": [0.15, -0.1, 0.3], "at": 0, "frames": [60, 66], "hard": True})
@@ -83,7 +83,9 @@ def test_a_session_gives_the_bytes_of_the_command_line(solved: tuple[Graph, Traj
     assert (tmp_path / "again.npz").read_bytes() == mended_file.read_bytes()
 
 
-def test_undo_and_redo_go_back_and_on_to_the_same_trajectory(solved: tuple[Graph, Trajectory], tmp_path: Path) -> None:
+def test_undo_and_redo_go_back_and_on_to_the_same_trajectory(
+    solved: tuple[RobotGraph, Trajectory], tmp_path: Path
+) -> None:
     session = Session(*solved, tmp_path / "E.toml", tmp_path / "E.npz")
     with pytest.raises(UsageError, match="nothing to undo"):
         session.undo()
@@ -97,7 +99,7 @@ def test_undo_and_redo_go_back_and_on_to_the_same_trajectory(solved: tuple[Graph
         session.redo()
 
 
-def test_ends_and_times_beyond_the_clip_are_refused(solved: tuple[Graph, Trajectory]) -> None:
+def test_ends_and_times_beyond_the_clip_are_refused(solved: tuple[RobotGraph, Trajectory]) -> None:
     for edit, said in (
         (Edit("edge", {"a": "l_hand", "b": "tail", "at": 0}), "no keypoint 'tail'"),
         (Edit("edge", {**HANDS.values, "frames": [90, 99]}), "not within"),

@@ -6,6 +6,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import describe
+from robot_retarget.dgp.status import Status
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
@@ -14,7 +15,6 @@ from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolver, Pose
 from robot_retarget.transfer import retarget

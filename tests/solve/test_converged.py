@@ -7,8 +7,8 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
+from robot_retarget.dgp.status import Status
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.solution import Status
 
 OP3 = rr.load_robot("op3")
 

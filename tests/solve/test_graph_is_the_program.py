@@ -10,7 +10,7 @@ import pytest
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.planter import Planter, PlantOptions
 from robot_retarget.describe.edits import Edit
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
 from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
@@ -31,7 +31,7 @@ CAUSAL = Smoothing(passes=0)
 
 
 @cache
-def graph(clip: str = "wave", first: int = 40, last: int = 70) -> Graph:
+def graph(clip: str = "wave", first: int = 40, last: int = 70) -> RobotGraph:
     return describe(read_motion(SAMPLES / f"{clip}.bvh").frames(first, last), load_robot("op3"))
 
 
@@ -142,11 +142,11 @@ class _Angle:
         return Rows(qpos[[self.robot.qpos_index[self.hinge]]], slope, [0])
 
 
-def head_height(of: Graph, qpos: Floats) -> Floats:
+def head_height(of: RobotGraph, qpos: Floats) -> Floats:
     return world_points(of.robot, of.match.points, np.atleast_2d(qpos))[:, of.match.index("head"), 2]
 
 
-def with_new_kinds() -> Graph:
+def with_new_kinds() -> RobotGraph:
     motion, robot = read_motion(SAMPLES / "wave.bvh").frames(40, 70), load_robot("op3")
     return describe(motion, robot, kinds=(*KINDS, Nod(), Elbow()))
 

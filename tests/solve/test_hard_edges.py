@@ -3,6 +3,7 @@
 import inspect
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.status import Status
 from robot_retarget.errors import GraphError, UsageError
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.solution import Solution, Status
+from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 
 WAVE = ROOT / "samples/wave.bvh"
@@ -24,7 +26,7 @@ HANDS = "l_hand", "head"
 
 
 @cache
-def wave() -> Graph:
+def wave() -> RobotGraph:
     return describe(rr.read_motion(WAVE).frames(0, 30), load_robot("op3"))
 
 
@@ -75,8 +77,7 @@ def test_footholds_out_of_reach_are_reported_by_the_same_mechanism() -> None:
     far[:, 2] += 0.02  # a corner of a sole over the others
     raised = type(track)(track.kind, track.ends, far, far, track.priority, track.scale, track.axes)
     tracks = tuple(raised if t is track else t for t in graph.tracks)
-    graph = Graph(graph.motion, graph.robot, graph.match, graph.human, tracks, graph.pelvis, graph.weights)
-    solution = solve_graph(graph, smoothing=Smoothing(passes=0))
+    solution = solve_graph(replace(graph, tracks=tracks), smoothing=Smoothing(passes=0))
     assert {edge.kind for edge in solution.unmet} == {"foothold"}
 
 

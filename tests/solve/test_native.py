@@ -12,7 +12,7 @@ from threading import enumerate as enumerate_threads
 import numpy as np
 import pytest
 
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.robot.kinematics import point_function
@@ -41,11 +41,11 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def case() -> Graph:
+def case() -> RobotGraph:
     return describe(read_motion(SAMPLES / "wave.bvh").frames(0, 3), load_robot("op3"))
 
 
-def built(graph: Graph, native: bool) -> Problem:
+def built(graph: RobotGraph, native: bool) -> Problem:
     """The graph's problem, with what is compiled beside it there, or given up."""
     before = set(enumerate_threads())
     problem = build_problem(graph.robot, graph.match, graph.tracks, native=native)
@@ -72,7 +72,7 @@ def fake_compiler(folder: Path, script: str) -> Path:
 
 
 @needs_compiler
-def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: Graph) -> None:
+def test_machine_code_equals_the_virtual_machine_to_the_last_bit(cache: Path, case: RobotGraph) -> None:
     problems = [built(case, native) for native in (False, True)]
     assert [problem.native for problem in problems] == [False, True]
     targets, draw, robot = targets_of(case.tracks).at(1), np.random.default_rng(0), case.robot
@@ -109,7 +109,7 @@ def test_what_was_compiled_once_is_not_compiled_again(cache: Path) -> None:
 
 @pytest.mark.parametrize("script", ["exit 1", "echo rubbish > $(echo $* | sed 's/.*-o //; s/ .*//')"])
 def test_a_compiler_that_fails_leaves_the_virtual_machine(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, case: Graph
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, case: RobotGraph
 ) -> None:
     monkeypatch.setenv("PATH", f"{fake_compiler(tmp_path / 'bin', script)}{os.pathsep}{os.environ['PATH']}")
     problem = built(case, native=True)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem, targets_of
 
-Case = tuple[Graph, Problem]
+Case = tuple[RobotGraph, Problem]
 
 
 def made(name: str) -> Case:
@@ -26,7 +26,7 @@ def case() -> Case:
     return made("op3")
 
 
-def targets(graph: Graph, frame: int) -> EdgeTargets:
+def targets(graph: RobotGraph, frame: int) -> EdgeTargets:
     """All that is asked of a frame, with every edge weighed anew so that no kind hides behind another."""
     asked = targets_of(graph.tracks).at(frame)
     return EdgeTargets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_retarget.describe.graph import Graph, graph_of
+from robot_retarget.describe.graph import RobotGraph, graph_of
 from robot_retarget.describe.kinds.kind import frame_costs
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.status import Status
 from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import Motion, Skeleton, read_motion
 from robot_retarget.motion.recognise import Mark, Recognition
@@ -15,7 +16,6 @@ from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import build_problem
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.summary import describe_solution
 from robot_retarget.transfer import Result, retarget
@@ -61,7 +61,7 @@ def test_a_human_twice_as_tall_moves_the_same_joints() -> None:
     assert np.abs(here - there).max() < 1e-6
 
 
-def own_motion(frames: int = 40) -> tuple[Graph, np.ndarray]:
+def own_motion(frames: int = 40) -> tuple[RobotGraph, np.ndarray]:
     """The OP3's keypoints along a motion of its own, as if a human of its shape had been filmed: (T, nq) and their graph."""
     robot = load_robot("op3")
     anatomy, draw = recognise(robot), np.random.default_rng(0)

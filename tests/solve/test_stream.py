@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
+from robot_retarget.dgp.status import Status
 from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -15,7 +16,6 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.live.realtime import follower
 from robot_retarget.solve.live.stream import CALIBRATED, Stream, StreamPose
 from robot_retarget.solve.options import RealTime
-from robot_retarget.solve.solution import Status
 
 
 @pytest.fixture(scope="module")

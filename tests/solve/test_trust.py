@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.graph import Graph, describe
+from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds.posture import Posture
 from robot_retarget.describe.symbolic_robot import drawn_configurations
-from robot_retarget.dgp import Graph as DgpGraph
-from robot_retarget.dgp.stress import Objective, distances, stress
+from robot_retarget.dgp import Objective, PointGraph, stress
+from robot_retarget.dgp.status import Status
 from robot_retarget.dgp.track import Track
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Points, load_robot, world_points
@@ -21,7 +21,7 @@ from robot_retarget.robot.kinematics import difference
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.solution import Solution, Status
+from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
@@ -31,7 +31,7 @@ NEAR = 0.08
 
 
 @cache
-def wave() -> Graph:
+def wave() -> RobotGraph:
     return describe(read_motion(SAMPLES / "wave.bvh"), load_robot("op3"), fps=15)
 
 
@@ -86,17 +86,18 @@ def test_so_it_is_where_joints_are_coupled_and_links_too_near() -> None:
 
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_stress_without_a_robot_is_that_of_distance_geometry(seed: int, open_intervals: bool) -> None:
-    """Posture edges of scale 1 and quadratic throughout are the `SQUARED` objective of `dgp`."""
+    """Posture edges of scale 1 and quadratic throughout sum up π (d − y)², as tracks and as a graph of points."""
     draw, points, names = np.random.default_rng(seed), 6, tuple("abcdef")
     i, j = np.triu_indices(points, 1)
     lower = draw.uniform(0.1, 2.0, len(i))
     upper = lower + draw.uniform(0.0, 0.5, len(i)) * open_intervals
     priority, x = draw.uniform(0.0, 9.0, len(i)), draw.normal(size=(1, points, 3))
-    instance = DgpGraph(names, 1, 3, i, j, lower, upper, priority)
+    apart = np.sqrt(np.square(x[0, i] - x[0, j]).sum(axis=1))
+    outside = np.maximum(lower - apart, 0.0) + np.maximum(apart - upper, 0.0)
     ends = tuple((names[a], names[b]) for a, b in zip(i, j, strict=True))
     track = Track(Posture(), ends, lower[None], upper[None], priority[None], np.ones(len(i)))
-    found = track.stress(distances(instance, x)[None])
-    assert found.sum() == pytest.approx(stress(instance, x, Objective.SQUARED), rel=1e-12)
+    for found in (track.stress(apart[None]).sum(), stress(PointGraph((track,), names, 1, 3), x, Objective.SQUARED)):
+        assert found == pytest.approx((priority * outside**2).sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize("hand", ["l_hand", "r_hand"])
@@ -164,6 +165,6 @@ def test_an_edge_to_a_place_in_the_world_leads_a_point_of_a_body_there() -> None
     assert max(away) < 1e-3
 
 
-def world_place(graph: Graph, body: int, offset: np.ndarray, q: np.ndarray) -> np.ndarray:
+def world_place(graph: RobotGraph, body: int, offset: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(3,) of a point on a body, by MuJoCo [m]."""
     return world_points(graph.robot, Points(np.array([body]), np.array([offset])), q[None])[0, 0]

@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.footholds import CausalFootholds
 from robot_retarget.describe.footholds import placed_feet
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.foothold import Foothold
 from robot_retarget.describe.kinds.kind import CausalKind, InstantTargets, RetargetContext
 from robot_retarget.describe.kinds.touch import Touch
@@ -20,7 +20,7 @@ Targets = tuple[Floats, Floats | float]
 class CausalTargets:
     """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
 
-    def __init__(self, graph: Graph):
+    def __init__(self, graph: RobotGraph):
         self.lower = np.concatenate([track.lower[0] for track in graph.costs])
         self.upper = np.concatenate([track.upper[0] for track in graph.costs])
         self.priority = np.concatenate([track.priority[0] for track in graph.costs])
@@ -46,7 +46,7 @@ class CausalTargets:
         return self.lower, self.upper, self.priority
 
     def _source(
-        self, track: Track, context: RetargetContext, graph: Graph
+        self, track: Track, context: RetargetContext, graph: RobotGraph
     ) -> Callable[[HumanFeatures, Floats, float], Targets] | None:
         kind = track.kind
         if isinstance(kind, Foothold):

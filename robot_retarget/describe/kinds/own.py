@@ -31,6 +31,10 @@ class Own:
         """Return some of the edges."""
         return replace(self, ends=tuple(self.ends[k] for k in edges))
 
+    def with_edges(self, other: "Own") -> "Own":
+        """Return the edges of both."""
+        return replace(self, ends=(*self.ends, *other.ends))
+
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """The distance of each pair of ends [m]."""
         apart = ca.horzcat(*(self._place(a, body) - self._place(b, body) for a, b in self.ends))

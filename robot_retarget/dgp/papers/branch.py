@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.papers.spheres import intersect
+from robot_retarget.dgp.points import PointGraph
 from robot_retarget.errors import GraphError
 
 
@@ -59,14 +59,14 @@ class Realizations:
         return tuple((a, b) for a, b, miss in found if a < b and miss <= size)
 
 
-def discretization_order(graph: Graph) -> Ints:
+def discretization_order(graph: PointGraph) -> Ints:
     """Return an order with an exact clique of K vertices, then vertices with K earlier references, ≤ 1 an interval.
 
     Raises:
         GraphError: no order exists; the message names the vertex that no order reaches.
     """
     _require_posture(graph)
-    exact, any_ = _adjacency(graph, graph.exact), _adjacency(graph, np.ones(len(graph), dtype=bool))
+    exact, any_ = _adjacency(graph, graph.edges.exact), _adjacency(graph, np.ones(len(graph.edges), dtype=bool))
     best: list[int] = []
     for clique in _cliques(exact, graph.dimension):
         order = _grown(list(clique), exact, any_, graph.dimension)
@@ -82,7 +82,7 @@ def discretization_order(graph: Graph) -> Ints:
     )
 
 
-def branch_and_prune(graph: Graph, options: Branching | None = None) -> Realizations:
+def branch_and_prune(graph: PointGraph, options: Branching | None = None) -> Realizations:
     """Search the tree of a posture (T = {1}) depth first.
 
     Raises:
@@ -122,23 +122,24 @@ def nearest_realization(realizations: Realizations, previous: Floats) -> Floats:
 class _Table:
     """Bounds between every two vertices: the intersection of their edges, [0, ∞] without edges."""
 
-    def __init__(self, graph: Graph):
-        count = len(graph.vertices)
+    def __init__(self, graph: PointGraph):
+        count, edges = len(graph.vertices), graph.edges
         self.lower, self.upper = np.zeros((count, count)), np.full((count, count), np.inf)
-        for a, b in ((graph.i, graph.j), (graph.j, graph.i)):
-            np.maximum.at(self.lower, (a, b), graph.lower)
-            np.minimum.at(self.upper, (a, b), graph.upper)
-        self.exact, self.joined = _adjacency(graph, graph.exact), _adjacency(graph, np.ones(len(graph), dtype=bool))
+        for a, b in ((edges.i, edges.j), (edges.j, edges.i)):
+            np.maximum.at(self.lower, (a, b), edges.lower)
+            np.minimum.at(self.upper, (a, b), edges.upper)
+        self.exact, self.joined = _adjacency(graph, edges.exact), _adjacency(graph, np.ones(len(edges), dtype=bool))
 
 
-def _require_posture(graph: Graph) -> None:
+def _require_posture(graph: PointGraph) -> None:
     if graph.frames != 1:
         raise GraphError(f"branch and prune takes one frame at a time, the graph has {graph.frames}: use at_frame(t)")
 
 
-def _adjacency(graph: Graph, edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _adjacency(graph: PointGraph, edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
     joined = np.zeros((len(graph.vertices), len(graph.vertices)), dtype=bool)
-    joined[graph.i[edges], graph.j[edges]] = joined[graph.j[edges], graph.i[edges]] = True
+    i, j = graph.edges.i[edges], graph.edges.j[edges]
+    joined[i, j] = joined[j, i] = True
     return joined
 
 

@@ -7,23 +7,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import frozen
-from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.objective import Objective
 from robot_retarget.dgp.papers.newton import Newton
 from robot_retarget.dgp.papers.solve import solve
 from robot_retarget.dgp.papers.spectral import Spectral
-from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.stress import Objective
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.solution import PointSolution
 from robot_retarget.errors import UsageError
 
 
 def solve_causally(
-    graph: Graph,
+    graph: PointGraph,
     animation: ArrayLike,
     options: Spectral | Newton | None = None,
     objective: Objective = Objective.SQUARED,
     *,
     window: int = 4,
-) -> Solution:
+) -> PointSolution:
     """Solve one frame after the other, each from the frames before it, which stay as they were solved.
 
     Frame t sees the edges of G[V × {t − window + 1 … t}]; it starts from its predecessor moved on by its last step.
@@ -51,7 +51,7 @@ def solve_causally(
         solution = solve(replace(part, fixed=held), x[frame - window + 1 : frame + 1], options, objective)
         x[frame] = solution.positions[-1]
         found.append(solution)
-    return Solution(
+    return PointSolution(
         graph=graph,
         positions=frozen(x),
         objective=objective,

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.incidence import Incidence
-from robot_retarget.dgp.stress import Bounds, Objective, edge_terms, lengths, value_and_gradient
+from robot_retarget.dgp.objective import Objective, edge_terms
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.role import FRAME
+from robot_retarget.dgp.stress import Intervals, intervals_of, lengths, value_and_gradient
 from robot_retarget.errors import GraphError
 
 
@@ -18,7 +20,7 @@ class Reduced:
     """σ(X) with the interval variables eliminated: z is X, (N·K, B)."""
 
     inc: Incidence
-    bounds: Bounds
+    bounds: Intervals
     objective: Objective
     dimension: int
 
@@ -36,7 +38,7 @@ class Explicit:
     """σ(X, y) = Σ share(d − y) with a variable y within [lower, upper] per edge: z stacks X and y, (N·K + E, B)."""
 
     inc: Incidence
-    bounds: Bounds
+    bounds: Intervals
     objective: Objective
     dimension: int
 
@@ -78,62 +80,37 @@ class Lifted:
         return Lifted(self.stress.take(columns), self.kept, self.weight)
 
 
-def taken(bounds: Bounds, columns: NDArray[np.int64] | slice) -> Bounds:
-    """The bounds of some realizations."""
+def taken(bounds: Intervals, columns: NDArray[np.int64] | slice) -> Intervals:
+    """Return the intervals of some realizations."""
     if bounds.lower.shape[1] == 1:  # shared by every column
         return bounds
-    huber_delta = None if bounds.huber_delta is None else bounds.huber_delta[:, columns]
-    return Bounds(bounds.lower[:, columns], bounds.upper[:, columns], bounds.priority[:, columns], huber_delta)
+    return replace(
+        bounds, lower=bounds.lower[:, columns], upper=bounds.upper[:, columns], priority=bounds.priority[:, columns]
+    )
 
 
-def box_of(graph: Graph, x: Floats) -> tuple[Floats, Floats]:
+def box_of(graph: PointGraph, x: Floats) -> tuple[Floats, Floats]:
     """The box of every coordinate (T, V, K), closed on the start where the vertex is fixed."""
     held = graph.fixed[:, :, None]
     return np.where(held, x, graph.box_lower), np.where(held, x, graph.box_upper)
 
 
-def by_frame(graph: Graph) -> tuple[Graph, Bounds]:
-    """The edge pattern of one frame and its bounds (E, T), a column a frame.
+def by_frame(graph: PointGraph) -> tuple[PointGraph, Intervals]:
+    """Return the edge pattern of one frame and its intervals (E, T), a column a frame; boxes stay with the caller.
 
-    Frames may miss edges of the pattern: there the priority is 0. Boxes stay with the caller.
+    Frames may miss edges of the pattern: there the priority is 0.
 
     Raises:
-        GraphError: an edge joins two frames (it is named), or there are two edges of one kind between one pair.
+        GraphError: an edge joins two frames (it is named).
     """
-    size = len(graph.vertices)
-    (frame, a), (other, b) = np.divmod(graph.i, size), np.divmod(graph.j, size)
-    if (frame != other).any():
-        edge = int(np.flatnonzero(frame != other)[0])
-        raise GraphError(f"edge {edge} ({graph.edge_name(edge)}) joins two frames; they cannot be solved apart")
-    keys = np.stack([np.minimum(a, b), np.maximum(a, b), graph.kind], axis=1)
-    pattern, row = np.unique(keys, axis=0, return_inverse=True)
-    row = row.ravel()
-    _refuse_doubles(graph, row, frame)
-    columns = {"lower": 0.0, "upper": np.inf, "priority": 0.0}
-    columns |= {} if np.isinf(graph.huber_delta).all() else {"huber_delta": np.inf}
-    tables = {name: np.full((len(pattern), graph.frames), absent) for name, absent in columns.items()}
-    for name, table in tables.items():
-        table[row, frame] = getattr(graph, name)
-    single = replace(
-        graph.induced(np.arange(size), 0, 0),
-        i=pattern[:, 0],
-        j=pattern[:, 1],
-        kind=pattern[:, 2],
-        lower=0.0,
-        upper=np.inf,
-        priority=1.0,
-        huber_delta=np.inf,
-    )
-    return single, Bounds(**tables)
-
-
-def _refuse_doubles(graph: Graph, row: NDArray[np.int64], frame: NDArray[np.int64]) -> None:
-    place = row * graph.frames + frame
-    order = np.argsort(place, kind="stable")
-    twice = np.flatnonzero(np.diff(place[order]) == 0)
-    if twice.size:
-        edge = int(order[twice[0] + 1])
-        raise GraphError(f"edge {edge} ({graph.edge_name(edge)}) repeats another of its kind; give it another kind")
+    for track in graph.tracks:
+        if track.stencil != FRAME:
+            raise GraphError(f"edge {track.edge_name(0)} joins two frames; they cannot be solved apart")
+    first = graph.at_frame(0)
+    pattern = replace(first, tracks=tuple(replace(track, priority=np.ones((1, len(track)))) for track in first.tracks))
+    lower, upper = (np.concatenate([getattr(track, name).T for track in graph.tracks]) for name in ("lower", "upper"))
+    priority = np.concatenate([(track.priority / track.scale**2).T for track in graph.tracks])
+    return pattern, Intervals(lower, upper, priority, intervals_of(pattern.edges).huber_delta)
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.objective import Objective
 from robot_retarget.dgp.papers.columns import Reduced, box_of
 from robot_retarget.dgp.papers.rigidity import rigidity_matrix
 from robot_retarget.dgp.papers.spectral import Single, Spectral, minimise
-from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.stress import Objective, bounds_of
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.solution import PointSolution
+from robot_retarget.dgp.stress import intervals_of, operator
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def links(team: Team, animation: ArrayLike) -> Floats:
     return _links(team, np.asarray(animation, dtype=np.float64))[0]
 
 
-def solve_formation(graph: Graph, start: ArrayLike, team: Team, options: Spectral | None = None) -> Solution:
+def solve_formation(graph: PointGraph, start: ArrayLike, team: Team, options: Spectral | None = None) -> PointSolution:
     """Minimise σ (half squared) with the penalty on lost rigidity, from a start (T, V, K) [m].
 
     Raises:
@@ -75,7 +75,7 @@ def solve_formation(graph: Graph, start: ArrayLike, team: Team, options: Spectra
     """
     x, options = graph.checked(start), options or Spectral(value_tolerance=1e-12)
     began, shape = time.perf_counter(), x.shape
-    stress = Reduced(incidence(graph), bounds_of(graph), Objective.HALF_SQUARED, graph.dimension)
+    stress = Reduced(operator(graph), intervals_of(graph.edges), Objective.HALF_SQUARED, graph.dimension)
 
     def total(z: Floats) -> tuple[float, Floats]:
         value, slope = stress(z[:, None])
@@ -86,7 +86,7 @@ def solve_formation(graph: Graph, start: ArrayLike, team: Team, options: Spectra
 
     lower, upper = (side.reshape(-1, 1) for side in box_of(graph, x))
     found = minimise(Single(total), x.reshape(-1, 1), lower, upper, options)
-    return Solution(
+    return PointSolution(
         graph=graph,
         positions=frozen(found.z.reshape(shape)),
         objective=Objective.HALF_SQUARED,

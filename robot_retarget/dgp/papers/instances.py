@@ -1,14 +1,12 @@
 """Generated instances of one frame: sensor networks and a stiff mesh."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from robot_retarget.dgp.build import frame_edges
-from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.points import PointGraph
 
 
-def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float = 0.1) -> Graph:
+def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float = 0.1) -> PointGraph:
     """A sparse network in the style of the public sensor instances, without its solution.
 
     Points in a box of 0.9 m: each measures its two predecessors exactly and the third, as well as every point nearer
@@ -16,13 +14,15 @@ def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float =
     """
     rng = np.random.default_rng(seed)
     graph = frame_edges(tuple(f"s{sensor}" for sensor in range(count)), 0.9 * rng.uniform(0, 1, (count, 3)))
-    graph = graph.select((graph.j - graph.i <= 3) | (graph.lower < reach))
-    wide = graph.j - graph.i >= 3
-    lower = np.where(wide, np.maximum(graph.lower - width * rng.random(len(graph)), 0.0), graph.lower)
-    return replace(graph, lower=lower, upper=lower + width * wide)
+    edges = graph.edges
+    graph = graph.select((edges.j - edges.i <= 3) | (edges.lower < reach))
+    edges, draw = graph.edges, rng.random(len(graph.edges))
+    wide = edges.j - edges.i >= 3
+    lower = np.where(wide, np.maximum(edges.lower - width * draw, 0.0), edges.lower)
+    return graph.with_targets(lower=lower, upper=lower + width * wide)
 
 
-def stiff_mesh(seed: int, error: float = 0.02) -> tuple[Graph, Graph]:
+def stiff_mesh(seed: int, error: float = 0.02) -> tuple[PointGraph, PointGraph]:
     """A closed mesh of triangles (an uneven octahedron of 0.1–0.14 m) whose three diagonals are measured with errors.
 
     Returns:
@@ -32,9 +32,9 @@ def stiff_mesh(seed: int, error: float = 0.02) -> tuple[Graph, Graph]:
     corners = np.concatenate([np.eye(3), -np.eye(3)]) * [0.1, 0.12, 0.14]
     corners += 0.01 * np.random.default_rng(0).uniform(-1, 1, corners.shape)
     graph = frame_edges(("x", "y", "z", "−x", "−y", "−z"), corners)
-    diagonal = graph.j - graph.i == 3
-    measured = graph.lower * (1.0 + error * diagonal * np.random.default_rng(seed).uniform(-1, 1, len(graph)))
-    slack = error * graph.lower * diagonal
-    return replace(graph, lower=measured - slack, upper=measured + slack), replace(
-        graph, lower=measured, upper=measured
-    )
+    edges = graph.edges
+    diagonal = edges.j - edges.i == 3
+    measured = edges.lower * (1.0 + error * diagonal * np.random.default_rng(seed).uniform(-1, 1, len(edges)))
+    slack = error * edges.lower * diagonal
+    interval = graph.with_targets(lower=measured - slack, upper=measured + slack)
+    return interval, graph.with_targets(lower=measured, upper=measured)

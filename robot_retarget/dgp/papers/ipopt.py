@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.graph import Graph, Kind
-from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.edges import BONE, SEPARATION, Edges, PointKind
+from robot_retarget.dgp.objective import FLOOR, Objective
 from robot_retarget.dgp.papers.columns import box_of
 from robot_retarget.dgp.papers.spectral import Minimum
-from robot_retarget.dgp.solution import Status
-from robot_retarget.dgp.stress import FLOOR, Objective, rows
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.status import Status
+from robot_retarget.dgp.stress import operator, rows
 from robot_retarget.errors import GraphError
 
 _EPSILON = 1e-9
@@ -27,7 +28,7 @@ _EPSILON = 1e-9
 class Ipopt:
     """Parameters of the method."""
 
-    hard: Collection[Kind] = (Kind.BONE, Kind.SEPARATION)
+    hard: Collection[PointKind] = (BONE, SEPARATION)
     """The kinds of edges that become constraints; the others make up the objective."""
     tolerance: float = 1e-10
     """IPOPT's own optimality tolerance."""
@@ -43,7 +44,7 @@ class Program:
     """A nonlinear program that was built, ready to be solved from a start."""
 
     solver: Any
-    graph: Graph
+    graph: PointGraph
     objective: Objective
     lower: Floats
     """Bounds of the constraints."""
@@ -52,7 +53,7 @@ class Program:
     """Soft edges with a separate variable: intervals (y), or all soft edges under the relative objective (|e|)."""
 
 
-def constrain(graph: Graph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:
+def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:
     """Minimise the stress of the soft edges from a start (T, V, K) among the realizations that meet the hard ones.
 
     Raises:
@@ -71,25 +72,26 @@ def constrain(graph: Graph, start: Floats, options: Ipopt, objective: Objective)
     return Minimum(x.reshape(-1, 1), np.array(history[-1:]), (status,), (iterations,), tuple(history))
 
 
-def build_program(graph: Graph, steps: Floats | None, options: Ipopt, objective: Objective) -> Program:
+def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objective: Objective) -> Program:
     """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes."""
     import casadi as ca
 
-    fixed = np.isin(graph.kind, [int(kind) for kind in options.hard])
+    edges, hard = graph.edges, [kind.name for kind in options.hard]
+    fixed = np.isin(edges.kind, hard) if hard else np.zeros(len(edges), dtype=bool)
     soft = np.flatnonzero(~fixed)
-    slack = soft if objective is Objective.RELATIVE else soft[~graph.exact[soft]]
-    _refuse_relative_intervals(graph, soft, objective)
+    slack = soft if objective is Objective.RELATIVE else soft[~edges.exact[soft]]
+    _refuse_relative_intervals(edges, soft, objective)
     count = graph.frames * len(graph.vertices)
     points, free = ca.MX.sym("x", graph.dimension, count), ca.MX.sym("y", len(slack))
     r = _differences(graph, points, steps, ca)
     d = ca.sqrt(ca.sum1(r * r).T + _EPSILON**2)
-    value, extra = _soft(graph, d, free, soft, slack, objective, ca)
-    touching = np.flatnonzero(fixed & (graph.upper == 0))
-    apart = np.flatnonzero(fixed & (graph.upper > 0))
+    value, extra = _soft(edges, d, free, soft, slack, objective, ca)
+    touching = np.flatnonzero(fixed & (edges.upper == 0))
+    apart = np.flatnonzero(fixed & (edges.upper > 0))
     constraints = ca.vertcat(d[apart.tolist()], ca.vec(r[:, touching.tolist()]), extra)
     zeros = np.zeros(len(touching) * graph.dimension)
-    below = np.concatenate([graph.lower[apart], zeros, np.zeros(extra.numel())])
-    above = np.concatenate([graph.upper[apart], zeros, np.full(extra.numel(), np.inf)])
+    below = np.concatenate([edges.lower[apart], zeros, np.zeros(extra.numel())])
+    above = np.concatenate([edges.upper[apart], zeros, np.full(extra.numel(), np.inf)])
     problem = {"x": ca.vertcat(ca.vec(points), free), "f": value, "g": constraints}
     return Program(ca.nlpsol("dgp", "ipopt", problem, _settings(options)), graph, objective, below, above, slack)
 
@@ -100,9 +102,9 @@ def run_program(program: Program, x: Floats, steps: Floats | None) -> tuple[Floa
     lower, upper = box_of(graph, x)
     d = _measure(graph, x, steps)[slack]
     if program.objective is Objective.RELATIVE:
-        y, low, high = np.abs(d - graph.lower[slack]), np.zeros(len(slack)), np.full(len(slack), np.inf)
+        y, low, high = np.abs(d - graph.edges.lower[slack]), np.zeros(len(slack)), np.full(len(slack), np.inf)
     else:
-        low, high = graph.lower[slack], graph.upper[slack]
+        low, high = graph.edges.lower[slack], graph.edges.upper[slack]
         y = np.clip(d, low, high)
     answer = program.solver(
         x0=np.concatenate([np.clip(x, lower, upper).ravel(), y]),
@@ -117,18 +119,18 @@ def run_program(program: Program, x: Floats, steps: Floats | None) -> tuple[Floa
     return found, _status(stats["return_status"]), trace
 
 
-def _refuse_relative_intervals(graph: Graph, soft: NDArray[np.int64], objective: Objective) -> None:
-    wide = soft[~graph.exact[soft]]
+def _refuse_relative_intervals(edges: Edges, soft: NDArray[np.int64], objective: Objective) -> None:
+    wide = soft[~edges.exact[soft]]
     if objective is Objective.RELATIVE and wide.size:
         raise GraphError(
-            f"edge {wide[0]} ({graph.edge_name(wide[0])}) is a soft interval; under RELATIVE make its kind "
-            f"{Kind(int(graph.kind[wide[0]])).name} hard, or use RELATIVE_SQUARED"
+            f"edge {edges.name(wide[0])} is a soft interval; under RELATIVE make its kind {edges.kind[wide[0]]} hard, "
+            "or use RELATIVE_SQUARED"
         )
 
 
-def _differences(graph: Graph, points: Any, steps: Floats | None, ca: Any) -> Any:
+def _differences(graph: PointGraph, points: Any, steps: Floats | None, ca: Any) -> Any:
     """r (K, E) with the steps ahead held."""
-    ids, coefficients = incidence(graph).members(graph, steps)
+    ids, coefficients = operator(graph).members(graph.edges, steps)
     edges, members = ids.shape
     matrix = ca.DM.triplet(
         ids.ravel().tolist(),
@@ -140,15 +142,15 @@ def _differences(graph: Graph, points: Any, steps: Floats | None, ca: Any) -> An
     return points @ matrix
 
 
-def _soft(graph: Graph, d: Any, free: Any, soft: Any, slack: Any, objective: Objective, ca: Any) -> tuple[Any, Any]:
+def _soft(edges: Edges, d: Any, free: Any, soft: Any, slack: Any, objective: Objective, ca: Any) -> tuple[Any, Any]:
     """The objective, and rows that must be ≥ 0 (|e| as a variable, for the kinks of the relative objective)."""
-    priority = ca.DM(graph.priority)
+    priority = ca.DM(edges.priority)
     if objective is Objective.RELATIVE:
-        scale = ca.DM(np.maximum(graph.lower, FLOOR))
+        scale = ca.DM(np.maximum(edges.lower, FLOOR))
         chosen = slack.tolist()
-        error = d[chosen] - ca.DM(graph.lower[slack])
+        error = d[chosen] - ca.DM(edges.lower[slack])
         return ca.dot(priority[chosen] / scale[chosen], free), ca.vertcat(free - error, free + error)
-    target = ca.MX(ca.DM(np.where(np.isinf(graph.upper), graph.lower, graph.upper)))
+    target = ca.MX(ca.DM(np.where(np.isinf(edges.upper), edges.lower, edges.upper)))
     if len(slack):
         target[slack.tolist()] = free
     chosen = soft.tolist()
@@ -157,20 +159,19 @@ def _soft(graph: Graph, d: Any, free: Any, soft: Any, slack: Any, objective: Obj
         weight = weight / 2
     if objective is Objective.RELATIVE_SQUARED:
         weight = weight / ca.fmax(target[chosen], FLOOR) ** 2
-    if np.isfinite(graph.huber_delta[soft]).any():  # 2 g² (root − 1) = 2 e² / (1 + root), and e² for g = ∞
-        weight = 2 * weight / (1 + ca.sqrt(1 + (error / ca.DM(graph.huber_delta[soft])) ** 2))
+    if np.isfinite(edges.huber_delta[soft]).any():  # 2 g² (root − 1) = 2 e² / (1 + root), and e² for g = ∞
+        weight = 2 * weight / (1 + ca.sqrt(1 + (error / ca.DM(edges.huber_delta[soft])) ** 2))
     return ca.dot(weight, error * error), ca.MX(0, 1)
 
 
-def _measure(graph: Graph, x: Floats, steps: Floats | None) -> Floats:
-    inc = incidence(graph)
-    ids, coefficients = inc.members(graph, steps)
+def _measure(graph: PointGraph, x: Floats, steps: Floats | None) -> Floats:
+    ids, coefficients = operator(graph).members(graph.edges, steps)
     r = (coefficients[:, :, None] * rows(x)[ids, :, 0]).sum(axis=1)
     return np.linalg.norm(r, axis=1)
 
 
-def _steps(graph: Graph, x: Floats) -> Floats | None:
-    k = incidence(graph).differences(rows(x))[1]
+def _steps(graph: PointGraph, x: Floats) -> Floats | None:
+    k = operator(graph).differences(rows(x))[1]
     return k if k is None else k[:, :1]
 
 
@@ -192,12 +193,12 @@ def _settings(options: Ipopt) -> dict[str, Any]:
 
 
 _STATUSES = {
-    "Solve_Succeeded": Status.STATIONARY,
-    "Solved_To_Acceptable_Level": Status.STATIONARY,
-    "Maximum_Iterations_Exceeded": Status.LIMIT,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
-    "Restoration_Failed": Status.INFEASIBLE,
-    "Search_Direction_Becomes_Too_Small": Status.STUCK,
+    "Solve_Succeeded": Status.CONVERGED,
+    "Solved_To_Acceptable_Level": Status.CONVERGED,
+    "Maximum_Iterations_Exceeded": Status.OUT_OF_ITERATIONS,
+    "Infeasible_Problem_Detected": Status.UNREACHED,
+    "Restoration_Failed": Status.UNREACHED,
+    "Search_Direction_Becomes_Too_Small": Status.BLOCKED,
 }
 
 

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.objective import Objective, edge_terms
 from robot_retarget.dgp.papers.columns import box_of
 from robot_retarget.dgp.papers.spectral import Minimum
-from robot_retarget.dgp.solution import Status
-from robot_retarget.dgp.stress import Objective, bounds_of, edge_terms, lengths
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.status import Status
+from robot_retarget.dgp.stress import intervals_of, lengths, operator
 
 _DENSE = 600
 """Up to this many coordinates the Hessian is factorised as a dense matrix."""
@@ -41,22 +41,22 @@ class Newton:
     """First λ, relative to the largest diagonal entry of the Hessian."""
 
 
-def descend(graph: Graph, start: Floats, options: Newton, objective: Objective) -> Minimum:
+def descend(graph: PointGraph, start: Floats, options: Newton, objective: Objective) -> Minimum:
     """Minimise the stress from a start (T, V, K) within the graph's box."""
     model = _Model(graph, objective)
     lower, upper = (side.ravel() for side in box_of(graph, start))
     z = np.clip(start.ravel(), lower, upper)
     f, g, blocks = model.evaluate(z)
     damping, growth, history = options.damping * model.largest(blocks), 2.0, [f]
-    status = Status.LIMIT
+    status = Status.OUT_OF_ITERATIONS
     while len(history) <= options.max_iterations:
         free = ~(((z <= lower) & (g >= 0)) | ((z >= upper) & (g <= 0)))
         if f < options.value_tolerance or np.abs(g[free]).max(initial=0.0) < options.gradient_tolerance:
-            status = Status.ZERO if f < options.value_tolerance else Status.STATIONARY
+            status = Status.CONVERGED
             break
         step, damping = model.step(blocks, g, free, damping)
         if np.abs(step).max() < 1e-15 * (1.0 + np.abs(z).max()):
-            status = Status.STUCK
+            status = Status.BLOCKED
             break
         trial = np.clip(z + step, lower, upper)
         new = model.evaluate(trial)
@@ -74,10 +74,10 @@ def descend(graph: Graph, start: Floats, options: Newton, objective: Objective) 
 class _Model:
     """Value, gradient and Hessian of the stress, and the damped step."""
 
-    def __init__(self, graph: Graph, objective: Objective):
+    def __init__(self, graph: PointGraph, objective: Objective):
         self.graph, self.objective = graph, objective
-        self.inc, self.bounds = incidence(graph), bounds_of(graph)
-        self.exact = graph.exact[:, None]
+        self.inc, self.bounds = operator(graph), intervals_of(graph.edges)
+        self.exact = graph.edges.exact[:, None]
         self.size = graph.frames * len(graph.vertices) * graph.dimension
         self.pattern: tuple[Any, Any] | None = None
 
@@ -110,7 +110,7 @@ class _Model:
         return step, damping
 
     def _hessian(self, blocks: Floats, k: Floats | None) -> Any:
-        ids, coefficients = self.inc.members(self.graph, k)
+        ids, coefficients = self.inc.members(self.graph.edges, k)
         values = (coefficients[:, :, None] * coefficients[:, None, :])[:, :, None, :, None] * blocks[:, None, :, None]
         row, column = self._places(ids)
         if self.size <= _DENSE:

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.build import listed_edges
+from robot_retarget.dgp.points import PointGraph
 from robot_retarget.errors import GraphError, UsageError
 from robot_retarget.files import replacing
 
@@ -32,7 +33,7 @@ class Label:
 class Instance:
     """A graph of one frame in dimension 3 whose vertices are named by their ids, with the labels of the file."""
 
-    graph: Graph
+    graph: PointGraph
     labels: tuple[Label, ...]
 
 
@@ -63,15 +64,10 @@ def read_nmr(path: str | Path) -> Instance:
     if missing.size:
         raise GraphError(f"{path}: ids must be consecutive, {missing[0]} is missing between {first} and {last}")
     labels = {end: label for row in rows for end, label in zip(row.ends, row.labels, strict=True)}
-    graph = Graph(
-        vertices=tuple(str(vertex) for vertex in range(first, last + 1)),
-        frames=1,
-        dimension=3,
-        i=ids[:, 0] - first,
-        j=ids[:, 1] - first,
-        lower=np.array([row.lower for row in rows]),
-        upper=np.array([row.upper for row in rows]),
-    )
+    names = tuple(str(vertex) for vertex in range(first, last + 1))
+    lower, upper = (np.array([getattr(row, name) for row in rows]) for name in ("lower", "upper"))
+    i, j = (ids - first).T
+    graph = listed_edges(names, 3, i, j, lower, upper)
     return Instance(graph, tuple(labels[vertex] for vertex in range(first, last + 1)))
 
 
@@ -106,8 +102,8 @@ def write_nmr(instance: Instance, path: str | Path, format: str = "0.3") -> None
         for vertex, label in zip(instance.graph.vertices, instance.labels, strict=True):
             if not (label.name and label.group_name):
                 raise UsageError(f"vertex {vertex} has no name and group; write format 'sensors'")
-    graph, lines = instance.graph, []
-    for i, j, lower, upper in zip(graph.i, graph.j, graph.lower, graph.upper, strict=True):
+    graph, edges, lines = instance.graph, instance.graph.edges, []
+    for i, j, lower, upper in zip(edges.i, edges.j, edges.lower, edges.upper, strict=True):
         a, b = instance.labels[i], instance.labels[j]
         groups = [str(a.group), str(b.group)] if format == "0.3" else []
         names = [] if format == "sensors" else [a.name, b.name, a.group_name, b.group_name]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.points import PointGraph
 from robot_retarget.dgp.skeletal import SkeletalStructure
 from robot_retarget.errors import GraphError
 
@@ -97,7 +97,7 @@ def globally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
     )
 
 
-def admits(graph: Graph, structure: SkeletalStructure, tolerance: float = 1e-9) -> bool:
+def admits(graph: PointGraph, structure: SkeletalStructure, tolerance: float = 1e-9) -> bool:
     """Whether G admits (S, χ), [MucherinoOmer2019, Definition 3]: in every frame S ⊆ G_t with δ = ‖χ(u) − χ(v)‖."""
     if not set(structure.names) <= set(graph.vertices):
         return False
@@ -105,11 +105,11 @@ def admits(graph: Graph, structure: SkeletalStructure, tolerance: float = 1e-9) 
     bones, lengths = places[structure.bones], structure.lengths[1:]
     wanted = {frozenset(pair): length for pair, length in zip(bones.tolist(), lengths, strict=True)}
     met = set()
-    size = len(graph.vertices)
-    for edge in np.flatnonzero(graph.exact & (graph.i // size == graph.j // size)):
-        pair = frozenset((int(graph.i[edge]) % size, int(graph.j[edge]) % size))
-        if pair in wanted and abs(graph.lower[edge] - wanted[pair]) <= tolerance:
-            met.add((int(graph.i[edge]) // size, pair))
+    size, edges = len(graph.vertices), graph.edges
+    for edge in np.flatnonzero(edges.exact & (edges.i // size == edges.j // size)):
+        pair = frozenset((int(edges.i[edge]) % size, int(edges.j[edge]) % size))
+        if pair in wanted and abs(edges.lower[edge] - wanted[pair]) <= tolerance:
+            met.add((int(edges.i[edge]) // size, pair))
     return len(met) == graph.frames * len(wanted)
 
 

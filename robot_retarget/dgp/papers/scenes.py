@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.dgp.build import bone_edges, empty, pair_edges, trace_edges
-from robot_retarget.dgp.graph import Graph
+from robot_retarget.dgp.points import PointGraph
 from robot_retarget.dgp.skeletal import SkeletalStructure, realize, structure_from_pose
 
 DEPTH = 3
@@ -28,16 +28,16 @@ class Scene:
     obstacles: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
 
-    def traces(self, anchored: bool) -> Graph:
+    def traces(self, anchored: bool) -> PointGraph:
         """E*: the movements of the objects; obstacles are fixed, and with `anchored` the first and last frame too."""
         graph = trace_edges(self.names, self.animation, DEPTH)
         fixed = np.tile(np.isin(self.names, self.obstacles), (graph.frames, 1))
         if anchored:
             fixed[[0, -1]] = True
-        resting = fixed.ravel()[graph.i] & fixed.ravel()[graph.j]
+        resting = fixed.ravel()[graph.edges.i] & fixed.ravel()[graph.edges.j]
         return replace(graph.select(~resting), fixed=fixed)
 
-    def thresholds(self, threshold: float) -> Graph:
+    def thresholds(self, threshold: float) -> PointGraph:
         """Every pair in every frame, δ = [Δ, ∞]: the candidates for E⁺."""
         graph, _ = empty(self.names, self.animation)
         return pair_edges(graph, self.pairs, threshold, priority=RAISED)
@@ -80,7 +80,7 @@ def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> S
     return Scene(("a", "b", "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
 
 
-def together(scene: Scene, priority: float = RAISED) -> Graph:
+def together(scene: Scene, priority: float = RAISED) -> PointGraph:
     """Fig. 4c: one bone between the two pedestrians in every frame, as long as in the animation."""
     graph, x = empty(scene.names, scene.animation)
     return bone_edges(graph, structure_from_pose(("a", "b"), [-1, 0], x[0, :2]), priority)

@@ -7,26 +7,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.dgp.graph import Graph, Kind
-from robot_retarget.dgp.incidence import Incidence, incidence
+from robot_retarget.dgp.incidence import Incidence
+from robot_retarget.dgp.objective import Objective
 from robot_retarget.dgp.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
 from robot_retarget.dgp.papers.ipopt import Ipopt, constrain
 from robot_retarget.dgp.papers.newton import Newton, descend
 from robot_retarget.dgp.papers.spectral import Minimum, Spectral, minimise
-from robot_retarget.dgp.solution import Solution
-from robot_retarget.dgp.stress import Bounds, Objective, bounds_of, lengths
-from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.solution import PointSolution
+from robot_retarget.dgp.stress import Intervals, intervals_of, lengths, operator
+from robot_retarget.errors import UsageError
 
 _BATCH = 128
 """Frames solved side by side: their edges stay in the processor's cache."""
 
 
 def solve(
-    graph: Graph,
+    graph: PointGraph,
     start: ArrayLike,
     options: Spectral | Newton | Ipopt | None = None,
     objective: Objective = Objective.SQUARED,
-) -> Solution:
+) -> PointSolution:
     """Find x: V × T → ℝ^K with a (locally) least stress, all frames at once.
 
     Args:
@@ -49,24 +50,24 @@ def solve(
     if isinstance(options, Newton):
         return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
     box = tuple(side.reshape(-1, 1) for side in box_of(graph, x))
-    found = _spectral(incidence(graph), bounds_of(graph), objective, x.reshape(-1, 1), box, graph.dimension, options)
+    found = _spectral(
+        operator(graph), intervals_of(graph.edges), objective, x.reshape(-1, 1), box, graph.dimension, options
+    )
     return _solution(graph, [found], objective, began, "spectral")
 
 
 def solve_frames(
-    graph: Graph, start: ArrayLike, options: Spectral | None = None, objective: Objective = Objective.SQUARED
-) -> Solution:
+    graph: PointGraph, start: ArrayLike, options: Spectral | None = None, objective: Objective = Objective.SQUARED
+) -> PointSolution:
     """The same for a graph whose edges stay within a frame: T independent problems, solved side by side.
 
     Raises:
         GraphError: an edge joins two frames, or is measured across two.
     """
     x, options = _ready(graph, start, objective), options or Spectral()
-    if (graph.kind == Kind.INTERACTION).any():
-        raise GraphError("interaction edges look at two frames; they cannot be solved frame by frame")
     began = time.perf_counter()
     pattern, bounds = by_frame(graph)
-    inc = incidence(pattern)
+    inc = operator(pattern)
     lower, upper = (side.reshape(graph.frames, -1).T for side in box_of(graph, x))
     z, found = x.reshape(graph.frames, -1).T, []
     for block in blocks(graph.frames, _BATCH):
@@ -77,11 +78,11 @@ def solve_frames(
 
 
 def multistart(
-    graph: Graph,
+    graph: PointGraph,
     starts: Sequence[ArrayLike],
     options: Spectral | None = None,
     objective: Objective = Objective.SQUARED,
-) -> Solution:
+) -> PointSolution:
     """The solution of least stress over several starts, searched side by side.
 
     Raises:
@@ -94,7 +95,7 @@ def multistart(
     boxes = [box_of(graph, x) for x in xs]
     box = tuple(np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2))
     z = np.stack([x.ravel() for x in xs], axis=1)
-    found = _spectral(incidence(graph), bounds_of(graph), objective, z, box, graph.dimension, options)
+    found = _spectral(operator(graph), intervals_of(graph.edges), objective, z, box, graph.dimension, options)
     best = int(np.argmin(found.values))
     chosen = Minimum(
         found.z[:, [best]], found.values[[best]], (found.statuses[best],), (found.iterations[best],), found.history
@@ -102,7 +103,7 @@ def multistart(
     return _solution(graph, [chosen], objective, began, "spectral")
 
 
-def _ready(graph: Graph, start: ArrayLike, objective: Objective) -> Floats:
+def _ready(graph: PointGraph, start: ArrayLike, objective: Objective) -> Floats:
     if objective is Objective.RELATIVE:
         raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED, or Ipopt, which takes it")
     return graph.checked(start)
@@ -110,7 +111,7 @@ def _ready(graph: Graph, start: ArrayLike, objective: Objective) -> Floats:
 
 def _spectral(
     inc: Incidence,
-    bounds: Bounds,
+    bounds: Intervals,
     objective: Objective,
     z: Floats,
     box: tuple[Floats, ...],
@@ -128,13 +129,15 @@ def _spectral(
     return minimise(Explicit(inc, bounds, objective, dimension), tall, floor, ceiling, options)
 
 
-def _solution(graph: Graph, found: list[Minimum], objective: Objective, began: float, method: str) -> Solution:
+def _solution(
+    graph: PointGraph, found: list[Minimum], objective: Objective, began: float, method: str
+) -> PointSolution:
     shape = (graph.frames, len(graph.vertices), graph.dimension)
     coordinates = shape[0] * shape[1] * shape[2] // sum(part.z.shape[1] for part in found)
     positions = np.concatenate([part.z[:coordinates].T for part in found]).reshape(shape)
     longest = max(len(part.history) for part in found)
     padded = np.array([part.history + part.history[-1:] * (longest - len(part.history)) for part in found])
-    return Solution(
+    return PointSolution(
         graph=graph,
         positions=frozen(positions),
         objective=objective,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.solution import Status
+from robot_retarget.dgp.status import Status
 from robot_retarget.errors import UsageError
 
 
@@ -104,12 +104,16 @@ def minimise(functions: Columns, start: Floats, lower: Floats, upper: Floats, op
         functions, start, np.broadcast_to(lower, start.shape), np.broadcast_to(upper, start.shape), options
     )
     best, values = start.copy(), np.empty(count)
-    statuses, iterations, history = [Status.LIMIT] * count, np.zeros(count, dtype=int), [float(search.f.sum())]
+    statuses, iterations, history = (
+        [Status.OUT_OF_ITERATIONS] * count,
+        np.zeros(count, dtype=int),
+        [float(search.f.sum())],
+    )
     settled = 0.0
     for iteration in range(options.max_iterations + 1):
         stopped, why = search.direct()
         if iteration == options.max_iterations:
-            stopped, why = np.ones_like(stopped), np.where(stopped, why, _CODES.index(Status.LIMIT))
+            stopped, why = np.ones_like(stopped), np.where(stopped, why, _CODES.index(Status.OUT_OF_ITERATIONS))
         if stopped.any():
             ended = search.columns[stopped]
             best[:, ended], values[ended], iterations[ended] = search.z[:, stopped], search.f[stopped], iteration
@@ -147,8 +151,8 @@ class _Search:
         self.direction = np.subtract(trial, self.z, out=trial)
         zero = self.f < self.options.value_tolerance
         still = _dot(self.direction, self.direction) < self.options.step_tolerance**2
-        why = np.where(zero, _CODES.index(Status.ZERO), _CODES.index(Status.STATIONARY))
-        why = np.where(self.stuck & ~zero & ~still, _CODES.index(Status.STUCK), why)
+        done, blocked = (_CODES.index(status) for status in (Status.CONVERGED, Status.BLOCKED))
+        why = np.where(self.stuck & ~zero & ~still, blocked, done)
         return zero | still | self.stuck, why
 
     def advance(self) -> None:

@@ -3,18 +3,18 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.graph import Graph
-from robot_retarget.dgp.incidence import incidence
+from robot_retarget.dgp.objective import Objective
 from robot_retarget.dgp.papers.columns import Lifted, Reduced
 from robot_retarget.dgp.papers.spectral import Spectral, minimise
-from robot_retarget.dgp.stress import Objective, bounds_of
+from robot_retarget.dgp.points import PointGraph
+from robot_retarget.dgp.stress import intervals_of, operator
 from robot_retarget.errors import GraphError
 
 _PRESSING = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Weights of the additional dimensions, relative to an edge of priority 1."""
 
 
-def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
+def random_starts(graph: PointGraph, count: int, seed: int = 0) -> Floats:
     """Return (count, T, V, K) points in a box with about one point per mean target distance [m]."""
     middle = _middle(graph)
     spacing = float(middle.mean()) if len(middle) else 1.0
@@ -23,7 +23,7 @@ def random_starts(graph: Graph, count: int, seed: int = 0) -> Floats:
     return np.random.default_rng(seed).uniform(-size, size, shape)
 
 
-def lifted_starts(graph: Graph, count: int, seed: int = 0, extra: int = 2) -> Floats:
+def lifted_starts(graph: PointGraph, count: int, seed: int = 0, extra: int = 2) -> Floats:
     """Return (count, T, V, K) random points drawn together in K + `extra` dimensions and flattened again [m].
 
     Sparse instances have many local minima; most of them disappear with room to pass around each other. The weight of
@@ -33,14 +33,14 @@ def lifted_starts(graph: Graph, count: int, seed: int = 0, extra: int = 2) -> Fl
     tall = graph.dimension + extra
     out = np.random.default_rng(seed).uniform(-0.5, 0.5, (*flat.shape[:-1], extra)) * np.abs(flat).max()
     z = np.concatenate([flat, out], axis=-1).reshape(count, -1).T
-    stress = Reduced(incidence(graph), bounds_of(graph), Objective.SQUARED, tall)
+    stress = Reduced(operator(graph), intervals_of(graph.edges), Objective.SQUARED, tall)
     options = Spectral(max_iterations=300, value_tolerance=1e-12)
     for weight in _PRESSING:
         z = minimise(Lifted(stress, graph.dimension, weight), z, np.array(-np.inf), np.array(np.inf), options).z
     return z.T.reshape(*flat.shape[:-1], tall)[..., : graph.dimension]
 
 
-def classical_start(graph: Graph, noise: float = 0.0, seed: int = 0) -> Floats:
+def classical_start(graph: PointGraph, noise: float = 0.0, seed: int = 0) -> Floats:
     """Return the classical scaling of the shortest paths through the graph, (T, V, K) [m].
 
     Args:
@@ -55,14 +55,14 @@ def classical_start(graph: Graph, noise: float = 0.0, seed: int = 0) -> Floats:
     from scipy.sparse.csgraph import shortest_path
 
     count = graph.frames * len(graph.vertices)
-    length = _middle(graph) * np.exp(noise * np.random.default_rng(seed).normal(size=len(graph)))
+    length = _middle(graph) * np.exp(noise * np.random.default_rng(seed).normal(size=len(graph.edges)))
     # A stored 0 would be no edge to the shortest path.
-    table = csr_array((np.maximum(length, 1e-12), (graph.i, graph.j)), shape=(count, count))
+    table = csr_array((np.maximum(length, 1e-12), (graph.edges.i, graph.edges.j)), shape=(count, count))
     paths = shortest_path(table, directed=False)
     lost = np.flatnonzero(np.isinf(paths[0]))
     if lost.size:
         raise GraphError(
-            f"the graph is not connected: no path of edges joins {graph.vertex_name(0)} and {graph.vertex_name(lost[0])}"
+            f"the graph is not connected: no path of edges joins {graph.edges.vertex_name(0)} and {graph.edges.vertex_name(lost[0])}"
         )
     centring = np.eye(count) - 1.0 / count
     values, vectors = np.linalg.eigh(-0.5 * centring @ paths**2 @ centring)
@@ -71,5 +71,6 @@ def classical_start(graph: Graph, noise: float = 0.0, seed: int = 0) -> Floats:
     return x.reshape(graph.frames, len(graph.vertices), graph.dimension)
 
 
-def _middle(graph: Graph) -> Floats:
-    return np.where(np.isinf(graph.upper), graph.lower, (graph.lower + np.minimum(graph.upper, 1e300)) / 2.0)
+def _middle(graph: PointGraph) -> Floats:
+    lower, upper = graph.edges.lower, graph.edges.upper
+    return (lower + np.where(np.isinf(upper), lower, upper)) / 2.0

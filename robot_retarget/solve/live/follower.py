@@ -8,12 +8,13 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.targets import CausalTargets
-from robot_retarget.describe.graph import Graph
+from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.kinds.temporal import Smoothness
 from robot_retarget.describe.path import root_scaling_of
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
+from robot_retarget.dgp.status import Status
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures
@@ -26,7 +27,6 @@ from robot_retarget.solve.live.lag import FixedLag, Solved
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
 from robot_retarget.solve.problem import EdgeTargets, build_problem
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.sqp import FrameSolver, Pose
 
 FIRST = 1 / 30
@@ -49,7 +49,7 @@ class StreamPose:
 class Follower:
     """One calibrated performer and one robot."""
 
-    def __init__(self, graph: Graph, options: RealTime, lag: int, native: bool):
+    def __init__(self, graph: RobotGraph, options: RealTime, lag: int, native: bool):
         match = graph.match
         self.graph, self.all_targets = graph, CausalTargets(graph)
         self.human = CausalFeatures(calibrate(graph.motion, match, graph.human))
@@ -103,7 +103,7 @@ class Follower:
         return EdgeTargets(*(np.array(each) for each in asked)) if self.lag else EdgeTargets(*asked)
 
 
-def _smoothness(graph: Graph) -> tuple[Floats, Floats]:
+def _smoothness(graph: RobotGraph) -> tuple[Floats, Floats]:
     """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
     context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
     return difference_weights(graph.robot, [Smoothness().targets(context)], SECOND_DIFFERENCE)

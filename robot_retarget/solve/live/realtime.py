@@ -13,13 +13,13 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.dgp.role import CAUSAL_DIFFERENCE
+from robot_retarget.dgp.status import Status
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.basin_escape import BasinEscape
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
-from robot_retarget.solve.solution import Status
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 

@@ -10,12 +10,12 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import describe
 from robot_retarget.describe.kinds import STREAM_KINDS
 from robot_retarget.describe.weights import Weights
+from robot_retarget.dgp.status import Status
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion, Skeleton
 from robot_retarget.robot import Robot
 from robot_retarget.solve.live.follower import Follower, StreamPose
 from robot_retarget.solve.options import RealTime
-from robot_retarget.solve.solution import Status
 
 CALIBRATED = 1.0
 """Time for which an unknown performer is observed before the robot follows [s]."""
