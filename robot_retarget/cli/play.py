@@ -1,5 +1,6 @@
 """`play`: a trajectory on Dynamixel servos."""
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic, sleep
@@ -58,6 +59,11 @@ def play(
     log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("play.npz"),
     end_pose: Annotated[bool, typer.Option(help="Go to the map's stop pose at the end.")] = True,
     release: Annotated[bool, typer.Option("--release", help="Switch torque off at the end.")] = False,
+    test_lean: Annotated[
+        bool,
+        typer.Option(help="With feedback: lean 3° right and ahead first, and compare the inertial sensor with that."),
+    ] = True,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Start the test lean without a question.")] = False,
     grace: Annotated[
         float, typer.Option(help="After Ctrl-C: hold so long for a second one, which lets go [s].")
     ] = 10.0,
@@ -76,7 +82,7 @@ def play(
     from robot_retarget.servo.play import rehearse
     from robot_retarget.trajectory import load_trajectory
 
-    options, servo_map = Options(end_pose, release, grace=grace), load_map(servos)
+    options, servo_map = Options(end_pose, release, grace=grace, test_lean=test_lean), load_map(servos)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
     read, part = load_trajectory(trajectory), Part(speed, loop, start, stop)
     if plain:
@@ -99,11 +105,20 @@ def play(
     if not port:
         raise UsageError("play needs --port (or --dry-run)")
     require_writable(log)
+    if plan.feedback is not None and test_lean and not yes:
+        _agree()
     _await(Path(port), wait)
     say = (lambda text: None) if json else console.say
     outcome = perform(plan, servo_map, port, options, log, say)
     _tell(outcome, log, json)
     raise typer.Exit(outcome.exit_code)
+
+
+def _agree() -> None:
+    """Ask at a terminal whether the robot may lean."""
+    question = "To test its inertial sensor, the robot leans 3° right and ahead first. Does it stand free on a floor?"
+    if sys.stdin.isatty() and not typer.confirm(question):
+        raise UsageError("not confirmed: --no-test-lean leaves the test out")
 
 
 def _await(port: Path, wait: float) -> None:

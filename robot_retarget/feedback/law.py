@@ -52,6 +52,8 @@ class Feedback:
     """(2,) excess roll and pitch beyond which the robot is falling [rad]."""
     crouch: Floats
     """(n,) the goals in which a falling robot stops [rad]."""
+    lean: Floats
+    """(n, 2) change of the joints per roll and pitch of the root body over standing feet [-]; zeros without feet."""
 
     def __post_init__(self) -> None:
         for name in SHAPES:
@@ -64,7 +66,7 @@ class Feedback:
 
     def of(self, order: Ints | list[int]) -> "Feedback":
         """Return the same for other joints, by their indices."""
-        names = ("rate", "tilt", "lower", "upper", "crouch")
+        names = ("rate", "tilt", "lower", "upper", "crouch", "lean")
         return replace(self, **{name: getattr(self, name)[order] for name in names})
 
     def arrays(self) -> dict[str, Any]:
@@ -73,7 +75,7 @@ class Feedback:
 
 
 SHAPES: dict[str, tuple[int | str, ...]] = {
-    "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",),
+    "rate": ("n", 2), "tilt": ("n", 2), "lower": ("n",), "upper": ("n",), "crouch": ("n",), "lean": ("n", 2),
     "reference": ("N", 4), "stop": (2,),
 }  # fmt: skip
 """Shapes of the arrays: N goals of n joints."""

@@ -9,6 +9,7 @@ from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback, Law
+from robot_retarget.feedback.lean import LeanTest
 from robot_retarget.feedback.monitor import Monitor, rest_faults
 from robot_retarget.feedback.reading import Reading
 from robot_retarget.servo.outcome import FaultError
@@ -78,6 +79,24 @@ class Balancer:
         if faults:
             raise FaultError("; ".join(faults))
         self._bias = np.mean([reading.gyro for reading in self._before], axis=0)
+
+    def test(self, first: Floats) -> LeanTest:
+        """The test lean from the first pose (n,) [rad]."""
+        return LeanTest(first, self.law.feedback.lean, self._rate)
+
+    def lean(self, test: LeanTest, tick: int) -> None:
+        """Take the reading of a tick of the test lean."""
+        test.note(tick, self._sensor.read())
+
+    def require_leant(self, test: LeanTest) -> None:
+        """Compare what the sensor measured with the lean.
+
+        Raises:
+            FaultError: it measured another one.
+        """
+        faults = test.faults()
+        if faults:
+            raise FaultError(f"{'; '.join(faults)}: check the axes of [imu]")
 
     def goal(self, row: int, plan: Floats) -> Floats:
         """The goals (n,) of a tick.

@@ -33,6 +33,8 @@ class Options:
     grace: float = field(default=10.0, metadata=within(0, 3600, "s"))
     """Time after Ctrl-C for which the pose is held and checked; a second Ctrl-C releases [s]."""
 
+    test_lean: bool = True
+    """Before a motion with feedback, lean a little and compare the inertial sensor with that."""
     lockstep: bool = False
     """Send each tick as soon as the last is answered, for an emulated bus in lockstep."""
 

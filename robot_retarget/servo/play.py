@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.lean import LEAN, LeanTest
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, Finding, check
@@ -129,10 +130,29 @@ class Player:
         self._follow(cycle, way, "approach", balancer)
         if balancer is not None:
             balancer.ready()
+            self._lean(cycle, balancer.test(plan.angles[0]), balancer)
         self.say(f"playing {plan.duration:.1f} s")
         self._follow(cycle, plan, "play", balancer)
         self.end_softly(cycle)
         return Ended.FINISHED.value
+
+    def _lean(self, cycle: Cycle, test: LeanTest, balancer: Balancer) -> None:
+        """Lean right and ahead, and compare the sensor with that.
+
+        Raises:
+            FaultError: the sensor measures another lean; the robot holds its first pose.
+        """
+        if not (self.options.test_lean and test.possible):
+            return
+        self.say(f"leaning {np.degrees(LEAN):.0f}° right and ahead to test the inertial sensor")
+        goals, last = list(test.goals), len(test.goals) - 1
+
+        def step(k: int) -> Step:
+            balancer.lean(test, k)
+            return Step(goals[k], "lean", goals[min(k + 1, last)])
+
+        self.tick_on(cycle, step, last)
+        balancer.require_leant(test)
 
     def end_softly(self, cycle: Cycle) -> None:
         """Move to the map's stop pose, if it has one and the options allow it."""

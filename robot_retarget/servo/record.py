@@ -11,7 +11,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.files import replacing
 
 COLUMNS = ("goal", "plan", "motion", "present", "velocity", "current", "age", "error")
-PHASES = ("approach", "play", "end", "hold")
+PHASES = ("approach", "play", "end", "hold", "lean")
 
 
 class Record:

@@ -20,6 +20,7 @@ from robot_retarget.goals import Goals
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
+from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.trajectory import Trajectory
 
@@ -41,7 +42,7 @@ def with_feedback(plant: Plant, trajectory: Trajectory, goals: Goals) -> Goals:
         rate=rate, tilt=tilt, lower=low, upper=high, reference=planned_tilt(robot, trajectory, goals),
         bound=balance.bound, speed=balance.speed, top_speed=limits.speed, lag=round(servo_map.imu.delay * goals.rate),
         fusion=balance.fusion, fade=balance.fade, stop=np.array([balance.stop_roll, balance.stop_pitch]),
-        crouch=_crouch(robot, servo_map, goals),
+        crouch=_crouch(robot, servo_map, goals), lean=lean_over_feet(robot, trajectory.qpos[0]),
     )  # fmt: skip
     return replace(goals, feedback=feedback)
 
@@ -65,6 +66,25 @@ def planned_tilt(robot: Robot, trajectory: Trajectory, goals: Goals) -> Floats:
     spin = np.zeros((len(turns), 3))
     spin[:-1] = (rotations[:-1].inv() * rotations[1:]).as_rotvec() * goals.rate
     return np.concatenate([tilt_of(vertical_in(turns)), spin[:, :2]], axis=1)
+
+
+def lean_over_feet(robot: Robot, qpos: Floats) -> Floats:
+    """Change of the hinges (n, 2) per roll and pitch of the root body while the feet stay: −J_hinges⁺ J_root.
+
+    The root body turns about its origin. Zeros for a robot without recognised feet.
+    """
+    model, data, root = robot.model, mujoco.MjData(robot.model), root_dofs(robot)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    feet = sorted(set(feet_of(robot).soles.bodies.tolist()))
+    if not feet:
+        return np.zeros((len(robot.joint_names), 2))
+    rows = np.zeros((len(feet), 2, 3, model.nv))
+    for (place, turn), foot in zip(rows, feet, strict=True):
+        mujoco.mj_jacBody(model, data, place, turn, foot)
+    feet_move = rows.reshape(-1, model.nv)
+    return -np.linalg.pinv(feet_move[:, robot.dof_index]) @ feet_move[:, root[3:5]]
 
 
 def _crouch(robot: Robot, servo_map: ServoMap, goals: Goals) -> Floats:

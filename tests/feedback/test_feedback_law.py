@@ -13,7 +13,7 @@ from robot_retarget.feedback.fusion import Fusion
 from robot_retarget.feedback.law import Feedback, Law, read_feedback
 from robot_retarget.feedback.reading import Reading, tilt_of, vertical_in
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
-from robot_retarget.simulate.feedback import gain_matrices
+from robot_retarget.simulate.feedback import gain_matrices, lean_over_feet
 
 DT = 0.008
 STILL = Reading(np.zeros(3), np.array([0.0, 0.0, STANDARD_GRAVITY]))
@@ -24,6 +24,7 @@ def feedback(**changes: object) -> Feedback:
         "rate": np.full((3, 2), 0.1), "tilt": np.full((3, 2), 1.0), "lower": -np.ones(3), "upper": np.ones(3),
         "reference": np.zeros((50, 4)), "bound": 0.2, "speed": 3.0, "top_speed": 4.0, "lag": 1, "fusion": 1.0,
         "fade": 0.1, "stop": np.array([0.5, 0.5]), "crouch": np.zeros(3),
+        "lean": np.zeros((3, 2)),
     }  # fmt: skip
     return Feedback(**values | changes)  # type: ignore[arg-type]
 
@@ -97,6 +98,24 @@ def test_a_positive_gain_turns_the_trunk_upright_about_a_standing_foot(joint: st
         trunks.append(of_foot.T @ data.xmat[robot.root_body].reshape(3, 3))
     turned = Rotation.from_matrix(trunks[1] @ trunks[0].T).as_rotvec()
     assert np.allclose(turned, -np.eye(3)[axis] * 0.1, atol=1e-3)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_lean_of_the_joints_turns_the_trunk_and_leaves_the_feet(axis: int) -> None:
+    robot, angle = rr.load_robot("op3"), 0.01
+    joints = robot.standing()
+    joints[robot.qpos_index] += angle * lean_over_feet(robot, robot.standing())[:, axis]
+    data = mujoco.MjData(robot.model)
+    feet = [robot.model.body(f"{side}_ank_roll_link").id for side in "lr"]
+    gaps = []
+    for qpos in (robot.standing(), joints):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(robot.model, data)
+        gaps.append([data.xpos[feet[1]] - data.xpos[feet[0]], data.xmat[feet].copy()])
+    turned = Rotation.from_matrix(gaps[1][1].reshape(2, 3, 3) @ gaps[0][1].reshape(2, 3, 3).transpose(0, 2, 1))
+    assert np.allclose(turned.as_rotvec(), -angle * np.eye(3)[axis], atol=2e-4)
+    expected = turned[0].apply(gaps[0][0])
+    assert np.allclose(gaps[1][0], expected, atol=1e-4)
 
 
 def test_no_lean_changes_no_goal() -> None:

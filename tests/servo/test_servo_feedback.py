@@ -4,6 +4,7 @@ import os
 import pty
 import re
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +12,13 @@ import numpy as np
 import pytest
 from emulated import emulated
 from made_trajectories import hold
+from scipy.spatial.transform import Rotation
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Imu
-from robot_retarget.actuators.map import load_map
+from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.lean import LeanTest
 from robot_retarget.feedback.monitor import Monitor, rest_faults
 from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.feedback.sensor import VirtualImu
@@ -25,6 +28,7 @@ from robot_retarget.servo.outcome import Ended, Options
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.sensor import LineSensor
+from robot_retarget.shipped import MODELS as SHIPPED
 
 OP3, OP3_MAP = rr.load_robot("op3"), load_map("op3")
 IMU = OP3_MAP.imu or Imu()
@@ -89,9 +93,64 @@ def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) 
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     with emulated(tmp_path, "op3", "--fault", f"after 4 silent {IMU.id}") as robot:
-        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False))
+        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, test_lean=False))
     assert outcome.ended is Ended.FINISHED, outcome.reason
     assert any("does not answer: feedback fades out" in text for text in outcome.warnings)
+
+
+def mounted(*axes: str) -> ServoMap:
+    """The OP3's map with another mounting of its sensor."""
+    return replace(OP3_MAP, imu=replace(IMU, axes=axes))
+
+
+WRONG = {
+    "turned by 180 degrees": (mounted("x", "y", "z"), "accelerometer .* wrong sign: roll is reversed"),
+    "turned by 90 degrees": (mounted("-y", "x", "z"), "measures pitch where the robot leans in roll"),
+}
+
+
+@pytest.mark.parametrize(("real", "message"), WRONG.values(), ids=WRONG)
+def test_a_test_lean_finds_a_wrong_mounting(real: ServoMap, message: str, tmp_path: Path) -> None:
+    report = rr.simulate(hold(OP3, 0.2), OP3, mode="free", feedback=True)
+    assert report.trajectory is not None
+    plan, model = goal_plan(report.trajectory, OP3_MAP), str(SHIPPED / "op3" / "scene.xml")
+    physics = ("--physics", "--model", model, "--lockstep", str(plan.rate))
+    with emulated(tmp_path, real, *physics) as robot:
+        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True))
+        body = robot.do("state")["body"]
+    assert outcome.ended is Ended.FAULT and re.search(message, outcome.reason), outcome.reason
+    assert body["upright"] > 0.99
+
+
+def leant(test: LeanTest, wrong: Callable[[Reading], Reading], imu: Imu = IMU) -> list[str]:
+    """What a test lean finds with a sensor that alters its readings; the robot follows the goals 0.05 s later."""
+    sensor = VirtualImu(replace(imu, gyro_bias=0.0), DT, seed=3)
+    path = np.concatenate([np.zeros((6, 2)), test.goals[:-6]])
+    for tick, (angles, speeds) in enumerate(zip(path, np.asarray(np.gradient(path, DT, axis=0)), strict=True)):
+        up = Rotation.from_euler("YX", angles[::-1]).inv().apply(LEVEL.accel)
+        test.note(tick, wrong(sensor.read(Reading(np.array([*speeds, 0.0]), np.asarray(up)))))
+    return test.faults()
+
+
+def turned(signs: tuple[int, int, int], order: tuple[int, int, int] = (0, 1, 2)) -> Callable[[Reading], Reading]:
+    return lambda r: Reading(np.array(signs) * r.gyro[list(order)], np.array(signs) * r.accel[list(order)])
+
+
+LEANS = {
+    "right": (turned((1, 1, 1)), []),
+    "x": (turned((-1, 1, 1)), ["gyroscope .* wrong sign: roll", "accelerometer .* wrong sign: pitch"]),
+    "y": (turned((1, -1, 1)), ["accelerometer .* wrong sign: roll", "gyroscope .* wrong sign: pitch"]),
+    "swapped": (turned((1, 1, 1), (1, 0, 2)), ["measures pitch where the robot leans in roll"]),
+    "gyroscope only": (lambda r: Reading(-r.gyro, r.accel), ["gyroscope .* roll", "gyroscope .* pitch"]),
+    "gyroscope dead": (lambda r: Reading(0 * r.gyro, r.accel), ["gyroscope measures 0.000 rad|-0.000 rad"]),
+}
+
+
+@pytest.mark.parametrize(("wrong", "messages"), LEANS.values(), ids=LEANS)
+def test_a_test_lean_names_sensor_and_axis(wrong: Callable[[Reading], Reading], messages: list[str]) -> None:
+    found = leant(LeanTest(np.zeros(2), np.eye(2), 1 / DT), wrong)
+    assert bool(found) == bool(messages)
+    assert all(re.search(message, "; ".join(found)) for message in messages), found
 
 
 FAULTS = {

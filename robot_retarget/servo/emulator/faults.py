@@ -15,6 +15,8 @@
     place 3 2100    the shaft of servo 3 is turned to this position by hand
     torque 3        torque of servo 3 is switched on by somebody else
     limp 3          torque of servo 3 is switched off by another program
+    flip x          the inertial sensor measures the root body's x axis with the wrong sign
+    freeze          the inertial sensor repeats its present reading
     reset           servos, wire and supply are as at the start
     unplug          the cable is pulled; `plug` puts it back (a new port under the same link)
 
@@ -88,6 +90,8 @@ class Faults:
             "torque": lambda who: [d.write(64, b"\x01") for d in self._devices(who)],
             "limp": lambda who: [d.write(64, b"\x00") for d in self._devices(who)],
             "place": lambda who, ticks: [d.place(float(ticks)) for d in self._devices(who)],
+            "flip": self._flip,
+            "freeze": lambda: [board.freeze() for board in self.network.boards],
             "reset": self._reset,
             "unplug": lambda: setattr(self.wire, "plugged", False),
             "plug": lambda: setattr(self.wire, "plugged", True),
@@ -121,6 +125,10 @@ class Faults:
         for planned in [p for p in self._later if p[0] <= now]:
             self._later.remove(planned)
             self.add(planned[1])
+
+    def _flip(self, axis: str) -> None:
+        for board in self.network.boards:
+            board.signs["xyz".index(axis)] = -1.0
 
     def _reset(self) -> None:
         for device, fresh in zip(self.network.devices, self._fresh, strict=True):

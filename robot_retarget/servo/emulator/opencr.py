@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.feedback.reading import Reading
 from robot_retarget.servo import protocol
@@ -22,6 +24,13 @@ class Board:
 
     def __init__(self, imu: Imu, reading: Callable[[], Reading]) -> None:
         self.id, self._mounting, self._reading = imu.id, imu.mounting, reading
+        self.signs = np.ones(3)
+        """Of the root body's axes, as measured; −1 where a sensor has a wrong sign."""
+        self._kept: Reading | None = None
+
+    def freeze(self) -> None:
+        """Answer with the present reading from now on."""
+        self._kept = self._reading()
 
     def answer(self, frame: Frame) -> bytes | None:
         """The status of an instruction to this id, or None for none."""
@@ -31,6 +40,7 @@ class Board:
             address, length = (int.from_bytes(frame.params[k : k + 2], "little") for k in (0, 2))
             if address + length > TABLE_END:
                 return protocol.status(self.id, Error.ACCESS)
-            table = bytes(GYRO) + encoded(self._reading(), self._mounting)
+            gyro, accel = self._kept or self._reading()
+            table = bytes(GYRO) + encoded(Reading(self.signs * gyro, self.signs * accel), self._mounting)
             return protocol.status(self.id, 0, table.ljust(TABLE_END, b"\0")[address : address + length])
         return protocol.status(self.id, 0 if frame.instruction == Instruction.WRITE else Error.INSTRUCTION)
