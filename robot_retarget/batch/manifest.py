@@ -59,6 +59,9 @@ class Row:
 class Manifest:
     """The manifest of a folder of results."""
 
+    path: Path
+    notes: list[str]
+
     def __init__(self, folder: Path):
         """Open or create it. A broken manifest is moved aside and restored from the index; `notes` report that.
 

@@ -34,7 +34,7 @@ from robot_retarget.cli.ending import Interruptible, ending
 
 GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, batch, formats, play, stream, servos, doctor)
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     cls=Interruptible,
     context_settings={"help_option_names": ["-h", "--help"]},
     invoke_without_command=True,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from robot_retarget.batch.run import Ended, Engine, Plan
     from robot_retarget.batch.settings import Job, Shard
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 MERGE = "merge"
 RETRIES = ("failed", "timeout", "memory", "crashed")
 

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
-out = Console(highlight=False, width=_WIDTH)
+out: Console = Console(highlight=False, width=_WIDTH)
 _ARGUMENT = re.compile(r"\b(legs|balance|mode|format|fps) '([^']+)'")
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+err: Console = Console(stderr=True, highlight=False, soft_wrap=True)
 """Errors."""
-side = Console(stderr=True, highlight=False, soft_wrap=True)
+side: Console = Console(stderr=True, highlight=False, soft_wrap=True)
 """Remarks and progress."""
 
 

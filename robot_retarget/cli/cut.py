@@ -10,7 +10,7 @@ from robot_retarget.cli.options import Json, Limits, Quiet, RobotName
 from robot_retarget.cli.stages import load
 from robot_retarget.errors import UsageError
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget cut walk.npz --robot op3 --trim 1:3.5 --repeat 3 -o walks.npz")

@@ -5,7 +5,7 @@ import typer
 from robot_retarget.cli import console
 from robot_retarget.cli.options import Json, Quiet
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget doctor --json")

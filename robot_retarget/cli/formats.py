@@ -12,7 +12,7 @@ from robot_retarget.cli.stages import load
 if TYPE_CHECKING:
     from robot_retarget.formats import Options
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 def _list(wanted: bool) -> None:

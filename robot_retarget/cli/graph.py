@@ -24,7 +24,7 @@ from robot_retarget.cli.stages import described, load, read_clip, retarget_cost
 if TYPE_CHECKING:
     pass
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget graph dance.bvh --robot op3 --solve")

@@ -10,7 +10,7 @@ from robot_retarget.cli.options import BodyModel, Json, Limits, Quiet, Repair, S
 from robot_retarget.cli.stages import load, names_robot, read_clip
 from robot_retarget.errors import UsageError
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget info dance.bvh")

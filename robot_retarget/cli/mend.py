@@ -9,7 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import Force, Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
 from robot_retarget.cli.stages import load, own_unmet, read_clip, require_source
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from robot_retarget.servo.plan import Plan
     from robot_retarget.trajectory import Trajectory
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 OPEN_LOOP = (
     "the goals passed with feedback: simulate --no-feedback judges them without, or --unsafe sends them as they are"

@@ -28,7 +28,7 @@ from robot_retarget.cli.options import (
 )
 from robot_retarget.cli.stages import Wishes, fill_folder, load, read_clip, shipped_clip
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget run dance.bvh --robot op3 --out dance")

@@ -10,7 +10,7 @@ from robot_retarget.cli.formats import FileFormat, Joints, MotionOfRobot, Quater
 from robot_retarget.cli.options import BodyModel, Frames, Json, Limits, Overrides, Quiet, RobotName, Up
 from robot_retarget.cli.stages import load, read_clip
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget score dance.npz --robot op3 --motion dance.bvh")

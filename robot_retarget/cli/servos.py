@@ -13,8 +13,10 @@ from robot_retarget.errors import ServoError, UsageError
 if TYPE_CHECKING:
     from robot_retarget.servo.emulator.pace import Pace
 
-commands = typer.Typer()
-servos = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated.")
+commands: typer.Typer = typer.Typer()
+servos: typer.Typer = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Dynamixel servos, real or emulated."
+)
 commands.add_typer(servos, name="servos")
 
 MapName = Annotated[str, typer.Option("--map", "-m", help="A shipped robot's name (op3) or a servo map (.toml).")]

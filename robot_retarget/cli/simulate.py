@@ -9,7 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import Draws, Json, Limits, Quiet, RobotName, Servos, Thresholds, TrajectoryFile
 from robot_retarget.cli.stages import foreseen, judged, keep, load, write_page
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget simulate dance.npz --robot op3 --mode free")

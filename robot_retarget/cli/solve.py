@@ -27,7 +27,7 @@ from robot_retarget.cli.options import (
 )
 from robot_retarget.cli.stages import Wishes, carried_over, load, own_unmet, read_clip, retarget_cost
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")

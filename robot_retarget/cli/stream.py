@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from robot_retarget.motion import Skeleton
     from robot_retarget.robot import Robot
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 SINKS = ("stdout", "view", "mujoco", "servos")
 EMULATED = "emulated"

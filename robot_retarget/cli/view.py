@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from robot_retarget.view.web import Take, Viewer
     from robot_retarget.view.web.serve import Editor
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 Output = Path | None
 

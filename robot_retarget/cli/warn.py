@@ -9,7 +9,7 @@ from robot_retarget.cli import console
 from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, TrajectoryFile
 from robot_retarget.cli.stages import draw_warnings, load
 
-commands = typer.Typer()
+commands: typer.Typer = typer.Typer()
 
 
 @commands.command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")

@@ -29,6 +29,9 @@ class Fault(StrEnum):
 class RefusedError(Exception):
     """A packet, message or frame is refused."""
 
+    kind: Fault
+    detail: str
+
     def __init__(self, kind: Fault, detail: str = "") -> None:
         super().__init__(f"{kind}: {detail}" if detail else str(kind))
         self.kind, self.detail = kind, detail

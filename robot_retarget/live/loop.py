@@ -123,6 +123,12 @@ class StreamStats:
 class Loop:
     """Pass frames of a source through a stream into a sink until the source ends, time is over or `stop` is set."""
 
+    source: Source
+    sink: Sink
+    stats: StreamStats
+    stop: Event
+    resting: bool
+
     def __init__(
         self,
         source: Source,

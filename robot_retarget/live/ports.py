@@ -59,6 +59,8 @@ class UdpPort:
 
     ended = False
 
+    address: tuple[str, int]
+
     def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -111,6 +113,8 @@ class TcpPort:
 
     ended = False
 
+    address: tuple[str, int]
+
     def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -160,6 +164,8 @@ class StdinPort:
     """Standard input until its end."""
 
     ended = False
+
+    ended: bool
 
     def __init__(self) -> None:
         self._handle = sys.stdin.fileno()

@@ -67,6 +67,11 @@ class Decoder(Protocol):
 class Receiver:
     """A port with its decoder; follows one sender and refuses others."""
 
+    port: Port
+    decoder: Decoder
+    faults: Faults
+    dropped: int
+
     def __init__(self, port: Port, decoder: Decoder, faults: Faults) -> None:
         self.port, self.decoder, self.faults = port, decoder, faults
         self.dropped = 0

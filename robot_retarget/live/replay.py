@@ -16,6 +16,10 @@ class Replay:
         UsageError: the speed is not positive.
     """
 
+    motion: Motion
+    faults: Faults
+    dropped: int
+
     def __init__(self, motion: Motion, faults: Faults, speed: float = 1.0) -> None:
         if not 0 < speed < float("inf"):
             raise UsageError(f"--speed must be positive, got {speed:g}")

@@ -43,6 +43,8 @@ def _line(said: dict[str, Any]) -> bytes:
 class LineDecoder:
     """Lines of JSON. `whole`: each packet ends a line, as datagrams do."""
 
+    clock: SenderClock
+
     def __init__(self, faults: Faults, skeleton: Skeleton | None = None, whole: bool = False) -> None:
         self._faults, self._whole = faults, whole
         self.clock = SenderClock(faults)

@@ -55,6 +55,8 @@ class VmcDecoder:
     Missing lengths are those of the mean body.
     """
 
+    clock: SenderClock
+
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
         self.clock = SenderClock(faults)

@@ -32,6 +32,8 @@ class PhysicsSink:
         ServoError: a window is wished and there is no display.
     """
 
+    data: Any
+
     def __init__(self, robot: Robot, mode: str = "pinned", window: bool = False) -> None:
         self._robot, self._pinned, self._plant = robot, mode == "pinned", plant_of(robot, mode)
         self.data = mujoco.MjData(self._plant.model)

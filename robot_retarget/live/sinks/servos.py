@@ -21,6 +21,9 @@ class ServoSink:
         ServoError: the map and the robot have not the same joints.
     """
 
+    wishes: Wishes
+    guard: SelfCollisionGuard
+
     def __init__(self, robot: Robot, servo_map: ServoMap) -> None:
         joints = robot.joint_names
         bare = [joint for joint in joints if joint not in (*servo_map.joints, *servo_map.passive)]
