@@ -1,7 +1,7 @@
 """`view`: show trajectories in a browser, on a page, as a film or as pictures."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,8 +13,10 @@ from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.motion import Motion
-    from robot_retarget.view.web import Take, Viewer
-    from robot_retarget.view.web.serve import Editor
+    from robot_retarget.robot import Robot
+    from robot_retarget.simulate.plant import Mode
+    from robot_retarget.view.web import Take
+    from robot_retarget.view.web.serve import Editor, Judge, Served
 
 commands: typer.Typer = typer.Typer()
 
@@ -33,7 +35,8 @@ def view(
     up: Up = None,
     map_file: Overrides = None,
     simulated: Annotated[
-        str | None, typer.Option("--simulate", help="Play them on simulated servos before: pinned or free.")
+        Literal["pinned", "free"] | None,
+        typer.Option("--simulate", help="Play them on simulated servos before: pinned or free."),
     ] = None,
     static: Annotated[Output, typer.Option(help="A page to write (.html), that opens without a network.")] = None,
     video: Annotated[Output, typer.Option(help="A film to write (.mp4), of the first trajectory.")] = None,
@@ -55,6 +58,7 @@ def view(
     """Look at trajectories: robot, human, contacts, balance, near pairs, limits, curves."""
     from robot_retarget.files import require_writable
     from robot_retarget.view.web import Viewer
+    from robot_retarget.view.web.serve import serve
 
     for path in filter(None, (static, video, gif, strip)):
         require_writable(path)
@@ -68,7 +72,8 @@ def view(
         console.tell({"files": written}, f"wrote {', '.join(written)}", json)
     else:
         editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
-        _serve(Viewer(takes), port, browser, editor, json)
+        served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, simulated or "pinned"))
+        _answer(served, browser, json)
 
 
 def _takes(
@@ -76,24 +81,25 @@ def _takes(
     robots: list[str],
     clip: "Motion | None",
     map_file: Path | None,
-    mode: str | None,
+    mode: "Mode | None",
     limits: Path | None,
     force: bool,
 ) -> "tuple[Take, ...]":
     from robot_retarget.formats import load_trajectory
     from robot_retarget.simulate.rollout import simulate
-    from robot_retarget.view.web import take_of
+    from robot_retarget.view.web import file_names, take_of
 
     if len(robots) not in (1, len(trajectories)):
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
     models = {name: load(name, limits) for name in robots}
     takes = []
-    for path, name in zip(trajectories, robots * (len(trajectories) // len(robots)), strict=True):
+    told = file_names(trajectories) if len(trajectories) > 1 else [""]
+    for path, name, file in zip(trajectories, robots * (len(trajectories) // len(robots)), told, strict=True):
         played = load_trajectory(path, models[name])
         if clip is not None:
             require_source(played, clip, force)
         report = None if mode is None else simulate(played, models[name], mode=mode)
-        takes.append(take_of(played, models[name], clip, overrides=map_file, report=report))
+        takes.append(take_of(played, models[name], clip, overrides=map_file, report=report, name=file))
     return tuple(takes)
 
 
@@ -140,14 +146,20 @@ def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) 
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
 
 
-def _serve(viewer: "Viewer", port: int, browser: bool, editor: "Editor | None", json: bool) -> None:
+def _judge(robot: "Robot", mode: "Mode") -> "Judge":
+    """What passes the verdict on a trajectory after a touch-up."""
+    from functools import partial
+
+    from robot_retarget.simulate.rollout import simulate
+
+    return partial(simulate, robot=robot, mode=mode)
+
+
+def _answer(served: "Served", browser: bool, json: bool) -> None:
     import os
     import sys
     import webbrowser
 
-    from robot_retarget.view.web.serve import serve
-
-    served = serve(viewer, port, editor)
     sentence = f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends."
     console.tell({"address": served.address}, sentence, json)
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):

@@ -93,8 +93,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
     azimuth = _heading(robot, trajectory.qpos[0]) + 180 - THREE_QUARTERS
     path = _path(body_frames(robot, trajectory.qpos)[0][:, robot.root_body], trajectory.fps)
     corners = body_points(robot, sample(trajectory, robot, clock))
-    standing = body_points(robot, robot.standing()[None])[..., 2]
-    height = float(np.ptp(standing))
+    height = height_of(robot)
     floor = 0.0 if robot.root_joints.size else float(corners[..., 2].min())
     figure = _in_place(points, height, (len(points) - 1) / max(trajectory.duration, 1e-9))
 
@@ -163,13 +162,23 @@ def _distance(points: Floats, azimuth: float, aspect: float) -> float:
     return float(MARGIN * (np.maximum(np.abs(up), np.abs(right) / aspect) / half - away).max())
 
 
-def links_of(robot: Robot, qpos: Floats) -> Floats:
-    """Return (F, L, 2, 3) the lines from the origin of each body's parent to its own [m], for a robot without visible geoms."""
-    model = robot.model
+def linked(model: mujoco.MjModel) -> Ints:
+    """Return the bodies that are joined to their parents by a line, for a robot without visible geoms; else none."""
     bodies = np.arange(2, model.nbody) if not visible(model).size else np.zeros(0, int)
-    bodies = bodies[model.body_parentid[bodies] > 0]
+    return bodies[model.body_parentid[bodies] > 0]
+
+
+def links_of(robot: Robot, qpos: Floats) -> Floats:
+    """Return (F, L, 2, 3) the lines from the origin of each linked body's parent to its own [m]."""
+    model = robot.model
+    bodies = linked(model)
     places = body_frames(robot, qpos)[0]
     return np.stack([places[:, model.body_parentid[bodies]], places[:, bodies]], axis=2)
+
+
+def height_of(robot: Robot) -> float:
+    """Return the height of the standing robot [m]."""
+    return float(np.ptp(body_points(robot, robot.standing()[None])[..., 2]))
 
 
 def body_points(robot: Robot, qpos: Floats) -> Floats:

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from shared_files import ROOT
 from robot_retarget.edit.session import Session, graph_of
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
+from robot_retarget.simulate.rollout import simulate
 from robot_retarget.trajectory import load_trajectory
 from robot_retarget.view.web import Viewer, take_of
 from robot_retarget.view.web.serve import serve
@@ -40,9 +42,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(folder: Path) -> Iterator[Tab]:
     robot, motion = load_robot("op3"), read_motion(WAVE).frames(0, 60)
     trajectory = load_trajectory(folder / "wave.npz")
-    take = take_of(trajectory, robot, motion)
+    take = take_of(trajectory, robot, motion, report=simulate(trajectory, robot, mode="pinned"))
     session = Session(graph_of(motion, robot, trajectory), trajectory, folder / "EDITS.toml", folder / "EDITS.npz")
-    served = serve(Viewer((take,)), 0, session)
+    served = serve(Viewer((take,)), 0, session, judge=partial(simulate, robot=robot, mode="pinned"))
     thread = threading.Thread(target=served.forever, daemon=True)
     thread.start()
     with tab() as browser:
@@ -108,6 +110,21 @@ def test_undo_shows_what_was_and_redo_what_was_made(opened: Tab) -> None:
     opened.run("document.getElementById('redo').click()")
     opened.until(f"{edits} === {made}")
     assert opened.run(poses) == after
+
+
+@needs_browser
+def test_a_verdict_is_stale_after_a_touch_up_till_it_is_passed_anew(opened: Tab) -> None:
+    badge = "document.querySelector('#heading i')"
+    assert opened.run(f"return {badge}.className") == "stale"
+    assert "before the touch-up" in opened.run("return document.querySelector('#heading').textContent")
+    opened.run("document.getElementById('judge').click()")
+    opened.until(f"return {badge}.className !== 'stale'")
+    assert opened.run(f"return {badge}.textContent") == opened.run("return viewer.takes[0].report.badge.text")
+    edits = opened.run("return viewer.touch.state.edits")
+    opened.run("viewer.touch.send('undo')")
+    opened.until(f"return viewer.touch.state.edits === {edits - 1} && {badge}.className === 'stale'")
+    opened.run("viewer.touch.send('redo')")
+    opened.until(f"return viewer.touch.state.edits === {edits} && {badge}.className !== 'stale'")
 
 
 @needs_browser

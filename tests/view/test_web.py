@@ -2,22 +2,29 @@
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Tab, needs_browser, tab
-from made_trajectories import swing
+from made_trajectories import robot_of, swing
+from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
+import robot_retarget as rr
 from robot_retarget.human.match import match
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import resample
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.rollout import simulate
-from robot_retarget.view.web import Take, Viewer, take_of
+from robot_retarget.view.web import Take, Viewer, file_names, take_of, view
+from robot_retarget.view.web.pack import Packer
 from robot_retarget.view.web.serve import serve
+from robot_retarget.view.web.shapes import shapes_of
+from robot_retarget.view.web.show import told
 from robot_retarget.view.web.take import human_of
 
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
@@ -104,11 +111,12 @@ def test_every_layer_appears(opened: Tab, layer: str) -> None:
 
 
 @needs_browser
-def test_near_pairs_say_how_near_and_when(opened: Tab) -> None:
+def test_near_pairs_say_in_words_how_near_and_when(opened: Tab) -> None:
     first = opened.run("const t = viewer.takes[0]; return t.warnings.events[0].first / t.fps")
     opened.run(f"viewer.player.seek({first})")
     opened.until(
-        "return [...document.querySelectorAll('#labels div:not([hidden])')].some(e => /D .* cm · α \\d+/.test(e.textContent))"
+        "return [...document.querySelectorAll('#labels div:not([hidden])')]"
+        ".some(e => /: contact predicted in \\d\\.\\d\\d s, -?\\d+\\.\\d cm apart$/.test(e.textContent))"
     )
 
 
@@ -157,16 +165,122 @@ def test_the_console_stays_quiet(opened: Tab) -> None:
 
 @needs_browser
 def test_takes_stand_side_by_side(tmp_path: Path) -> None:
-    robot = load_robot("op3")
-    take = moved(robot)
+    first = replace(moved(load_robot("op3")), name="first.npz")
     with tab() as browser:
-        browser.open(Viewer((take, take)).save(tmp_path / "two.html").as_uri())
+        browser.open(Viewer((first, replace(first, name="other.npz"))).save(tmp_path / "two.html").as_uri())
         apart = browser.run("const [a, b] = viewer.casts; return a.position.distanceTo(b.position)")
         assert apart > 0.5
         for k in (0, 1):
             hide = f"viewer.casts[{k}].show('robot', false)"
             assert browser.changed(lambda hide=hide: browser.run(hide)) > 0.005
+        curves = browser.run("return document.querySelector('.chart .u-legend').textContent")
+        assert "first.npz" in curves and "other.npz" in curves
+        assert outside(browser) == 0
         assert not browser.complaints()
+
+
+def outside(browser: Tab) -> int:
+    """Number of corners of the robots' shapes, at both ends of the motion, that the camera does not see."""
+    return browser.run(
+        "viewer.panel.onreset(); let count = 0; const camera = viewer.stage.camera;"
+        "for (const time of [0, viewer.player.duration]) { viewer.player.seek(time); camera.updateMatrixWorld();"
+        "  for (const cast of viewer.casts) { cast.updateMatrixWorld(true);"
+        "    for (const mesh of cast.parts.robot.children) { const { position } = mesh.geometry.attributes, point = cast.position.clone();"
+        "      for (let k = 0; k < position.count; k++) {"
+        "        mesh.localToWorld(point.fromBufferAttribute(position, k)).project(camera);"
+        "        count += Math.abs(point.x) > 1 || Math.abs(point.y) > 1; } } } } return count"
+    )
+
+
+@pytest.fixture(scope="module")
+def solved() -> Viewer:
+    return view(rr.retarget(read_motion(CLIP).frames(40, 70), load_robot("op3"), balance="off"))
+
+
+def test_edges_come_in_order_of_their_cost_over_the_clip(solved: Viewer) -> None:
+    packer, (take,) = Packer(), solved.takes
+    edges = told(take, packer)["stress"]["edges"]
+    assert take.solution is not None
+    keypoints = take.solution.graph.match.keypoints
+    cost = {
+        (kind, a, b): take.solution.edge_stress(kind)[:, k].sum()
+        for kind in take.solution.measured
+        for k, (a, b) in enumerate(take.solution.graph.kinds[kind].ends)
+        if a in keypoints and b in keypoints and not take.solution.graph.kinds[kind].axes
+    }
+    assert [cost[ends] for ends in edges["ends"]] == sorted(cost.values(), reverse=True)[: len(edges["ends"])]
+
+
+@needs_browser
+def test_five_edges_are_shown_with_what_they_ask_for_until_more_are_chosen(solved: Viewer, tmp_path: Path) -> None:
+    seen = "return viewer.casts[0].parts.edges.ends.filter(Number.isFinite).length / 6"
+    with tab() as browser:
+        browser.open(solved.save(tmp_path / "edges.html").as_uri())
+        assert browser.run("return document.getElementById('edge-count').hidden")
+        browser.run("document.getElementById('layer-edges').click()")
+        assert browser.run(seen) == 5
+        words = "[...document.querySelectorAll('#labels .edge, #labels .alarm')].map(e => e.textContent)"
+        browser.until(f"return {words}.filter(text => /cm, asked for .* cm$/.test(text)).length >= 5")
+        assert not browser.run(f"return {words}.some(text => text.includes('_hand'))")
+        browser.run(
+            "const c = document.getElementById('edge-count'); c.value = 15; c.dispatchEvent(new Event('change'))"
+        )
+        assert browser.run(seen) == 15
+        assert not browser.complaints()
+
+
+@needs_browser
+def test_a_view_is_saved_as_a_picture_and_the_motion_as_a_film(opened: Tab) -> None:
+    opened.run(
+        "window.made = {}; viewer.player.seek(1); viewer.exported.picture().then(blob => window.made.picture = blob)"
+    )
+    opened.until("return window.made.picture?.type === 'image/png' && window.made.picture.size > 10000")
+    opened.run("viewer.player.setSpeed(2); viewer.exported.film().then(blob => window.made.film = blob)")
+    opened.until("return window.made.film?.type.startsWith('video/') && window.made.film.size > 1000")
+    assert opened.run("return viewer.player.loop && !viewer.player.playing")
+    opened.run("viewer.player.setSpeed(1)")
+
+
+@needs_browser
+def test_the_dark_theme_darkens_page_scene_and_curves(opened: Tab) -> None:
+    ink = "return viewer.charts.plots[0].plot.axes[0].stroke()"
+
+    def theme(name: str) -> tuple[float, str]:
+        media = {"features": [{"name": "prefers-color-scheme", "value": name}]}
+        opened.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        opened.until(f"{ink} === getComputedStyle(document.documentElement).getPropertyValue('--ink').trim()")
+        return float(opened.picture().mean()), opened.run(ink)
+
+    light, dark, again = theme("light"), theme("dark"), theme("light")
+    assert dark[0] < 0.5 * light[0] and dark[1] != light[1] and again[1] == light[1]
+
+
+def test_a_robot_without_any_geom_is_shown_by_its_links(tmp_path: Path) -> None:
+    spec = load_robot("op3").spec()
+    for element in [*spec.geoms, *spec.meshes, *spec.sensors, *spec.keys, *spec.excludes]:
+        spec.delete(element)
+    robot = robot_of(spec.to_xml(), tmp_path / "bare.xml")
+    places, turns = (poses[0] for poses in body_frames(robot, robot.standing()[None]))
+    shapes = shapes_of(robot)
+    assert len(shapes) == robot.model.nbody - 2
+    for body, shape in enumerate(shapes, start=2):
+        axis = Rotation.from_quat(shape.quaternion, scalar_first=True).apply([0, 0, shape.size[1]])
+        ends = [places[shape.body] + turns[shape.body] @ (shape.position + sign * axis) for sign in (-1, 1)]
+        np.testing.assert_allclose(ends, [places[robot.model.body_parentid[body]], places[body]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (("a/wave.npz", "b/clap.npz"), ["wave.npz", "clap.npz"]),
+        (("a/run.npz", "b/run.npz"), ["a/run.npz", "b/run.npz"]),
+        (("run.npz", "run.npz"), ["run.npz", "run.npz"]),
+    ],
+)
+def test_takes_are_named_by_their_files_with_the_folders_that_tell_them_apart(
+    paths: tuple[str, ...], names: list[str]
+) -> None:
+    assert file_names([Path(path) for path in paths]) == names
 
 
 def test_the_page_asks_for_nothing_from_elsewhere(page: Path) -> None:
@@ -179,8 +293,6 @@ def test_the_page_asks_for_nothing_from_elsewhere(page: Path) -> None:
 def test_arrays_come_back_from_a_page_as_they_went_in() -> None:
     import gzip
     import json
-
-    from robot_retarget.view.web.pack import Packer
 
     rng = np.random.default_rng(0)
     values = rng.normal(size=(50, 4, 3)).cumsum(axis=0)

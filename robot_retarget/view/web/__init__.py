@@ -8,4 +8,5 @@ from robot_retarget.view.web.page import Viewer as Viewer
 from robot_retarget.view.web.page import view as view
 from robot_retarget.view.web.take import Human as Human
 from robot_retarget.view.web.take import Take as Take
+from robot_retarget.view.web.take import file_names as file_names
 from robot_retarget.view.web.take import take_of as take_of

@@ -2,7 +2,7 @@
 
 import json
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
@@ -14,9 +14,9 @@ from urllib.parse import urlsplit
 
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import RobotRetargetError, UsageError
+from robot_retarget.simulate.report import Report
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.view.web.page import Viewer
-from robot_retarget.view.web.take import Take
 
 HOST = "127.0.0.1"
 """Only this machine is served; other machines connect through ssh."""
@@ -96,11 +96,15 @@ class Following(Protocol):
         ...
 
 
-class Desk:
-    """Answers requests for the page and for touch-ups, one at a time."""
+Judge = Callable[[Trajectory], Report]
+"""Passes a verdict on a trajectory."""
 
-    def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False):
-        self._viewer, self._editor, self._lock = viewer, editor, Lock()
+
+class Desk:
+    """Answers requests for the page, for touch-ups and for verdicts on them, one at a time."""
+
+    def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False, judge: Judge | None = None):
+        self._viewer, self._editor, self._judge, self._lock = viewer, editor, judge, Lock()
         self.page = viewer.page_with(editor is not None, live).encode()
 
     def act(self, what: str, content: bytes) -> tuple[HTTPStatus, str, bytes]:
@@ -125,12 +129,18 @@ class Desk:
         elif what in ("undo", "redo"):
             getattr(editor, what)()
         first, *others = self._viewer.takes
-        now, whole = editor.trajectory, what == "check" and len(editor.trajectory) > 1
+        now, whole = editor.trajectory, what in ("check", "judge") and len(editor.trajectory) > 1
         warnings = warnings_of(now, first.robot) if whole else None
-        take = Take(first.robot, now, first.human, warnings, before=editor.before)
+        report = self._judged(now) if what == "judge" else first.report
+        take = replace(first, trajectory=now, warnings=warnings, report=report, solution=None, before=editor.before)
         self._viewer = replace(self._viewer, takes=(take, *others))
         told = {"touch": editor.told()}
         return HTTPStatus.OK, "application/octet-stream", Viewer((take,)).packed(told)
+
+    def _judged(self, trajectory: Trajectory) -> Report:
+        if self._judge is None:
+            raise UsageError("nothing passes a verdict here")
+        return self._judge(trajectory)
 
 
 def _refused(status: HTTPStatus, reason: str) -> tuple[HTTPStatus, str, bytes]:
@@ -153,21 +163,28 @@ def _bounded(table: Any) -> dict[str, Any]:
     return {**table, "at": [float(bound) for bound in at] if isinstance(at, list) else at}
 
 
-ACTS = ("edit", "undo", "redo", "save", "check")
+ACTS = ("edit", "undo", "redo", "save", "check", "judge")
 
 
-def serve(viewer: Viewer, port: int = PORT, editor: Editor | None = None, following: Following | None = None) -> Served:
+def serve(
+    viewer: Viewer,
+    port: int = PORT,
+    editor: Editor | None = None,
+    following: Following | None = None,
+    judge: Judge | None = None,
+) -> Served:
     """Open a port for a viewer; `forever` answers.
 
     Args:
         port: 0 takes one that is free.
         editor: of the first take.
         following: source of live poses for the first take, which has one frame.
+        judge: passes the verdict on the first take after a touch-up.
 
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    desk = Desk(viewer, editor, following is not None)
+    desk = Desk(viewer, editor, following is not None, judge)
 
     class Handler(BaseHTTPRequestHandler):
         def parse_request(self) -> bool:

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.robot.model import Robot
-from robot_retarget.view.staging import visible
+from robot_retarget.view.staging import LINK, METAL, height_of, linked, visible
 
 _GEOM = mujoco.mjtGeom
 KINDS = {
@@ -45,7 +46,7 @@ class Shape:
 
 
 def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
-    """The visible geoms of a robot, its collision geoms where none is visible.
+    """The visible geoms of a robot, the collision geoms of a body without visible ones, the links of a robot without geoms.
 
     Args:
         triangles: limit of all meshes together; meshes are simplified evenly if the extra `view` is installed, else
@@ -58,7 +59,20 @@ def shapes_of(robot: Robot, triangles: int = TRIANGLES) -> list[Shape]:
     }
     share = min(1.0, triangles / max(sum(counts.values()), 1))
     meshes = {g: _thinned(*_mesh(model, g), max(int(share * count), FEWEST)) for g, count in counts.items()}
-    return [_shape(model, geom, meshes.get(geom)) for geom in geoms]
+    return [_shape(model, geom, meshes.get(geom)) for geom in geoms] + _links(robot)
+
+
+def _links(robot: Robot) -> list[Shape]:
+    """A capsule from the origin of each linked body's parent to its own."""
+    model, found = robot.model, []
+    for body in linked(model).tolist():
+        end = model.body_pos[body]
+        length = float(np.linalg.norm(end))
+        turn = Rotation.align_vectors([end], [[0, 0, 1]])[0] if length else Rotation.identity()
+        size = np.array([LINK * height_of(robot), length / 2, 0.0])
+        pose = end / 2, turn.as_quat(scalar_first=True)
+        found.append(Shape(int(model.body_parentid[body]), "capsule", size, *pose, np.array(METAL)))
+    return found
 
 
 def _shape(model: mujoco.MjModel, geom: int, mesh: tuple[Floats, Ints] | None) -> Shape:

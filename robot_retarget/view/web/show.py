@@ -33,6 +33,7 @@ def told(take: Take, packer: Packer) -> dict[str, Any]:
     stance = planned_stance(robot, trajectory)
     return {
         "title": take.title,
+        "name": take.name or robot.name,
         "robot": robot.name,
         "frames": len(trajectory),
         "fps": trajectory.fps,
@@ -52,7 +53,7 @@ def told(take: Take, packer: Packer) -> dict[str, Any]:
         "warnings": _warnings(take, staging, packer) if take.warnings else None,
         "stress": stress_of(take.solution, packer) if take.solution else None,
         "before": packer.add(poses(robot, take.before.qpos, shapes), TURN) if take.before else None,
-        "report": _report(robot, take.report, shapes, packer) if take.report else None,
+        "report": _report(take, take.report, shapes, packer) if take.report else None,
     }
 
 
@@ -181,14 +182,15 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
     }
 
 
-def _report(robot: Robot, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
-    """Return the badge, the reasons and the simulated motion."""
-    series = report.series
+def _report(take: Take, report: Report, shapes: list[Shape], packer: Packer) -> dict[str, Any]:
+    """Return the badge, the reasons and the simulated motion, if it is that of the trajectory."""
+    robot, series = take.robot, {} if take.stale else report.series
     simulated = series.get("simulated", np.zeros((0, robot.model.nq)))
     return {
         "badge": report.badge.contract(),
         "reasons": [*report.reasons, *report.unlike],
-        "fall": report.figures.get("fall_s"),
+        "stale": take.stale,
+        "fall": None if take.stale else report.figures.get("fall_s"),
         "poses": packer.add(poses(robot, simulated, shapes), TURN) if len(simulated) else None,
         "error": packer.add(np.degrees(series["error"]), COARSE) if "error" in series else None,
         "torque": packer.add(series["torque"], COARSE) if "torque" in series else None,

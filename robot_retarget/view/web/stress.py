@@ -9,7 +9,7 @@ from robot_retarget.solve.solution import Solution
 from robot_retarget.view.web.pack import Packer
 
 EDGES = 60
-"""Number of edges drawn, by their cost over the clip."""
+"""Number of edges in the page, the costliest over the clip first; it draws five of them until more are chosen."""
 FINE = 1e-3
 """Resolution of edges: metres, and shares of the largest."""
 
@@ -36,7 +36,7 @@ def _edges(solution: Solution, packer: Packer) -> dict[str, Any] | None:
     if not found:
         return None
     every = np.stack(columns, axis=2)
-    chosen = np.sort(np.argsort(-every[4].sum(axis=0))[:EDGES])
+    chosen = np.argsort(-every[4].sum(axis=0), kind="stable")[:EDGES]
     names = ("lower", "upper", "measured", "priority", "stress")
     packed = {
         name: packer.add(values[:, chosen], FINE if name in names[:3] else _step(values[:, chosen]))

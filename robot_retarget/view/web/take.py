@@ -1,7 +1,10 @@
 """A take: a robot's trajectory with its human, warnings, report and solution."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.collision.warn import Warnings, warnings_of
@@ -41,11 +44,13 @@ class Take:
     warnings: Warnings | None = None
     """Of the trajectory (`warnings_of`)."""
     report: Report | None = None
-    """Of the trajectory (`simulate`)."""
+    """Of the trajectory (`simulate`), or of it before a touch-up."""
     solution: Solution | None = None
     """The solution of the trajectory, for the stress of its edges."""
     before: Trajectory | None = None
     """As it was before the latest touch-up, frame by frame."""
+    name: str = ""
+    """Its name among other takes, such as that of a file; by default its source."""
 
     def __post_init__(self) -> None:
         require_same_robot(self.trajectory, self.robot)
@@ -53,7 +58,13 @@ class Take:
     @property
     def title(self) -> str:
         """Its title."""
-        return f"{self.trajectory.source or 'a trajectory'} on {self.robot.name}"
+        return f"{self.name or self.trajectory.source or 'a trajectory'} on {self.robot.name}"
+
+    @property
+    def stale(self) -> bool:
+        """Whether the report is of another motion than the trajectory."""
+        judged = self.report and self.report.trajectory
+        return judged is not None and not np.array_equal(judged.qpos, self.trajectory.qpos)
 
 
 def human_of(match: Match, motion: Motion) -> Human:
@@ -68,12 +79,14 @@ def take_of(
     *,
     overrides: str | Path | None = None,
     report: Report | None = None,
+    name: str = "",
 ) -> Take:
     """A trajectory with what can be said of it: its warnings, and the human where a motion is given.
 
     Args:
         motion: the trajectory's source; it is shown at the times that the trajectory answers to.
         overrides: a TOML file that replaces lines of the keypoint map (`human.match.match`).
+        name: of the take among others.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
@@ -82,7 +95,15 @@ def take_of(
     require_same_robot(trajectory, robot)
     human = None if motion is None else human_of(match(motion, robot, overrides), _in_step(motion, trajectory))
     warnings = warnings_of(trajectory, robot) if len(trajectory) > 1 else None
-    return Take(robot, trajectory, human, warnings, report)
+    return Take(robot, trajectory, human, warnings, report, name=name)
+
+
+def file_names(paths: Sequence[Path]) -> list[str]:
+    """Return different names for paths: file names, with as many folders as are necessary."""
+    parts = [path.absolute().parts for path in paths]
+    most = max(map(len, parts), default=1)
+    found = (["/".join(own[-count:]) for own in parts] for count in range(1, most + 1))
+    return next((names for names in found if len(set(names)) == len(set(parts))), [])
 
 
 def _in_step(motion: Motion, trajectory: Trajectory) -> Motion:

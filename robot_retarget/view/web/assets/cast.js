@@ -35,9 +35,9 @@ export class Cast extends Group {
     if (visible && this.at !== undefined) layer.pose(this.at);
   }
 
-  /** Where the camera looks [m]. */
-  target() {
-    return new Vector3(...row(this.take.way, this.at ?? 0, this.where)).add(this.position);
+  /** Where the camera looks at a time [s], [m]. */
+  target(time) {
+    return new Vector3(...row(this.take.way, time * this.take.fps, this.where)).add(this.position);
   }
 
   /** What is to be said, where. */
@@ -45,6 +45,24 @@ export class Cast extends Group {
     const shown = Object.values(this.parts).filter((layer) => layer.visible && layer.labels);
     return shown.flatMap((layer) => layer.labels()).map((label) => ({ ...label, at: label.at.add(this.position) }));
   }
+
+  /** Its name, over its head. */
+  nameplate() {
+    const { name, floor, fps, height } = this.take;
+    return { at: this.target((this.at ?? 0) / fps).setZ(floor + 1.12 * height), text: name, kind: "name" };
+  }
+
+  /** Corners of the room that it takes at a time [s], from the camera's left to its right [m]. */
+  corners(time, right) {
+    const { floor, height, reach } = this.take, middle = this.target(time);
+    return [-reach, reach].flatMap((aside) => [floor, floor + 1.15 * height].map((z) => middle.clone().addScaledVector(right, aside).setZ(z)));
+  }
+}
+
+/** The picture's horizontal axis for a camera that looks to an azimuth [degrees]. */
+export function rightOf(azimuth) {
+  const angle = (azimuth * Math.PI) / 180;
+  return new Vector3(Math.sin(angle), -Math.cos(angle), 0);
 }
 
 /** Takes side by side, to the right of one another as the camera sees them. */
@@ -55,7 +73,6 @@ export function castsOf(takes) {
     edge += 2 * reach;
     return place;
   });
-  const angle = (takes[0].azimuth * Math.PI) / 180, right = new Vector3(Math.sin(angle), -Math.cos(angle), 0);
-  const casts = takes.map((take, k) => new Cast(take, right.clone().multiplyScalar(places[k] - edge / 2)));
+  const right = rightOf(takes[0].azimuth), casts = takes.map((take, k) => new Cast(take, right.clone().multiplyScalar(places[k] - edge / 2)));
   return { casts, span: edge };
 }

@@ -1,61 +1,102 @@
 // Curves under the scene; a line in each goes with the time, and a click in one goes to a time.
 
+import { colour, themed } from "#theme";
 import { uPlot } from "#vendor";
 
-const TEAL = "#0b7285", AMBER = "#e8890c", RED = "#c92a2a", GREY = "#9aa5b1", INK = "#1f2933";
-const PALETTE = [TEAL, AMBER, "#7048a8", "#37a05c", "#c2255c"];
 const READING = 150; // while it plays, values are written so often [ms]
 const HEIGHT = 150, DEGREES = 180 / Math.PI;
+const HUES = ["teal", "amber", "plum", "green", "rose"];
+/** Colour of the k-th take, pair or kind. */
+export const hue = (k) => colour(HUES[k % HUES.length]);
 
-const column = (array, k, scale = 1) => Array.from({ length: array.shape[0] }, (_, t) => {
-  const value = array.values[t * array.width + k] * scale;
-  return Number.isFinite(value) ? value : null;
-});
-const level = (value, frames) => Array(frames).fill(value);
-const padded = (values, frames) => [...values, ...Array(Math.max(frames - values.length, 0)).fill(null)];
+/** Times of all charts: of the quickest take, to the end of the longest. */
+function clockOf(takes) {
+  const fps = Math.max(...takes.map((take) => take.fps)), duration = Math.max(...takes.map((take) => (take.frames - 1) / take.fps));
+  return Array.from({ length: Math.round(duration * fps) + 1 }, (_, k) => k / fps);
+}
+
+/** Column k of an array of a take at times, straight between its frames; null where there is no value. */
+function column(array, k, fps, clock, scale = 1) {
+  const value = (t) => array.values[t * array.width + k] * scale;
+  return clock.map((time) => {
+    const at = time * fps, left = Math.floor(at + 1e-6), share = Math.max(at - left, 0), last = array.shape[0] - 1;
+    if (at > last + 1e-6) return null;
+    const found = share < 1e-5 ? value(left) : value(left) * (1 - share) + value(Math.min(left + 1, last)) * share;
+    return Number.isFinite(found) ? found : null;
+  });
+}
+
 const line = (label, values, color, width = 1.6, dash) => ({ label, values, color, width, dash });
-const limit = (label, value, frames) => line(label, level(value, frames), RED, 1, [5, 4]);
+const limit = (label, value, clock) => line(label, clock.map(() => value), colour("red"), 1, [5, 4]);
 
-/** What can be drawn of a take, given the joint that was chosen. */
-function drawn(take, joint) {
-  const { frames, joints, stance, report, warnings, stress } = take, name = joints.names[joint], charts = [];
-  const angle = column(joints.angles, joint, DEGREES), error = report?.error && padded(column(report.error, joint), frames);
-  charts.push({
-    title: `${name}: angle`, unit: "°",
-    lines: [
-      line("asked", angle, TEAL),
-      ...(error ? [line("simulated", angle.map((a, t) => (error[t] === null ? null : a + error[t])), AMBER, 1.2)] : []),
-      limit("lower", joints.lower[joint], frames), limit("upper", joints.upper[joint], frames),
-    ],
-  });
-  const fastest = joints.fastest[joint];
-  charts.push({
-    title: `${name}: speed`, unit: "°/s",
-    lines: [line("speed", column(joints.speeds, joint, DEGREES), TEAL), limit("−limit", -fastest, frames), limit("limit", fastest, frames)],
-  });
-  if (error) charts.push({ title: `${name}: tracking error`, unit: "°", lines: [line("error", error, AMBER)], zero: true });
-  if (report?.torque) {
-    const bound = report.bounds[joint], bounds = bound ? [limit("−limit", -bound, frames), limit("limit", bound, frames)] : [];
-    charts.push({ title: `${name}: torque`, unit: "N m", lines: [line("torque", padded(column(report.torque, joint), frames), "#7048a8"), ...bounds] });
-  }
-  if (stance) {
-    const lines = [line("centre of mass", column(stance.com_margin, 0), TEAL), line("zero moment point", column(stance.zmp_margin, 0), AMBER, 1.1)];
-    charts.push({ title: "inside the support", unit: "cm", lines, zero: true, most: [-15, 15] });
-  }
+/** What is measured of one joint of a take: titles, units, and lines. */
+function jointCharts({ take, joint, clock, color, label }) {
+  const { joints, report, fps } = take, name = joints.names[joint], told = (own) => label ?? own;
+  const angle = column(joints.angles, joint, fps, clock, DEGREES), error = report?.error && column(report.error, joint, fps, clock);
+  const simulated = error && line(told("asked") === "asked" ? "simulated" : `${label}, simulated`, angle.map((a, t) => (error[t] === null ? null : a + error[t])), label ? color : colour("amber"), 1, label && [2, 2]);
+  const speed = column(joints.speeds, joint, fps, clock, DEGREES), torque = report?.torque && column(report.torque, joint, fps, clock);
+  return [
+    { title: `${name}: angle`, unit: "°", lines: [line(told("asked"), angle, color), ...(simulated ? [simulated] : [])] },
+    { title: `${name}: speed`, unit: "°/s", lines: [line(told("speed"), speed, color)] },
+    ...(error ? [{ title: `${name}: tracking error`, unit: "°", lines: [line(told("error"), error, color)], zero: true }] : []),
+    ...(torque ? [{ title: `${name}: torque`, unit: "N m", lines: [line(told("torque"), torque, color)] }] : []),
+  ];
+}
+
+/** Limits of a joint, by the title of the chart that has them. */
+function limitsOf(take, joint, clock) {
+  const { joints, report } = take, name = joints.names[joint], bound = report?.bounds[joint], fastest = joints.fastest[joint];
+  const around = (most) => [limit("−limit", -most, clock), limit("limit", most, clock)];
+  return {
+    [`${name}: angle`]: [limit("lower", joints.lower[joint], clock), limit("upper", joints.upper[joint], clock)],
+    [`${name}: speed`]: around(fastest),
+    ...(bound ? { [`${name}: torque`]: around(bound) } : {}),
+  };
+}
+
+/** How far the centre of mass and, of one take alone, the zero moment point stay inside the support. */
+function balanceCharts({ take, clock, color, label }) {
+  const { stance, fps } = take;
+  if (!stance) return [];
+  const com = line(label ?? "centre of mass", column(stance.com_margin, 0, fps, clock), color);
+  const zmp = label ? [] : [line("zero moment point", column(stance.zmp_margin, 0, fps, clock), colour("amber"), 1.1)];
+  return [{ title: label ? "centre of mass inside the support" : "inside the support", unit: "cm", lines: [com, ...zmp], zero: true, most: [-15, 15] }];
+}
+
+/** What only one take has: its near pairs, and its stress. */
+function ownCharts({ warnings, stress, fps }, clock) {
+  const charts = [];
   if (warnings?.pairs.length) {
-    const nearest = warnings.pairs.slice(0, PALETTE.length);
-    const lines = nearest.map((pair, k) => line(pair, column(warnings.ahead, k, 100), PALETTE[k], 1.2));
+    const lines = warnings.pairs.slice(0, HUES.length).map((pair, k) => line(pair, column(warnings.ahead, k, fps, clock, 100), hue(k), 1.2));
     charts.push({ title: "interaction distance D of near pairs", unit: "cm", lines, zero: true, most: [-5, 30] });
   }
   if (stress) {
-    const lines = stress.kinds.map((kind, k) => line(kind, column(stress.cost, k), PALETTE[k % PALETTE.length], 1.2));
+    const lines = stress.kinds.map((kind, k) => line(kind, column(stress.cost, k, fps, clock), hue(k), 1.2));
     charts.push({ title: "stress by kind of edge", unit: "", lines });
   }
   return charts;
 }
 
+/** What can be drawn of a take, given the joint that was chosen; other takes with such a joint lie over it. */
+function drawn(takes, chosen, joint, clock) {
+  const name = takes[chosen].joints.names[joint], several = takes.length > 1;
+  const found = takes.flatMap((take, k) => {
+    const own = take.joints.names.indexOf(name), given = { take, clock, color: hue(k), label: several ? take.name : undefined };
+    return [...(own < 0 ? [] : jointCharts({ ...given, joint: own })), ...balanceCharts(given)];
+  });
+  const charts = [];
+  for (const chart of found) {
+    const same = charts.find(({ title }) => title === chart.title);
+    if (same) same.lines.push(...chart.lines);
+    else charts.push(chart);
+  }
+  const limits = limitsOf(takes[chosen], joint, clock);
+  charts.forEach((chart) => chart.lines.push(...(limits[chart.title] ?? [])));
+  return [...charts, ...ownCharts(takes[chosen], clock)];
+}
+
 function options(chart, width, seek) {
-  const axis = { stroke: INK, grid: { stroke: "#e4e7eb", width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 34 };
+  const axis = { stroke: colour("ink"), grid: { stroke: colour("line"), width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 34 };
   const range = (plot, low, high) => {
     const [least, most] = chart.most ?? [-Infinity, Infinity];
     const bottom = Math.max(chart.zero ? Math.min(low, 0) : low, least), top = Math.min(chart.zero ? Math.max(high, 0) : high, most);
@@ -84,7 +125,7 @@ export class Charts {
     this.grid = Object.assign(document.createElement("div"), { className: "grid" });
     this.holder.append(this.choice, this.grid);
     this.#choices();
-    this.#draw();
+    themed(() => this.#draw());
     new ResizeObserver(() => this.#fit()).observe(this.grid);
     player.onchange(() => this.#update());
   }
@@ -126,14 +167,14 @@ export class Charts {
   }
 
   #draw() {
-    const take = this.takes[this.take], time = Array.from({ length: take.frames }, (_, t) => t / take.fps);
+    const time = (this.clock = clockOf(this.takes));
     this.plots.forEach(({ plot }) => plot.destroy());
     this.grid.replaceChildren();
     const seek = (to) => {
       this.player.pause();
       this.player.seek(to);
     };
-    this.plots = drawn(take, this.joint).map((chart) => {
+    this.plots = drawn(this.takes, this.take, this.joint, time).map((chart) => {
       const card = Object.assign(document.createElement("figure"), { className: "chart" });
       card.append(Object.assign(document.createElement("figcaption"), { textContent: `${chart.title}${chart.unit && ` [${chart.unit}]`}` }));
       this.grid.append(card);
@@ -151,20 +192,21 @@ export class Charts {
   }
 
   #update() {
-    const { fps, frames } = this.takes[this.take], idx = Math.min(Math.round(this.player.time * fps), frames - 1);
+    const { time, fps } = this.player, last = this.clock.length - 1, idx = Math.min(Math.round(time * fps), last);
     const now = performance.now(), readable = !this.player.playing || now - (this.read ?? 0) > READING;
     if (readable) this.read = now;
     for (const { plot, head } of this.plots) {
-      head.style.transform = `translateX(${plot.valToPos(Math.min(this.player.time, (frames - 1) / fps), "x")}px)`;
+      head.style.transform = `translateX(${plot.valToPos(Math.min(time, this.clock[last]), "x")}px)`;
       if (readable && plot.cursor.idx == null) plot.setLegend({ idx }, false);
     }
   }
 }
 
 /** The joint that moves most: what a person wants to see first. */
-function busiest({ joints }) {
+function busiest(take) {
+  const { joints, fps } = take, clock = clockOf([take]);
   const spread = joints.names.map((_, k) => {
-    const values = column(joints.angles, k);
+    const values = column(joints.angles, k, fps, clock);
     return Math.max(...values) - Math.min(...values);
   });
   return spread.indexOf(Math.max(...spread));

@@ -1,12 +1,14 @@
-// The edges that cost most, coloured by their stress; what is wished of one is said when it is pointed at.
+// The edges that cost most over the clip, coloured by their stress at the moment; the few that are shown say what they ask for.
 
 import { Color, Group, Vector3 } from "#vendor";
 import { row } from "#data";
 import { Sticks } from "#sticks";
+import { inCm, interval, worded } from "#words";
 
 const EASY = new Color(0x6c9bb3), HARD = new Color(0xd6293e), MIXED = new Color();
-const FAINT = 0.03; // edges under this share of the largest stress are not drawn
 const NEAR = 7; // the pointer is on an edge that is so near [pixels]
+export const COUNTS = [5, 15, 60]; // so many edges can be shown
+const LABELLED = COUNTS[0]; // more labels than that hide the robot
 const [a, b] = [new Vector3(), new Vector3()];
 
 export class Edges extends Group {
@@ -20,6 +22,12 @@ export class Edges extends Group {
     this.add(this.sticks);
     this.places = new Float32Array(this.points.width);
     this.ends = new Float32Array(6 * this.pairs.length);
+    this.show(COUNTS[0]);
+  }
+
+  /** Show so many edges, the costliest over the clip. */
+  show(count) {
+    this.shown = Math.min(count, this.pairs.length);
   }
 
   /** The k-th edge's share of the largest stress, and by its root a colour that tells small ones apart. */
@@ -31,11 +39,10 @@ export class Edges extends Group {
     row(this.points, t, this.places);
     this.frame = Math.min(Math.round(t), this.edges.stress.shape[0] - 1);
     this.pairs.forEach(([from, to], k) => {
-      const share = this.share(k), seen = share * share > FAINT;
       [from, to].forEach((point, end) => {
-        for (let axis = 0; axis < 3; axis++) this.ends[6 * k + 3 * end + axis] = seen ? this.places[3 * point + axis] : NaN;
+        for (let axis = 0; axis < 3; axis++) this.ends[6 * k + 3 * end + axis] = k < this.shown ? this.places[3 * point + axis] : NaN;
       });
-      if (seen) this.sticks.tintRod(k, MIXED.lerpColors(EASY, HARD, share));
+      this.sticks.tintRod(k, MIXED.lerpColors(EASY, HARD, this.share(k)));
     });
     this.sticks.place(this.ends);
   }
@@ -50,14 +57,27 @@ export class Edges extends Group {
       return Math.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y);
     });
     const nearest = away.indexOf(Math.min(...away));
-    return away[nearest] < NEAR ? this.said(nearest) : null;
+    return away[nearest] < NEAR ? `${this.edges.ends[nearest][0]}: ${this.said(nearest)}, ${this.counted(nearest)}` : null;
   }
 
-  /** An edge in words: what is wished, what is, and how much it counts. */
+  /** An edge in words: what it joins, how far apart they are, and how far it asks for. */
   said(k) {
-    const at = this.frame * this.pairs.length + k, { ends, lower, upper, measured, priority, stress } = this.edges, [kind, from, to] = ends[k];
-    const cm = (value) => (100 * value).toFixed(1), low = lower.values[at], high = upper.values[at];
-    const wished = low === high ? cm(low) : `${cm(low)} … ${Number.isFinite(high) ? cm(high) : "∞"}`;
-    return `${kind} ${from} – ${to}: δ ${wished} cm, d ${cm(measured.values[at])} cm, π ${priority.values[at].toPrecision(2)}, stress ${stress.values[at].toPrecision(2)}`;
+    const at = this.frame * this.pairs.length + k, { ends, lower, upper, measured } = this.edges, [, from, to] = ends[k];
+    const asked = interval(lower.values[at], upper.values[at]);
+    return `${worded(from)} – ${worded(to)}: ${inCm(measured.values[at])}, asked for ${asked}`;
+  }
+
+  /** How much an edge counts, and what it costs. */
+  counted(k) {
+    const at = this.frame * this.pairs.length + k, { priority, stress } = this.edges;
+    return `priority ${priority.values[at].toPrecision(2)}, stress ${stress.values[at].toPrecision(2)}`;
+  }
+
+  labels() {
+    if (this.shown > LABELLED) return [];
+    return this.pairs.slice(0, this.shown).map((_, k) => {
+      const middle = [0, 1, 2].map((axis) => (this.ends[6 * k + axis] + this.ends[6 * k + 3 + axis]) / 2);
+      return { at: new Vector3(...middle), text: this.said(k), kind: this.share(k) > 0.5 ? "alarm" : "edge" };
+    });
   }
 }

@@ -8,6 +8,7 @@ import { row } from "#data";
 import { Bodies, Human } from "#figures";
 import { Edges } from "#edges";
 import { Sticks } from "#sticks";
+import { inCm, nearness } from "#words";
 
 const TEAL = 0x0b7285, AMBER = 0xe8890c, RED = 0xd6293e, GREEN = 0x37a05c, PLUM = 0x7048a8;
 const STATES = [0xc9a227, AMBER, 0xe8590c, RED]; // near, approaching, imminent, in contact
@@ -64,7 +65,7 @@ class Limits extends Group {
   labels() {
     return this.over.slice(0, SAID).map(({ share, k }) => ({
       at: new Vector3().fromArray(this.places, 3 * k),
-      text: `${this.joints.names[k]} ${Math.round(100 * share)} %`,
+      text: `${this.joints.names[k]} at ${Math.round(100 * share)} % of its range`,
       kind: "limit",
     }));
   }
@@ -155,7 +156,7 @@ class Support extends Group {
     const said = { com: "centre of mass", zmp: "zero moment point" };
     return Object.entries(said).filter(([name]) => this[name].visible).map(([name, text]) => {
       const margin = this.stance[`${name}_margin`].values[this.frame];
-      const more = Number.isFinite(margin) ? ` ${margin >= 0 ? "+" : "−"}${Math.abs(margin).toFixed(1)} cm` : "";
+      const more = Number.isFinite(margin) ? ` ${inCm(Math.abs(margin) / 100)} ${margin >= 0 ? "inside" : "outside"} the support` : "";
       return { at: this[name].position.clone(), text: text + more, kind: margin < 0 ? "alarm" : name };
     });
   }
@@ -192,13 +193,11 @@ class Near extends Group {
   }
 
   labels() {
-    const { ahead, alpha, contact, state, pairs } = this.warnings, count = pairs.length, at = this.frame * count;
+    const { ahead, now, contact, state, pairs } = this.warnings, count = pairs.length, at = this.frame * count;
     const nearest = this.shown.toSorted((a, b) => ahead.values[at + a] - ahead.values[at + b]).slice(0, SAID);
     return nearest.map((k) => {
-      const wait = contact.values[at + k], a = alpha.values[at + k];
-      const when = state.values[at + k] === 3 ? " · touching" : Number.isFinite(wait) ? ` · in ${wait.toFixed(2)} s` : "";
       const middle = [0, 1, 2].map((axis) => (this.out[6 * k + axis] + this.out[6 * k + 3 + axis]) / 2);
-      const text = `${pairs[k]}: D ${(100 * ahead.values[at + k]).toFixed(1)} cm · α ${a}${when}`;
+      const text = `${pairs[k]}: ${nearness(now.values[at + k], contact.values[at + k], state.values[at + k] === 3)}`;
       return { at: new Vector3(...middle), text, kind: state.values[at + k] > 1 ? "alarm" : "near" };
     });
   }

@@ -1,9 +1,11 @@
 // Puts the page together.
 
 import { Raycaster, Vector2, Vector3 } from "#vendor";
-import { Cast, castsOf } from "#cast";
-import { Charts } from "#charts";
+import { Cast, castsOf, rightOf } from "#cast";
+import { Charts, hue } from "#charts";
 import { embedded } from "#data";
+import { Export } from "#export";
+import { Heading } from "#heading";
 import { Live } from "#live";
 import { Panel } from "#panel";
 import { Player } from "#player";
@@ -11,6 +13,8 @@ import { Stage } from "#stage";
 import { Timeline } from "#timeline";
 import { Touch } from "#touch";
 
+const MOMENTS = 24; // so many of a motion are looked at to set the camera
+const ROOMY = 1.08; // what is shown is so much smaller than the picture
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
 const takes = show.takes, { casts, span } = castsOf(takes);
@@ -19,36 +23,10 @@ const stage = new Stage(scene, canvas, height, takes.length > 1 ? span : 0);
 casts.forEach((cast) => stage.scene.add(cast));
 
 const player = new Player(Math.max(...takes.map((take) => (take.frames - 1) / take.fps)), Math.max(...takes.map((take) => take.fps)));
-const panel = new Panel(player, stage, casts);
-const timeline = new Timeline(player, [...takes]);
-const charts = new Charts(player, [...takes]);
-
-/** The middle of everything that is looked at. */
-function target() {
-  return casts.reduce((sum, cast) => sum.add(cast.target()), new Vector3()).divideScalar(casts.length);
-}
-
-function pose() {
-  casts.forEach((cast) => cast.pose(player.time));
-  stage.follow(target(), floor);
-}
-
-function home() {
-  const narrow = Math.max(1, 1.25 / Math.max(stage.camera.aspect, 0.2));
-  const wide = takes.length > 1 ? span / Math.max(stage.camera.aspect, 0.5) / (2 * Math.tan(Math.PI / 12)) : 0;
-  stage.look(target(), takes[0].azimuth, Math.max(...takes.map((take) => 0.72 * take.distance * narrow), wide));
-}
-
-player.onchange(pose);
-player.onpace = (interval) => stage.keepPace(interval);
-panel.onreset = home;
-pose();
-requestAnimationFrame(home);
-
 const labels = document.getElementById("labels"), place = new Vector3();
 stage.after.push(() => {
-  const { clientWidth, clientHeight } = scene;
-  const said = casts.flatMap((cast) => cast.labels());
+  const { clientWidth, clientHeight } = scene, several = casts.length > 1;
+  const said = casts.flatMap((cast, k) => [...cast.labels(), ...(several ? [{ ...cast.nameplate(), color: hue(k) }] : [])]);
   while (labels.children.length < said.length) labels.append(document.createElement("div"));
   let below = -Infinity;
   const placed = said.map((label) => {
@@ -59,12 +37,53 @@ stage.after.push(() => {
     const label = placed[k];
     element.hidden = !label;
     if (!label) return;
-    below = Math.max(label.y, below + 19); // one under the other where they would overlap
+    if (label.kind !== "name") below = Math.max(label.y, below + 19); // one under the other where they would overlap
     element.className = label.kind;
     element.textContent = label.text;
-    element.style.transform = `translate(${label.x + 12}px, ${below - 9}px)`;
+    element.style.borderBottomColor = label.color ?? "";
+    const [x, y] = label.kind === "name" ? [label.x - element.clientWidth / 2, label.y] : [label.x + 12, below];
+    element.style.transform = `translate(${x}px, ${y - 9}px)`;
   });
 });
+
+const exported = new Export({ scene, stage, player, title: takes.map((take) => take.title).join(" ") });
+const panel = new Panel(player, stage, casts, exported);
+const timeline = new Timeline(player, [...takes]);
+const charts = new Charts(player, [...takes]);
+const heading = new Heading(scene);
+heading.update(takes);
+
+/** The middle of everything that is looked at. */
+function target(time) {
+  return casts.reduce((sum, cast) => sum.add(cast.target(time)), new Vector3()).divideScalar(casts.length);
+}
+
+function pose() {
+  casts.forEach((cast) => cast.pose(player.time));
+  stage.follow(target(player.time), floor);
+}
+
+/** How far the camera is from the middle of several takes for all of them to be in the picture at any time [m]. */
+function fitted() {
+  const right = rightOf(takes[0].azimuth), times = Array.from({ length: MOMENTS }, (_, k) => (player.duration * k) / (MOMENTS - 1));
+  const tall = Math.tan((stage.camera.fov * Math.PI) / 360), wide = tall * stage.camera.aspect, away = new Vector3(-right.y, right.x, 0);
+  return Math.max(...times.flatMap((time) => casts.flatMap((cast) => cast.corners(time, right)).map((corner) => {
+    const from = corner.sub(target(time));
+    return ROOMY * (Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.z) / tall) - from.dot(away));
+  })));
+}
+
+function home() {
+  const narrow = Math.max(1, 1.25 / Math.max(stage.camera.aspect, 0.2));
+  const one = Math.max(...takes.map((take) => 0.72 * take.distance * narrow));
+  stage.look(target(player.time), takes[0].azimuth, takes.length > 1 ? fitted() : one);
+}
+
+player.onchange(pose);
+player.onpace = (interval) => stage.keepPace(interval);
+panel.onreset = home;
+pose();
+requestAnimationFrame(home);
 
 // What is under the pointer: the body, and the joint that moves it; a click shows that joint's curves.
 const ray = new Raycaster(), pointer = new Vector2(), said = document.getElementById("said");
@@ -107,19 +126,6 @@ function saying({ take, name, joint }) {
   return `${name} · ${joints.names[joint]} ${degrees.toFixed(1)}° of ${joints.lower[joint].toFixed(0)} … ${joints.upper[joint].toFixed(0)}°`;
 }
 
-const verdict = takes.map(({ title, report }) => ({ title, report }));
-const heading = Object.assign(document.createElement("div"), { id: "heading" });
-heading.append(...verdict.map(({ title, report }) => {
-  const line = document.createElement("div");
-  line.append(Object.assign(document.createElement("b"), { textContent: title }));
-  if (report) {
-    const badge = Object.assign(document.createElement("i"), { className: report.badge.level, textContent: report.badge.text });
-    line.append(badge, Object.assign(document.createElement("span"), { textContent: report.reasons[0] ?? "" }));
-  }
-  return line;
-}));
-scene.append(heading);
-
 /** Another take in place of the k-th. */
 function replaced(k, take) {
   const old = casts[k], cast = new Cast(take, old.position);
@@ -129,6 +135,7 @@ function replaced(k, take) {
   takes[k] = take;
   stage.scene.add(cast);
   panel.refresh();
+  heading.update(takes);
   charts.replace(take, k);
   timeline.replace(take, k);
   pose();
@@ -138,5 +145,5 @@ const touch = document.body.dataset.touchable === "yes" ? new Touch({ stage, pla
 
 const live = document.body.dataset.live === "yes" ? new Live(casts[0], () => player.seek(0)) : null;
 
-window.viewer = { stage, player, panel, casts, charts, takes, touch, live };
+window.viewer = { stage, player, panel, casts, charts, takes, touch, live, exported, heading };
 document.documentElement.dataset.ready = "yes";

@@ -1,12 +1,13 @@
 // Buttons, the scrub bar, and the keys.
 
+import { COUNTS } from "#edges";
 import { LAYERS } from "#layers";
 import { SPEEDS } from "#player";
 
 const KEYS = [
   ["space", "play, pause"], ["← →", "a frame back, on"], ["shift ← →", "a second back, on"], ["home end", "the beginning, the end"],
   ["[ ]", "slower, faster"], ["L", "loop"], ["H", "human beside, over, off"], ["1 … 9", "layers"], ["F", "camera goes along"],
-  ["R", "camera back"], ["?", "these keys"],
+  ["R", "camera back"], ["P", "picture (PNG)"], ["?", "these keys"],
 ];
 if (document.body.dataset.touchable === "yes") KEYS.push(["T", "touch up"]);
 const STANDS = ["beside", "over", "off"];
@@ -18,8 +19,8 @@ function element(kind, attributes = {}, ...children) {
 }
 
 export class Panel {
-  constructor(player, stage, casts) {
-    Object.assign(this, { player, stage, casts, shown: {} });
+  constructor(player, stage, casts, exported) {
+    Object.assign(this, { player, stage, casts, exported, shown: {} });
     this.#layers(document.getElementById("layers"));
     this.#transport(document.getElementById("transport"));
     this.#help(document.getElementById("help"));
@@ -36,6 +37,10 @@ export class Panel {
       holder.append(chip);
       return [id, chip];
     }));
+    const counts = COUNTS.map((value, k) => element("option", { value, textContent: k ? `${value} costliest` : "five costliest" }));
+    this.count = element("select", { id: "edge-count", title: "how many edges are shown, by their cost over the clip" }, ...counts);
+    this.count.addEventListener("change", () => this.refresh());
+    this.chips.edges.after(this.count);
     this.refresh();
   }
 
@@ -49,6 +54,17 @@ export class Panel {
       this.chips[id].classList.toggle("on", this.shown[id] && !why);
       this.casts.forEach((cast) => cast.show(id, this.shown[id]));
     });
+    this.#counted();
+    this.stage.draw();
+  }
+
+  /** As many edges as are chosen. */
+  #counted() {
+    this.count.hidden = !this.shown.edges || this.chips.edges.disabled;
+    for (const cast of this.casts) {
+      cast.parts.edges?.show(Number(this.count.value));
+      cast.show("edges", this.shown.edges);
+    }
   }
 
   toggle(id) {
@@ -57,6 +73,7 @@ export class Panel {
     this.shown[id] = !this.shown[id];
     this.chips[id].classList.toggle("on", this.shown[id]);
     this.casts.forEach((cast) => cast.show(id, this.shown[id]));
+    this.#counted();
     this.stage.draw();
   }
 
@@ -94,7 +111,17 @@ export class Panel {
     this.followed.addEventListener("click", () => this.follow());
     const keys = element("button", { textContent: "?", title: "keys" });
     keys.addEventListener("click", () => this.toggleHelp());
-    holder.append(this.button, this.scrub, this.clock, this.speed, this.loop, this.followed, keys);
+    holder.append(this.button, this.scrub, this.clock, this.speed, this.loop, this.followed, ...this.#exports(), keys);
+  }
+
+  #exports() {
+    const { exported } = this;
+    const picture = element("button", { id: "save-picture", textContent: "PNG", title: "save this view as a picture (P)" });
+    picture.addEventListener("click", () => exported.savePicture());
+    this.film = element("button", { id: "save-film", textContent: "film", disabled: !exported.kind });
+    this.film.title = exported.kind ? "record the motion in this view, from its beginning to its end" : "this browser records no films";
+    this.film.addEventListener("click", () => exported.saveFilm());
+    return [picture, this.film];
   }
 
   follow() {
@@ -123,6 +150,7 @@ export class Panel {
     this.speed.value = player.speed;
     this.loop.classList.toggle("on", player.loop);
     this.followed.classList.toggle("on", this.stage.following);
+    this.film.classList.toggle("on", Boolean(this.exported.recorder));
   }
 
   #key(event) {
@@ -132,7 +160,7 @@ export class Panel {
     const does = {
       " ": () => player.toggle(), ArrowLeft: () => player.step(-far), ArrowRight: () => player.step(far),
       Home: () => player.seek(0), End: () => player.seek(player.duration), "[": () => player.faster(-1), "]": () => player.faster(1),
-      l: () => player.toggleLoop(), h: () => this.stand(), f: () => this.follow(), r: () => this.onreset(), "?": () => this.toggleHelp(),
+      l: () => player.toggleLoop(), h: () => this.stand(), f: () => this.follow(), r: () => this.onreset(), p: () => this.exported.savePicture(), "?": () => this.toggleHelp(),
       Escape: () => (this.help.hidden = true),
     };
     const layer = LAYERS[Number(event.key) - 1];

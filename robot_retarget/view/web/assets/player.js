@@ -35,9 +35,13 @@ export class Player {
     this.#tell();
   }
 
-  toggleLoop() {
-    this.loop = !this.loop;
+  setLoop(loop) {
+    this.loop = loop;
     this.#tell();
+  }
+
+  toggleLoop() {
+    this.setLoop(!this.loop);
   }
 
   toggle() {
@@ -49,6 +53,12 @@ export class Player {
     this.playing = false;
     this.onpace();
     this.#tell();
+    this.halted?.();
+  }
+
+  /** Resolves when it is paused, by anyone or at the end. */
+  paused() {
+    return new Promise((done) => (this.halted = done));
   }
 
   play() {

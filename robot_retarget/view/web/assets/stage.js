@@ -4,21 +4,26 @@ import {
   CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, LinearMipmapNearestFilter, Mesh, MeshBasicMaterial, NeutralToneMapping, OrbitControls,
   PCFShadowMap, PerspectiveCamera, PlaneGeometry, RepeatWrapping, SRGBColorSpace, Scene, ShadowMaterial, Vector3, WebGLRenderer,
 } from "#vendor";
+import { colour, themed } from "#theme";
 
-const SKY = 0xe9eef5, TILES = ["#dbe1e8", "#d0d7e0"];
 const SHADOWS = 2048; // width of the shadow map [pixels]
 const SHARPEST = 2; // no more pixels of the screen than this per CSS pixel
 const ROOM = 60; // side of the floor, in heights of a robot
 const SLOW = 40; // pictures that take longer [ms] are drawn coarser,
 const COARSEST = 0.5; // down to this many pixels per CSS pixel
 
-/** A chequered texture, so many periods to a side. */
-function tiling(periods) {
-  const canvas = Object.assign(document.createElement("canvas"), { width: 128, height: 128 }), pen = canvas.getContext("2d");
+/** Paint a chequered texture in the colours of the theme. */
+function tile({ image }) {
+  const pen = image.getContext("2d"), colours = [colour("tile"), colour("other-tile")];
   for (const [x, y] of [[0, 0], [0, 1], [1, 0], [1, 1]]) {
-    pen.fillStyle = TILES[(x + y) % 2];
+    pen.fillStyle = colours[(x + y) % 2];
     pen.fillRect(64 * x, 64 * y, 64, 64);
   }
+}
+
+/** A chequered texture, so many periods to a side. */
+function tiling(periods) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: 128, height: 128 });
   const texture = new CanvasTexture(canvas);
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.repeat.set(periods, periods);
@@ -38,8 +43,8 @@ export class Stage {
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.scene = new Scene();
-    this.scene.background = new Color(SKY);
-    this.scene.fog = new Fog(SKY, 5 * height + 2 * span, 14 * height + 4 * span);
+    this.scene.background = new Color();
+    this.scene.fog = new Fog(0, 5 * height + 2 * span, 14 * height + 4 * span);
     this.camera = new PerspectiveCamera(30, 1, height / 50, 80 * height + 10 * span);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -52,6 +57,17 @@ export class Stage {
     new ResizeObserver(() => this.#fit()).observe(holder);
     this.after = []; // called with the stage after each picture
     this.pictures = 0;
+    this.waiting = []; // called once after the next picture
+    themed(() => this.#paint());
+  }
+
+  /** Sky and floor in the colours of the theme. */
+  #paint() {
+    for (const sky of [this.scene.background, this.scene.fog.color]) sky.set(colour("sky"));
+    const { map } = this.floor.plane.material;
+    tile(map);
+    map.needsUpdate = true;
+    this.draw();
   }
 
   #light(span) {
@@ -70,14 +86,14 @@ export class Stage {
 
   /** Tiles without light of their own, and a smaller sheet over them that takes the shadows: cheap to fill. */
   #floor() {
-    const tile = this.height > 0.8 ? 0.5 : 0.2, side = ROOM * this.height, tiles = tiling(side / (2 * tile));
+    const width = this.height > 0.8 ? 0.5 : 0.2, side = ROOM * this.height, tiles = tiling(side / (2 * width));
     const plane = new Mesh(new PlaneGeometry(side, side), new MeshBasicMaterial({ map: tiles, toneMapped: false }));
     const sheet = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ opacity: 0.3 }));
     sheet.scale.setScalar(2 * this.sun.shadow.camera.right);
     sheet.receiveShadow = true;
     plane.renderOrder = -2;
     sheet.renderOrder = -1;
-    this.floor = { plane, sheet, period: 2 * tile };
+    this.floor = { plane, sheet, period: 2 * width };
     this.scene.add(plane, sheet);
   }
 
@@ -137,6 +153,12 @@ export class Stage {
     this.mean = SLOW / 2;
   }
 
+  /** Resolves when the present state has been drawn. */
+  drawn() {
+    this.draw();
+    return new Promise((done) => this.waiting.push(done));
+  }
+
   /** Ask for a picture; any number of requests before the next one make one. */
   draw() {
     if (this.asked) return;
@@ -147,6 +169,7 @@ export class Stage {
       this.renderer.render(this.scene, this.camera);
       this.pictures += 1;
       this.after.forEach((call) => call(this));
+      this.waiting.splice(0).forEach((done) => done());
     });
   }
 }

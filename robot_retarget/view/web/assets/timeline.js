@@ -48,7 +48,7 @@ export class Timeline {
   #draw() {
     this.track.replaceChildren();
     for (const take of this.takes) {
-      const before = this.takes.length > 1 ? `${take.robot}: ` : "";
+      const before = this.takes.length > 1 ? `${take.name}: ` : "";
       for (const row of rowsOf(take)) this.#row(before + row.name, row.bars);
     }
     this.track.append(this.head);

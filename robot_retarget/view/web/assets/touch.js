@@ -53,9 +53,11 @@ export class Touch {
     this.undo = act("undo", "undo", () => this.send("undo"));
     this.redo = act("redo", "redo", () => this.send("redo"));
     this.keep = act("keep", "save", () => this.save());
+    this.judge = act("judge", "judge", () => this.send("judge"));
+    this.judge.title = "simulate what is shown, and pass a new verdict";
     this.said = made("output", { textContent: "Drag a keypoint, or click two of them and say how far apart they are to be." });
     holder.append(this.ends, this.relation, this.far, "cm, from", this.from, "to", this.to, "s", made("label", {}, this.hard, " hold"),
-      this.apply, this.undo, this.redo, this.keep, this.said);
+      this.apply, this.undo, this.redo, this.judge, this.keep, this.said);
     this.relation.addEventListener("change", () => this.#offer());
     this.#offer();
   }
@@ -185,13 +187,13 @@ export class Touch {
   async send(what, content) {
     clearTimeout(this.later);
     this.form.classList.add("busy");
-    this.#say("solving …");
+    this.#say(what === "judge" ? "simulating …" : "solving …");
     const began = performance.now();
     try {
       const answer = await this.#post(what, content);
       this.#shown(await decoded(answer.body));
       this.#told(what, (performance.now() - began) / 1000);
-      this.later = setTimeout(() => this.#check(), PATIENCE);
+      if (what !== "judge") this.later = setTimeout(() => this.#check(), PATIENCE);
     } catch (error) {
       this.#say(error.message, true);
     }
@@ -209,6 +211,7 @@ export class Touch {
 
   #told(what, seconds) {
     const { edits, seconds: solving, reached } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
+    if (what === "judge") return this.#say(`${count} · ${this.casts[0].take.report.badge.text}, judged in ${seconds.toFixed(1)} s`);
     this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}${reached ? ` · ${reached}` : ""}` : count);
   }
 
