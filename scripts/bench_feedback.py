@@ -1,78 +1,189 @@
-"""The impulse that a robot survives without and with balance feedback: `python scripts/bench_feedback.py --worlds 20 CLIP.npz …`.
+"""Measure the balance feedback: survived pushes, falls in hard worlds, faults of the sensor, and a film of a push.
 
-A push of 0.1 s on the trunk, in the middle of the motion, in four directions. The table has the impulse [N s] that all but one in
-twenty drawn worlds survive: no body other than a foot touches the floor within 1.8 s. `stand` is the first pose, held. `--gif FILE` draws
-one push without and with feedback side by side.
+    python scripts/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
+    python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
+    python scripts/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
+    python scripts/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback
+
+A push lasts 0.1 s and acts on the trunk in the middle of the motion; it is survived if no body other than a foot touches the floor within 1.8 s.
+`stand` is the first pose of the first clip, held.
 """
 
 import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
-from robot_retarget.simulate.domain import draws
+from robot_retarget.errors import ServoError
+from robot_retarget.goals import RATE
+from robot_retarget.servo.emulated import emulator_process
+from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.plan import goal_plan
+from robot_retarget.servo.play import play
+from robot_retarget.simulate.compensate import compensated
+from robot_retarget.simulate.domain import Spread, draws
+from robot_retarget.simulate.feedback import with_feedback
+from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.push import AFTER, DIRECTIONS, pushed, standing, survived_impulses, worlds_at_push
-from robot_retarget.simulate.rollout import plant_of
+from robot_retarget.simulate.push import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_push
+from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
-STRIDE = 5
-"""A frame of the GIF is drawn at every fifth goal."""
-SIZE = 300
-"""Height and width of each picture of the GIF [pixels]."""
+HARD = Spread(mass=(0.8, 1.2), friction=(0.4, 0.4), delay=(0.04, 0.04), tilt=(-np.pi / 60, np.pi / 60))
+"""Worlds at the bounds: mass ± 20 %, friction 0.4, delay 40 ms, floor tilted by up to 3° about both axes."""
+LATER = 9.0
+"""When a fault strikes that begins while the robot plays [s after the emulator's start]: approach and lean take 6 s."""
+PATIENCE = 1.0
+"""A pause of a busy machine is no fault of the bus up to this length [s]."""
+HELD = 4.0
+"""Duration of the stand in which sensors fail [s]."""
+FILMED = 2.2
+"""Duration of the film from the push on [s]."""
+LIGHT = (0.6, 0.8)
+"""Ambient and diffuse part of the headlight [-]: the model has no light."""
+STRIDE, SIZE, COLOURS = 4, 240, 64
+"""Goals per picture of the film, height and width of a picture [pixels], colours of its palette."""
 
 
-def survived_by_most(trajectory: Trajectory, plant: Plant, worlds: int, feedback: bool) -> list[float]:
+@dataclass(frozen=True)
+class Fault:
+    """A fault of the sensor: how the emulated robot differs from the player's map."""
+
+    options: tuple[str, ...] = ()
+    """Of `servos emulate`."""
+    sensor: Mapping[str, object] | None = None
+    """Fields of the real `[imu]`."""
+
+
+FAULTS = {
+    "none": Fault(),
+    "x with the wrong sign": Fault(("--fault", "flip x")),
+    "y with the wrong sign": Fault(("--fault", "flip y")),
+    "z with the wrong sign": Fault(("--fault", "flip z")),
+    "mounting turned by 180°": Fault(sensor={"axes": ("x", "y", "z")}),
+    "x and y exchanged": Fault(sensor={"axes": ("-y", "x", "z")}),
+    "dead": Fault(("--fault", "silent 200")),
+    "dead while playing": Fault(("--fault", f"after {LATER} silent 200")),
+    "frozen": Fault(("--fault", "freeze")),
+    "frozen while playing": Fault(("--fault", f"after {LATER} freeze")),
+    "10 times the noise": Fault(sensor={"gyro_noise": 0.02, "accel_noise": 0.8}),
+    "50 ms more delay": Fault(sensor={"delay": 0.058}),
+    "bias of 1 rad/s": Fault(sensor={"gyro_bias": 1.0}),
+}
+
+
+def table(*columns: str) -> Callable[..., None]:
+    """Print the head of a table; the result prints a row."""
+
+    def row(*cells: object) -> None:
+        print(f"| {' | '.join(map(str, cells))} |", flush=True)
+
+    row(*columns)
+    row(*["---"] * len(columns))
+    return row
+
+
+def pushes(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
     """The impulse in each direction that all but one in twenty worlds survive [N s]."""
-    starts = worlds_at_push(plant, trajectory, draws(worlds), feedback)
-    return [float(survived_impulses(starts, np.array(way))[worlds // 20]) for way in DIRECTIONS.values()]
+    row = table("motion", "feedback", *DIRECTIONS)
+    for name, motion in motions.items():
+        for feedback in (False, True):
+            starts = worlds_at_push(plant, motion, draws(worlds), feedback)
+            found = [survived_impulses(starts, np.array(way))[worlds // 20] for way in DIRECTIONS.values()]
+            row(name, "with" if feedback else "without", *(f"{x:.2f}" for x in found))
 
 
-def film(trajectory: Trajectory, plant: Plant, impulse: Floats, feedback: bool) -> list[np.ndarray]:
-    """Pictures of a push in the first drawn world."""
-    (start,) = worlds_at_push(plant, trajectory, draws(1), feedback)
-    renderer, camera, frames = mujoco.Renderer(plant.model, SIZE, SIZE), mujoco.MjvCamera(), []
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0.05, 0, 0.2), 1.1, 120, -12
-    for world in islice(pushed(start, impulse), 0, round(AFTER * start.goals.rate), STRIDE):
-        renderer.update_scene(world.data, camera)
-        frames.append(renderer.render().copy())
-    return frames
+def falls(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
+    """The number of hard worlds in which the robot falls."""
+    row = table("motion", "without feedback", "with feedback")
+    for name, motion in motions.items():
+        goals, cells = compensated(plant, motion, "free"), []
+        for command in (goals, with_feedback(plant, motion, goals)):
+            found = rollouts(plant, motion, draws(worlds, spread=HARD), command=command)
+            fell = [r.unstable is not None or fall_figures(r, plant.robot, motion)["fall_s"] is not None for r in found]
+            cells.append(f"{sum(fell)} of {worlds}")
+        row(name, *cells)
 
 
-def side_by_side(trajectory: Trajectory, plant: Plant, impulse: Floats, path: Path) -> None:
+def faults(plant: Plant, stand: Trajectory) -> None:
+    """How playback on the emulated robot ends with each fault of the sensor."""
+    report = rr.simulate(stand, plant.robot, mode="free", feedback=True)
+    servo_map, judged = plant.servo_map, report.trajectory
+    assert servo_map is not None and judged is not None
+    row = table("fault", "outcome", "largest addition [rad]")
+    for name, fault in FAULTS.items():
+        row(name, *outcome_with(fault, servo_map, judged))
+
+
+def outcome_with(fault: Fault, servo_map: ServoMap, judged: Trajectory) -> tuple[str, str]:
+    """The end of a playback with a faulted sensor, and the largest addition to the goals."""
+    assert servo_map.imu is not None
+    patient = replace(servo_map, limits=replace(servo_map.limits, watchdog=0.0, silence=PATIENCE))
+    real = replace(servo_map, imu=replace(servo_map.imu, **dict(fault.sensor or {})))
+    plan = goal_plan(judged, servo_map)
+    with TemporaryDirectory() as folder, emulator_process(real, "--physics", *fault.options) as port:
+        log = Path(folder) / "play.npz"
+        try:
+            ended = play(plan, patient, port, Options(end_pose=False), log)
+        except ServoError as error:
+            return f"refused: {str(error).partition(' (')[0]}", ""
+        with np.load(log) as ticks:
+            playing = ticks["phase"] == list(ticks["phases"]).index("play")
+            added = np.abs(ticks["goal"] - ticks["motion"])[playing].max(initial=0.0) if playing.any() else None
+    if ended.ended is not Ended.FINISHED:
+        return f"stopped: {ended.reason}", "" if added is None else f"{added:.3f}"
+    return "; ".join(["survived", *ended.warnings]), f"{added:.3f}"
+
+
+def film(plant: Plant, stand: Trajectory, impulse: Floats, path: Path) -> None:
     """Write a GIF of one push, without feedback on the left and with it on the right."""
     from PIL import Image
 
-    films = [film(trajectory, plant, impulse, feedback) for feedback in (False, True)]
-    joined = [Image.fromarray(np.hstack(pair)) for pair in zip(*films, strict=True)]
-    joined[0].save(path, save_all=True, append_images=joined[1:], duration=40, loop=0)
+    films = [pictures(plant, stand, impulse, feedback) for feedback in (False, True)]
+    joined = [Image.fromarray(np.hstack(pair)).quantize(COLOURS) for pair in zip(*films, strict=True)]
+    pause = 1000 * STRIDE / RATE
+    joined[0].save(path, save_all=True, append_images=joined[1:], duration=pause, loop=0, optimize=True)
+
+
+def pictures(plant: Plant, stand: Trajectory, impulse: Floats, feedback: bool) -> list[np.ndarray]:
+    """Pictures of a push in the first drawn world."""
+    (start,) = worlds_at_push(plant, stand, draws(1), feedback)
+    plant.model.vis.headlight.ambient[:], plant.model.vis.headlight.diffuse[:] = LIGHT
+    renderer, camera, frames = mujoco.Renderer(plant.model, SIZE, SIZE), mujoco.MjvCamera(), []
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0.17, 0, 0.15), 1.15, 120, -30
+    for world in islice(pushed(start, impulse), 0, round(FILMED * start.goals.rate), STRIDE):
+        renderer.update_scene(world.data, camera)
+        frames.append(renderer.render().copy())
+    renderer.close()
+    return frames
 
 
 def main() -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor")
+    ap.add_argument("what", choices=("pushes", "falls", "faults", "film"))
+    ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor, from `run`")
     ap.add_argument("--robot", default="op3")
     ap.add_argument("--worlds", type=int, default=20)
-    ap.add_argument("--gif", type=Path)
-    ap.add_argument("--impulse", type=float, nargs=2, default=(1.3, 0.0), help="of the GIF, ahead and left [N s]")
+    ap.add_argument("-o", "--out", type=Path, default=Path("push.gif"), help="of the film")
+    ap.add_argument("--impulse", type=float, nargs=2, default=(1.28, 0.0), help="of the film, ahead and left [N s]")
     arg = ap.parse_args()
     plant = plant_of(rr.load_robot(arg.robot), "free")
     motions = {path.stem: load_trajectory(path) for path in arg.clips}
-    first = standing(next(iter(motions.values())))
-    if arg.gif:
-        side_by_side(first, plant, np.array([*arg.impulse, 0.0]), arg.gif)
-        return
-    print("| motion | feedback | " + " | ".join(f"{name} [N s]" for name in DIRECTIONS) + " |")
-    print("|---|---|" + "---|" * len(DIRECTIONS))
-    for name, trajectory in {"stand": first, **motions}.items():
-        for feedback in (False, True):
-            found = survived_by_most(trajectory, plant, arg.worlds, feedback)
-            cells = " | ".join(f"{x:.2f}" for x in found)
-            print(f"| {name} | {'with' if feedback else 'without'} | {cells} |", flush=True)
+    first = next(iter(motions.values()))
+    if arg.what == "faults":
+        faults(plant, standing(first, HELD))
+    elif arg.what == "film":
+        film(plant, standing(first), np.array([*arg.impulse, 0.0]), arg.out)
+    else:
+        {"pushes": pushes, "falls": falls}[arg.what](plant, {"stand": standing(first), **motions}, arg.worlds)
 
 
 if __name__ == "__main__":

@@ -103,7 +103,9 @@ class Twin:
         if self._until_sensed > 0:
             return
         self._until_sensed = self._sensing
-        turn, velocity, spin = self.data.qpos[root + 3 : root + 7], self.data.qvel[:3], self.data.qvel[3:6]
+        turn, (velocity, spin) = self.data.qpos[root + 3 : root + 7], self.data.qvel[:6].reshape(2, 3)
+        if self.held:
+            velocity, spin = np.zeros((2, 3))
         self.reading = imu.read(self._motion.reading(turn, velocity, spin, self._sensing * self.step))
 
     def _wait(self, holding: bool) -> None:

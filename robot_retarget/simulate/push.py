@@ -126,9 +126,9 @@ def survived_impulses(starts: Sequence[PushedWorld], direction: Floats) -> Float
     return np.sort([largest_survived(start, direction) for start in starts])
 
 
-def standing(trajectory: Trajectory) -> Trajectory:
-    """Return its first pose, held for a second."""
-    frames = round(trajectory.fps) + 1
+def standing(trajectory: Trajectory, seconds: float = 1.0) -> Trajectory:
+    """Return its first pose, held for a time [s]."""
+    frames = round(seconds * trajectory.fps) + 1
     qpos = np.tile(trajectory.qpos[:1], (frames, 1))
     return Trajectory(qpos, trajectory.fps, trajectory.joint_names, trajectory.robot, "stand")
 

@@ -54,11 +54,15 @@ def test_registers_have_the_makers_units_and_signs() -> None:
     assert words.tolist() == [-164, -328, 492, 0, 0, 16384]
 
 
-def test_the_emulated_board_answers_a_level_robot(tmp_path: Path) -> None:
-    with emulated(tmp_path, "op3") as robot, Bus(robot.port, OP3_MAP.baud) as bus:
+@pytest.mark.parametrize("options", [(), ("--physics",)], ids=["on a table", "held by its trunk"])
+def test_the_emulated_board_answers_a_level_robot(options: tuple[str, ...], tmp_path: Path) -> None:
+    with emulated(tmp_path, "op3", *options) as robot, Bus(robot.port, OP3_MAP.baud) as bus:
         assert bus.ping(IMU.id) is not None
-        readings = [reading for _ in range(20) if (reading := OpenCr(bus, IMU).read()) is not None]
-    assert len(readings) == 20 and rest_faults(readings, IMU, np.zeros(2)) == []
+        readings = []
+        for _ in range(20):
+            time.sleep(DT)
+            readings += [reading for reading in [OpenCr(bus, IMU).read()] if reading is not None]
+    assert len(readings) > 10 and rest_faults(readings, IMU, np.zeros(2)) == []
 
 
 def test_the_player_does_what_the_simulation_judged_with_feedback(tmp_path: Path) -> None:
