@@ -189,9 +189,7 @@ def show_playback(figures: dict[str, Any]) -> None:
         for name, (what, unit) in PLAYED.items()
         if (value := figures.get(name)) is not None
     ]
-    rows += [
-        (f"{joint} was held back to its limits", f"{n} ticks") for joint, n in figures.get("held_back", {}).items()
-    ]
+    rows += [(f"{joint} was limited", f"{n} ticks") for joint, n in figures.get("limited", {}).items()]
     table("Played", ("what", "value"), rows)
 
 

@@ -26,7 +26,7 @@ from robot_retarget.cli.options import (
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import Wishes, fill_folder, load, read_clip, shipped_clip
+from robot_retarget.cli.stages import RetargetOptions, fill_folder, load, read_clip, shipped_clip
 
 commands: typer.Typer = typer.Typer()
 
@@ -54,12 +54,12 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
-    wishes = Wishes(fps, map_file, legs, balance, favour=favour)
+    options = RetargetOptions(fps, map_file, legs, balance, favour=favour)
     verdict = fill_folder(
         read_clip(motion, frames, source_fps, body_model, up, repair),
         load(robot, limits, servos),
         out,
-        wishes,
+        options,
         video,
         json,
         draws,
@@ -80,8 +80,8 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
-    wishes = Wishes(None, None, legs, balance)
+    options = RetargetOptions(None, None, legs, balance)
     motion = read_clip(shipped_clip(clip), None)
-    verdict = fill_folder(motion, load(robot, None), out, wishes, video, json, draws, play=True)
+    verdict = fill_folder(motion, load(robot, None), out, options, video, json, draws, play=True)
     if verdict != "pass" and not json:
         console.say("not played: the verdict is fail")

@@ -25,7 +25,7 @@ from robot_retarget.cli.options import (
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import Wishes, carried_over, load, own_unmet, read_clip, retarget_cost
+from robot_retarget.cli.stages import RetargetOptions, carried_over, load, own_unmet, read_clip, retarget_cost
 
 commands: typer.Typer = typer.Typer()
 
@@ -57,10 +57,10 @@ def solve(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    wishes = Wishes(fps, map_file, legs, balance, edges, favour)
+    options = RetargetOptions(fps, map_file, legs, balance, edges, favour)
     clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits)
     with progress({"retarget": retarget_cost(clip)}) as stages:
-        result = carried_over(clip, model, wishes, stages.begin("retarget"))
+        result = carried_over(clip, model, options, stages.begin("retarget"))
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:

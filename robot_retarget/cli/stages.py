@@ -34,7 +34,7 @@ FILM_COST = 2.2
 
 
 @dataclass(frozen=True)
-class Wishes:
+class RetargetOptions:
     """Options of a user for a retargeting."""
 
     fps: float | None
@@ -46,7 +46,14 @@ class Wishes:
 
 
 def fill_folder(
-    motion: "Motion", robot: "Robot", out: Path, wishes: Wishes, film: bool, json: bool, draws: int, play: bool = False
+    motion: "Motion",
+    robot: "Robot",
+    out: Path,
+    options: RetargetOptions,
+    film: bool,
+    json: bool,
+    draws: int,
+    play: bool = False,
 ) -> str:
     """Solve, simulate (free if balanced, else pinned), draw and write a folder.
 
@@ -59,7 +66,7 @@ def fill_folder(
     from robot_retarget.summary import describe_solution
 
     with filling(out) as filled, progress(costs_of(motion, robot, film, draws)) as stages:
-        result = carried_over(motion, robot, wishes, stages.begin(f"retarget to {robot.name}"))
+        result = carried_over(motion, robot, options, stages.begin(f"retarget to {robot.name}"))
         target = filled.path
         report, warnings = _tried(result, target, draws, stages.begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
@@ -287,12 +294,12 @@ def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
     return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == Own.name))
 
 
-def carried_over(motion: "Motion", robot: "Robot", wishes: Wishes, progress: "Progress") -> "Result":
+def carried_over(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":
     """The motion on the robot."""
     from robot_retarget.transfer import solve
 
-    graph = described(motion, robot, wishes.fps, wishes.map_file, wishes.edges, wishes.favour)
-    return solve(graph, legs=wishes.legs, balance=wishes.balance, progress=progress)
+    graph = described(motion, robot, options.fps, options.map_file, options.edges, options.favour)
+    return solve(graph, legs=options.legs, balance=options.balance, progress=progress)
 
 
 def read_clip(

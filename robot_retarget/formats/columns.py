@@ -58,7 +58,7 @@ def assembled(columns: Columns, robot: Robot, options: Options, fps: float | Non
             file without joint names whose width is not the robot's.
         UsageError: `options.joints` has another length than the file's columns, or no rate is known.
     """
-    rate = next((told for told in (options.source_fps, columns.fps, fps) if told is not None), None)
+    rate = next((given for given in (options.source_fps, columns.fps, fps) if given is not None), None)
     if rate is None:
         raise UsageError("the file does not say its frames per second: say them with --source-fps")
     qpos, notes = _placed(columns, robot, options) if columns.qpos is None else _whole(columns.qpos, robot, options)
@@ -93,10 +93,10 @@ def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, t
 
 
 def _places(
-    told: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: Options
+    given: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: Options
 ) -> tuple[list[int], Ints, tuple[str, ...]]:
     """The columns that are used, their addresses in qpos, and notes."""
-    names = options.joints or told
+    names = options.joints or given
     if names is None:
         if width != len(robot.joint_names):
             raise TrajectoryError(

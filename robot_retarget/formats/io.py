@@ -8,7 +8,7 @@ from robot_retarget.files import replacing, replacing_folder, require_writable
 from robot_retarget.formats.columns import Columns, assembled
 from robot_retarget.formats.format import Format
 from robot_retarget.formats.options import Options
-from robot_retarget.formats.quaternions import doubt, told_order
+from robot_retarget.formats.quaternions import doubt, reordered
 from robot_retarget.formats.robot_motion import continuous, robot_motion
 from robot_retarget.formats.sidecar import beside, describing
 from robot_retarget.formats.source import Source
@@ -78,13 +78,13 @@ def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -
     Args:
         described: a JSON file next to the file states the order.
     """
-    robot, told = source.robot, source.options.quaternion
-    if told is not None:
+    robot, given = source.robot, source.options.quaternion
+    if given is not None:
         if columns.quaternion is None:
             raise UsageError(f"--quaternion: format {kind.name!r} holds none whose order could be another")
-        columns = replace(columns, quaternion=told_order(columns.quaternion, kind.quaternion, told))
+        columns = replace(columns, quaternion=reordered(columns.quaternion, kind.quaternion, given))
     trajectory = continuous(assembled(columns, robot, source.options, kind.fps), robot)
-    if told is not None or columns.quaternion is None or kind.complete or described:
+    if given is not None or columns.quaternion is None or kind.complete or described:
         return trajectory
     return replace(trajectory, notes=(*trajectory.notes, *doubt(columns.quaternion, kind.quaternion, robot)))
 

@@ -16,16 +16,16 @@ UPRIGHT = 0.5
 """Gain of uprightness in the other order that makes the order doubtful [cosine of the root's lean]."""
 
 
-def told_order(quaternion: Floats, format: str, told: str) -> Floats:
+def reordered(quaternion: Floats, format: str, given: str) -> Floats:
     """(T, 4) w x y z from quaternions that were read in the format's order and are in the user's order.
 
     Raises:
         UsageError: the order is unknown, or the format holds no quaternion.
     """
-    if told not in ORDERS or format not in ORDERS:
-        what = "the format holds no quaternion" if format not in ORDERS else f"no order {told!r} of quaternions"
+    if given not in ORDERS or format not in ORDERS:
+        what = "the format holds no quaternion" if format not in ORDERS else f"no order {given!r} of quaternions"
         raise UsageError(f"--quaternion: {what}; {known(ORDERS)}")
-    if told == format:
+    if given == format:
         return quaternion
     return quaternion[:, LAST_FIRST if format == "xyzw" else FIRST_LAST]
 
@@ -35,7 +35,7 @@ def doubt(quaternion: Floats, format: str, robot: Robot) -> tuple[str, ...]:
     if format not in ORDERS or not robot.floating:
         return ()
     other = ORDERS[1 - ORDERS.index(format)]
-    read, swapped = (_upright(values, robot) for values in (quaternion, told_order(quaternion, format, other)))
+    read, swapped = (_upright(values, robot) for values in (quaternion, reordered(quaternion, format, other)))
     if swapped < read + UPRIGHT:
         return ()
     return (f"Read as {format} the robot leans or lies; as {other} it would stand: if so, say --quaternion {other}.",)

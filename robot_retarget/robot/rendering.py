@@ -15,18 +15,18 @@ OTHER_SYSTEMS = {"Windows": ("wgl",), "Darwin": ("cgl",)}
 
 def require_usable_gl() -> None:
     """Remove an unusable value of MUJOCO_GL, with a warning; rendering then selects a back end automatically."""
-    asked = os.environ.get(VARIABLE, "").lower().strip()
-    reason = unusable(asked, platform.system())
+    backend = os.environ.get(VARIABLE, "").lower().strip()
+    reason = unusable(backend, platform.system())
     if reason:
         del os.environ[VARIABLE]
-        warnings.warn(f"{VARIABLE}={asked} is ignored: {reason}", stacklevel=2)
+        warnings.warn(f"{VARIABLE}={backend} is ignored: {reason}", stacklevel=2)
 
 
-def unusable(asked: str, system: str) -> str:
+def unusable(backend: str, system: str) -> str:
     """Return the reason that a value of MUJOCO_GL cannot be used on a system; empty if it can."""
-    if asked in (*OFF, *ON, *OTHER_SYSTEMS.get(system, ())):
+    if backend in (*OFF, *ON, *OTHER_SYSTEMS.get(system, ())):
         return ""
-    library = LIBRARIES.get(asked) if system == "Linux" else None
+    library = LIBRARIES.get(backend) if system == "Linux" else None
     if library is None:
         return "MuJoCo does not know this back end (egl, osmesa, glfw, off)"
     return "" if ctypes.util.find_library(library) else f"the library lib{library} is not installed"

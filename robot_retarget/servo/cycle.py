@@ -19,7 +19,7 @@ ROUND = 0.1
 class Ahead(NamedTuple):
     """Prepared goals of the next tick, valid if the joints are near them by then."""
 
-    wish: Floats
+    target: Floats
     aim: Floats
     goals: Goals
 
@@ -78,23 +78,23 @@ class Cycle:
         elif now - self._sensed > ROUND:
             self._sense(1)
 
-    def _send(self, wish: Floats, period: float) -> Floats:
+    def _send(self, target: Floats, period: float) -> Floats:
         """Send the goals of a target: the prepared ones where the joints are near them."""
         ahead = self._ahead
-        if ahead is None or ahead.wish is not wish:
-            ahead = self._prepared(wish, period)
+        if ahead is None or ahead.target is not target:
+            ahead = self._prepared(target, period)
         goal = self.guard.admit(ahead.aim, self.link.present)
         self.link.ask(ahead.goals if goal is ahead.aim else self.link.goals(goal))
-        self.guard.keep(goal, wish, ahead.aim, period)
+        self.guard.keep(goal, target, ahead.aim, period)
         return goal
 
     def _sense(self, count: int) -> None:
         self._sensed = time.monotonic()
         self.link.sense(count)
 
-    def _prepared(self, wish: Floats, period: float) -> Ahead:
-        aim = self.guard.aim(wish, period)
-        return Ahead(wish, aim, self.link.goals(aim))
+    def _prepared(self, target: Floats, period: float) -> Ahead:
+        aim = self.guard.aim(target, period)
+        return Ahead(target, aim, self.link.goals(aim))
 
     def finish(self) -> None:
         """Record and check the last tick, if that is still to do.

@@ -21,21 +21,21 @@ class Guard:
     """(n,) the last goal [rad]."""
     clear: Callable[[Floats, Floats], Floats] | None = None
     """Self-collision guard from a layer with the robot's geometry: (last goal, goal) → goal, (n,) each [rad]."""
-    held_back: NDArray[np.int64] = field(init=False)
+    limited: NDArray[np.int64] = field(init=False)
     """(n,) number of limited targets per joint."""
     capped_for: Floats = field(init=False)
     """(n,) time since which the distance from the present angle has limited each goal without a break [s]."""
 
     def __post_init__(self) -> None:
-        self.held_back = np.zeros(len(self.goal), dtype=np.int64)
+        self.limited = np.zeros(len(self.goal), dtype=np.int64)
         self.capped_for = np.zeros(len(self.goal))
 
-    def aim(self, wish: Floats, dt: float) -> Floats:
+    def aim(self, target: Floats, dt: float) -> Floats:
         """Return a target limited by range and speed, before the next reading.
 
         A target that is not a number keeps the last goal.
         """
-        wanted = np.where(np.isfinite(wish), wish, self.goal)
+        wanted = np.where(np.isfinite(target), target, self.goal)
         reach = self.limits.speed * dt
         goal = _between(self.goal - reach, wanted, self.goal + reach)
         goal = _between(self.scale.lower, goal, self.scale.upper)
@@ -49,9 +49,9 @@ class Guard:
             return aim
         return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
 
-    def keep(self, goal: Floats, wish: Floats, aim: Floats, dt: float) -> None:
-        """Record a goal (n,) sent for a target `wish` and its limited form `aim` [rad], `dt` after the last [s]."""
-        self.held_back += np.abs(goal - wish) > 1e-9
+    def keep(self, goal: Floats, target: Floats, aim: Floats, dt: float) -> None:
+        """Record a goal (n,) sent for a target `target` and its limited form `aim` [rad], `dt` after the last [s]."""
+        self.limited += np.abs(goal - target) > 1e-9
         self.capped_for = np.where(np.abs(goal - aim) > 1e-9, self.capped_for + dt, 0.0)
         self.goal = goal
 

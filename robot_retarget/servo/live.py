@@ -28,7 +28,7 @@ LOGGED = 60.0
 """Duration of the log, at the end of the stream [s]."""
 
 
-class Wishes:
+class TargetStream:
     """Targets from another thread, interpolated linearly between the last two.
 
     After a silence the next target is approached, not interpolated.
@@ -42,17 +42,17 @@ class Wishes:
         self.over = Event()
         """Set after the last target."""
 
-    def give(self, angles: Floats, now: float | None = None) -> None:
+    def put(self, angles: Floats, now: float | None = None) -> None:
         """Set a target (n,) [rad] in the order of the map; one with NaN is ignored."""
         now = time.monotonic() if now is None else now
-        wish = np.array(angles, dtype=float)
-        if not np.isfinite(wish).all():
+        target = np.array(angles, dtype=float)
+        if not np.isfinite(target).all():
             return
         with self._lock:
             joined = self._from is not None and now - self._given <= SILENCE
-            self._from = self._between(now) if joined else wish
+            self._from = self._between(now) if joined else target
             self._span = min(max(now - self._given, 1e-3), LONGEST)
-            self._to, self._given = wish, now
+            self._to, self._given = target, now
 
     def at(self, now: float) -> Floats | None:
         """Return the target (n,) at a time [s], None before the first."""
@@ -72,13 +72,13 @@ class Wishes:
 class Approach:
     """Approach to a moving target: start + s(u) (target − start), s of minimum jerk."""
 
-    def __init__(self, start: Floats, wish: Floats, now: float, limits: Limits) -> None:
+    def __init__(self, start: Floats, target: Floats, now: float, limits: Limits) -> None:
         self.start, self.began = start, now
-        self.duration = approach_time(start, wish, limits)
+        self.duration = approach_time(start, target, limits)
 
-    def at(self, wish: Floats, now: float) -> Floats:
+    def at(self, target: Floats, now: float) -> Floats:
         """Return the present goal [rad]."""
-        return self.start + eased(np.array(min((now - self.began) / self.duration, 1.0))) * (wish - self.start)
+        return self.start + eased(np.array(min((now - self.began) / self.duration, 1.0))) * (target - self.start)
 
     def over(self, now: float) -> bool:
         """Return whether the approach is complete."""
@@ -88,38 +88,38 @@ class Approach:
 class Follower:
     """Chooses the target of each tick."""
 
-    def __init__(self, wishes: Wishes, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
-        self._wishes, self._guard, self._limits, self._say = wishes, guard, limits, say
+    def __init__(self, targets: TargetStream, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
+        self._targets, self._guard, self._limits, self._say = targets, guard, limits, say
         self._approach: Approach | None = None
         self._silent = True
         self.approaches = 0
 
     def step(self, now: float) -> Step | None:
         """Return the next step, or None after the last target."""
-        if self._wishes.over.is_set():
+        if self._targets.over.is_set():
             return None
-        wish, goal = self._wishes.at(now), self._guard.goal
-        if wish is None or self._wishes.age(now) > SILENCE:
+        target, goal = self._targets.at(now), self._guard.goal
+        if target is None or self._targets.age(now) > SILENCE:
             self._silent, self._approach = True, None
             return Step(goal, "hold", goal)
-        far = float(np.abs(wish - goal).max())
+        far = float(np.abs(target - goal).max())
         if self._silent or (self._approach is None and far > self._limits.jump):
-            self._begin(goal, wish, now, far)
+            self._begin(goal, target, now, far)
         if self._approach is None:
-            return Step(wish, "play", wish)
-        eased_wish = self._approach.at(wish, now)
+            return Step(target, "play", target)
+        eased_target = self._approach.at(target, now)
         if self._approach.over(now):
             self._approach = None
-        return Step(eased_wish, "approach", eased_wish)
+        return Step(eased_target, "approach", eased_target)
 
-    def _begin(self, goal: Floats, wish: Floats, now: float, far: float) -> None:
-        self._approach, self._silent = Approach(goal, wish, now, self._limits), False
+    def _begin(self, goal: Floats, target: Floats, now: float, far: float) -> None:
+        self._approach, self._silent = Approach(goal, target, now, self._limits), False
         self.approaches += 1
         self._say(f"approaching a pose {far:.2f} rad away in {self._approach.duration:.1f} s")
 
 
 def follow(
-    wishes: Wishes,
+    targets: TargetStream,
     servo_map: ServoMap,
     port: str | Path,
     options: Options | None = None,
@@ -131,7 +131,7 @@ def follow(
     """Follow targets on the servos of a map until they end.
 
     Args:
-        wishes: set by another thread; call this from the main thread, which receives Ctrl-C.
+        targets: set by another thread; call this from the main thread, which receives Ctrl-C.
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings, as for `play`.
@@ -147,7 +147,7 @@ def follow(
     def act(player: Player) -> Outcome:
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
-            follower = Follower(wishes, cycle.guard, servo_map.limits, say)
+            follower = Follower(targets, cycle.guard, servo_map.limits, say)
             player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
             player.end_softly(cycle)
             return Ended.FINISHED.value

@@ -218,23 +218,23 @@ class Player:
         if self.interrupts.terminated:
             return self._leave(Ended.INTERRUPTED, "interrupted by SIGTERM, holding")
         self.say(f"holding; Ctrl-C within {self.options.grace:g} s lets go")
-        asked = self.interrupts.count
+        before = self.interrupts.count
         try:
-            self._watch(asked)
+            self._watch(before)
         except PortLostError as error:
             return self._gone(str(error))
         except STOPPING as error:
             return self._leave(Ended.FAULT, str(error))
-        if self.interrupts.count > asked:
+        if self.interrupts.count > before:
             return self._leave(Ended.INTERRUPTED, "interrupted twice, released", release=True)
         return self._leave(Ended.INTERRUPTED, "interrupted, holding")
 
-    def _watch(self, asked: int) -> None:
+    def _watch(self, before: int) -> None:
         """Ticks on the last goal until the grace is over or somebody asks again."""
         assert self.cycle is not None
         goal, due, period = self.cycle.guard.goal.copy(), time.monotonic(), 1 / self._rate
         until = due + self.options.grace
-        while time.monotonic() < until and self.interrupts.count == asked and not self.interrupts.terminated:
+        while time.monotonic() < until and self.interrupts.count == before and not self.interrupts.terminated:
             wait_until(due)
             self.cycle.tick(Step(goal, "hold", goal), period, due)
             due += period
@@ -251,8 +251,8 @@ class Player:
         self.record.note(time.monotonic() - self._began, f"{ended.name.lower()}: {reason}; {state}")
         figures = self.record.summary()
         if self.guard is not None:
-            held = zip(self.map.joints, self.guard.held_back, strict=True)
-            figures["held_back"] = {joint: int(n) for joint, n in held if n}
+            limited = zip(self.map.joints, self.guard.limited, strict=True)
+            figures["limited"] = {joint: int(n) for joint, n in limited if n}
         return Outcome(ended, state, reason, figures, tuple(self.warnings))
 
 

@@ -33,12 +33,12 @@ def open_context(width: int, height: int) -> Any:
 
 def _way() -> str | Unavailable:
     """The module of mujoco to take the context from."""
-    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if asked in _OFF:
-        return Unavailable(f"no rendering: switched off by MUJOCO_GL={asked}")
-    if asked in ("egl", "osmesa"):
-        return asked
-    if asked or platform.system() != "Linux":
+    backend = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if backend in _OFF:
+        return Unavailable(f"no rendering: switched off by MUJOCO_GL={backend}")
+    if backend in ("egl", "osmesa"):
+        return backend
+    if backend or platform.system() != "Linux":
         return _WINDOW
     loaded = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     if loaded in ("egl", "osmesa"):

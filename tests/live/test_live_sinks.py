@@ -1,4 +1,4 @@
-"""Poses become lines, goals of simulated servos, wishes of emulated ones: nothing beyond a limit, no jump over the cap."""
+"""Poses become lines, goals of simulated servos, targets of emulated ones: nothing beyond a limit, no jump over the cap."""
 
 import io
 import json
@@ -97,9 +97,9 @@ def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None
     qpos = np.tile(OP3.standing(), (len(stream), 1))
     for k, pose in enumerate(stream):
         sink.show(Answer(pose, k / 10, "converged", 0.0))
-        wish = pose[OP3.qpos_index[columns]]
-        goal = guard.aim(wish, 0.1)
-        guard.keep(goal, wish, goal, 0.1)
+        target = pose[OP3.qpos_index[columns]]
+        goal = guard.aim(target, 0.1)
+        guard.keep(goal, target, goal, 0.1)
         qpos[k, OP3.qpos_index[columns]] = guard.goal
     assert (replay_contacts(OP3, stream).depth > 0.001).any()
     assert not (replay_contacts(OP3, qpos).depth > 0.001).any() and sink.guard.changed

@@ -37,7 +37,7 @@ def test_the_emulated_robot_does_what_was_judged(clip: str, legs: str, tmp_path:
         outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True), tmp_path / "play.npz")
         body = robot.do("state")["body"]
     assert outcome.ended is Ended.FINISHED, outcome.reason
-    assert not body["held"] and outcome.figures["held_back"] == {}
+    assert not body["held"] and outcome.figures["limited"] == {}
     assert outcome.figures["tracking_rms_rad"] == pytest.approx(report.figures["tracking_rms_rad"], abs=0.003)
     assert (body["upright"] > UPRIGHT) == (report.figures["fall_s"] is None)
     simulated = report.series["simulated"][:, :2]

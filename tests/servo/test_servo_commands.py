@@ -69,7 +69,7 @@ def test_a_trajectory_plays_only_with_a_passing_report_of_its_own(tmp_path: Path
         played = call(*command, "--json")
         assert played.returncode == 0, played.stderr
         told = json.loads(played.stdout)
-        assert told["ended"] == "finished" and told["figures"]["held_back"] == {}
+        assert told["ended"] == "finished" and told["figures"]["limited"] == {}
     with np.load(tmp_path / "play.npz") as log:
         playing = log["phase"] == list(log["phases"]).index("play")
         np.testing.assert_allclose(log["goal"][playing], angles, atol=1e-12)

@@ -16,13 +16,13 @@ ROUNDING = 1e-9
 
 
 @given(WISHES, PLACES, st.floats(0.001, 0.1))
-def test_goals_stay_in_range_under_the_speed_and_near_the_joints(wishes, presents, dt: float) -> None:
+def test_goals_stay_in_range_under_the_speed_and_near_the_joints(targets, presents, dt: float) -> None:
     guard = Guard(SCALE, LIMITS, presents[0])
-    for wish, present in zip(wishes, presents, strict=True):
-        last, aim = guard.goal, guard.aim(wish, dt)
+    for target, present in zip(targets, presents, strict=True):
+        last, aim = guard.goal, guard.aim(target, dt)
         assert (np.abs(aim - last) <= LIMITS.speed * dt + ROUNDING).all()
         goal = guard.admit(aim, present)
-        guard.keep(goal, wish, aim, dt)
+        guard.keep(goal, target, aim, dt)
         assert np.isfinite(goal).all()
         assert (SCALE.lower <= goal).all() and (goal <= SCALE.upper).all()
         assert (np.abs(SCALE.radians(SCALE.ticks(goal)) - present) <= LIMITS.jump).all()
@@ -30,10 +30,10 @@ def test_goals_stay_in_range_under_the_speed_and_near_the_joints(wishes, present
 
 @given(PLACES, st.floats(0.001, 0.1))
 def test_a_goal_made_ready_is_sent_as_it_is_where_the_joints_are_near(places, dt: float) -> None:
-    here, wish = places[0], places[1]
+    here, target = places[0], places[1]
     guard = Guard(SCALE, LIMITS, here)
-    aim = guard.aim(wish, dt)
+    aim = guard.aim(target, dt)
     near = (np.abs(aim - here) < LIMITS.jump - 0.002).all()
     assert not near or guard.admit(aim, here) is aim
-    guard.keep(guard.admit(aim, here), wish, aim, dt)
-    assert (guard.held_back == (np.abs(wish - guard.goal) > ROUNDING)).all()
+    guard.keep(guard.admit(aim, here), target, aim, dt)
+    assert (guard.limited == (np.abs(target - guard.goal) > ROUNDING)).all()

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Follower, Wishes, follow
+from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Follower, TargetStream, follow
 from robot_retarget.servo.outcome import Ended, Options, Outcome
 from robot_retarget.servo.scale import Scale
 
@@ -26,24 +26,24 @@ RATE = 125.0
 
 @given(st.lists(st.tuples(st.floats(1e-3, 0.3), st.floats(-2, 2)), min_size=2, max_size=20))
 def test_wishes_are_joined_without_a_jump(given_: list[tuple[float, float]]) -> None:
-    wishes, now, path = Wishes(), 100.0, []
+    targets, now, path = TargetStream(), 100.0, []
     for wait, angle in given_:
-        before = wishes.at(now)
-        wishes.give(np.array([angle]), now)
+        before = targets.at(now)
+        targets.put(np.array([angle]), now)
         if before is not None:
-            assert wishes.at(now) == pytest.approx(before, abs=1e-12)
-        path.append(wishes.at(now + LONGEST))
+            assert targets.at(now) == pytest.approx(before, abs=1e-12)
+        path.append(targets.at(now + LONGEST))
         now += wait
     assert [float(p[0]) for p in path if p is not None] == pytest.approx([angle for _, angle in given_])
 
 
 def test_a_wish_that_is_no_number_is_none() -> None:
-    wishes = Wishes()
-    wishes.give(np.array([np.nan]), 1.0)
-    assert wishes.at(1.0) is None
-    wishes.give(np.array([0.5]), 2.0)
-    wishes.give(np.array([np.inf]), 3.0)
-    assert wishes.at(4.0) == pytest.approx([0.5])
+    targets = TargetStream()
+    targets.put(np.array([np.nan]), 1.0)
+    assert targets.at(1.0) is None
+    targets.put(np.array([0.5]), 2.0)
+    targets.put(np.array([np.inf]), 3.0)
+    assert targets.at(4.0) == pytest.approx([0.5])
 
 
 def test_an_approach_ends_on_a_wish_that_moves_and_is_no_faster_than_it_may_be() -> None:
@@ -57,19 +57,19 @@ def test_an_approach_ends_on_a_wish_that_moves_and_is_no_faster_than_it_may_be()
 
 
 @contextmanager
-def giving(wishes: Wishes, pose: Callable[[float], Floats | None], seconds: float) -> Iterator[None]:
-    """Sixty wishes a second for so long; where the pose is None there is none."""
+def giving(targets: TargetStream, pose: Callable[[float], Floats | None], seconds: float) -> Iterator[None]:
+    """Sixty targets a second for so long; where the pose is None there is none."""
 
-    def give() -> None:
+    def put() -> None:
         began = time.monotonic()
         while (now := time.monotonic() - began) < seconds:
-            wish = pose(now)
-            if wish is not None:
-                wishes.give(wish)
+            target = pose(now)
+            if target is not None:
+                targets.put(target)
             time.sleep(1 / 60)
-        wishes.over.set()
+        targets.over.set()
 
-    thread = threading.Thread(target=give, daemon=True)
+    thread = threading.Thread(target=put, daemon=True)
     thread.start()
     yield
     thread.join()
@@ -79,9 +79,11 @@ def followed(
     folder: Path, arm: Emulated, pose: Callable[[float], Floats | None], seconds: float, limits: Limits = QUICK
 ) -> tuple[Outcome, dict[str, np.ndarray]]:
     """What became of it, and its log."""
-    wishes = Wishes()
-    with giving(wishes, pose, seconds):
-        outcome = follow(wishes, replace(ARM, limits=limits), arm.port, Options(end_pose=False), log=folder / "log.npz")
+    targets = TargetStream()
+    with giving(targets, pose, seconds):
+        outcome = follow(
+            targets, replace(ARM, limits=limits), arm.port, Options(end_pose=False), log=folder / "log.npz"
+        )
     with np.load(folder / "log.npz") as log:
         return outcome, dict(log)
 
@@ -135,8 +137,8 @@ def test_a_wish_that_jumps_or_leaves_every_range_is_approached_and_clamped(tmp_p
 
 @pytest.mark.parametrize("silence", [0.1, 1.0, 10.0])
 def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
-    guard, wishes, said = Guard(Scale(ARM), QUICK, np.zeros(4)), Wishes(), []
-    follower = Follower(wishes, guard, QUICK, said.append)
+    guard, targets, said = Guard(Scale(ARM), QUICK, np.zeros(4)), TargetStream(), []
+    follower = Follower(targets, guard, QUICK, said.append)
     now, goals, phases = 50.0, [], []
 
     def go(seconds: float, pose: Callable[[float], Floats] | None) -> None:
@@ -144,7 +146,7 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
         for k in range(round(seconds * RATE)):
             now += 1 / RATE
             if pose is not None and k % 2 == 0:
-                wishes.give(pose(now), now)
+                targets.put(pose(now), now)
             step = follower.step(now)
             assert step is not None
             goal = guard.aim(step.target, 1 / RATE)
@@ -165,10 +167,10 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
 
 def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebody_asks(tmp_path: Path) -> None:
     with emulated(tmp_path) as arm:
-        wishes = Wishes()
-        wishes.give(np.zeros(4))
+        targets = TargetStream()
+        targets.put(np.zeros(4))
         threading.Timer(1.5, lambda: signal.raise_signal(signal.SIGINT)).start()
-        outcome = follow(wishes, ARM, arm.port, Options(end_pose=False, grace=0.1), log=tmp_path / "log.npz")
+        outcome = follow(targets, ARM, arm.port, Options(end_pose=False, grace=0.1), log=tmp_path / "log.npz")
         assert all(servo["torque_enable"] for servo in arm.servos().values())
     assert outcome.ended is Ended.INTERRUPTED and outcome.state == "hold"
     with np.load(tmp_path / "log.npz") as log:

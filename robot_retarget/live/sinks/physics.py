@@ -11,7 +11,7 @@ from robot_retarget.goals import RATE
 from robot_retarget.live.loop import Pose
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.servo.live import Wishes
+from robot_retarget.servo.live import TargetStream
 from robot_retarget.servo.window import Window
 from robot_retarget.simulate.plant import root_coordinates
 from robot_retarget.simulate.rollout import plant_of
@@ -38,7 +38,7 @@ class PhysicsSink:
         self._robot, self._pinned, self._plant = robot, mode == "pinned", plant_of(robot, mode)
         self.data = mujoco.MjData(self._plant.model)
         self._window = Window(self._plant.model, self.data) if window else None
-        self._wishes, self._roots, self._held = Wishes(), root_coordinates(robot), root_dofs(robot)
+        self._targets, self._roots, self._held = TargetStream(), root_coordinates(robot), root_dofs(robot)
         self._began: float | None = None
         self._skipped = 0.0
         self._error, self._ticks = 0.0, 0
@@ -46,7 +46,7 @@ class PhysicsSink:
 
     def show(self, pose: Pose) -> None:
         now = time.monotonic()
-        self._wishes.give(pose.qpos[self._robot.qpos_index], now)
+        self._targets.put(pose.qpos[self._robot.qpos_index], now)
         if self._began is None:
             self._stand(pose.qpos, now)
         if self._pinned:
@@ -69,14 +69,14 @@ class PhysicsSink:
         lag = now - self._began - self._skipped - data.time
         self._skipped += max(lag - BEHIND, 0.0)
         while (at := self._began + self._skipped + data.time) + steps * model.opt.timestep <= now:
-            wish = self._wishes.at(at)
-            assert wish is not None
-            data.ctrl[:] = self._plant.controls(wish[None])[0]
+            target = self._targets.at(at)
+            assert target is not None
+            data.ctrl[:] = self._plant.controls(target[None])[0]
             mujoco.mj_step(model, data, steps)
-            self._note(wish)
+            self._note(target)
 
-    def _note(self, wish: Floats) -> None:
-        self._error += float(((self.data.qpos[self._robot.qpos_index] - wish) ** 2).mean())
+    def _note(self, target: Floats) -> None:
+        self._error += float(((self.data.qpos[self._robot.qpos_index] - target) ** 2).mean())
         self._ticks += 1
         upright = self.data.xmat[self._robot.root_body][8]
         if self._fell is None and not upright > FALLEN:

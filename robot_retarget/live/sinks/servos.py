@@ -1,4 +1,4 @@
-"""Poses as wishes of real servos; `servo.live.follow` moves them."""
+"""Poses as targets of real servos; `servo.live.follow` moves them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from robot_retarget.collision.guard import SelfCollisionGuard
 from robot_retarget.errors import ServoError
 from robot_retarget.live.loop import Loop, Pose, StreamStats
 from robot_retarget.robot import Robot
-from robot_retarget.servo.live import Wishes, follow
+from robot_retarget.servo.live import TargetStream, follow
 from robot_retarget.servo.outcome import Outcome
 
 
@@ -21,7 +21,7 @@ class ServoSink:
         ServoError: the map and the robot have not the same joints.
     """
 
-    wishes: Wishes
+    targets: TargetStream
     guard: SelfCollisionGuard
 
     def __init__(self, robot: Robot, servo_map: ServoMap) -> None:
@@ -31,14 +31,14 @@ class ServoSink:
         if bare or idle:
             what = f"does not cover {', '.join(bare)}" if bare else f"has {', '.join(idle)}, which {robot.name} has not"
             raise ServoError(f"the servo map {what}")
-        self.wishes = Wishes()
+        self.targets = TargetStream()
         self._places = robot.qpos_index[[joints.index(joint) for joint in servo_map.joints]]
         self._pose = robot.standing()
         self.guard = SelfCollisionGuard(robot)
 
     def show(self, pose: Pose) -> None:
         self._pose = pose.qpos
-        self.wishes.give(pose.qpos[self._places])
+        self.targets.put(pose.qpos[self._places])
 
     def clear(self, last: Floats, goal: Floats) -> Floats:
         """Return the goal (n,), moved back towards the last one where links would overlap [rad]."""
@@ -70,12 +70,12 @@ def moved(
         except Exception as error:
             failed.append(error)
         finally:
-            sink.wishes.over.set()
+            sink.targets.over.set()
 
     thread = Thread(target=go, daemon=True)
     thread.start()
     try:
-        outcome = follow(sink.wishes, servo_map, port, log=log, say=say, clear=sink.clear)
+        outcome = follow(sink.targets, servo_map, port, log=log, say=say, clear=sink.clear)
     finally:
         loop.stop.set()
         thread.join()
