@@ -44,9 +44,7 @@ KINDS: dict[str, Variant] = {
 }
 MECHANISMS: dict[str, Variant] = {
     "everything": Variant(),
-    "one start": Variant(search=Search(starts=0, candidates=1)),
-    "one candidate a moment": Variant(search=Search(candidates=1)),
-    "no recombination of limbs": Variant(search=Search(recombinations=0)),
+    "no drawn starts": Variant(search=Search(starts=0)),
     "no looks between frames": Variant(smoothing=Smoothing(collision_checks=())),
     "links measured at every step": Variant(options=Options(distance_cache_radius=0.0)),
     "half the passes": Variant(smoothing=Smoothing(passes=4)),

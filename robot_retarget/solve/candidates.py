@@ -3,19 +3,14 @@
 An arm of three joints can follow a human arm in several ways, and a solver that works frame by frame stays in the basin
 in which it began. This module descends from several starts at moments spread over the clip. It follows each pose
 forward and backward at a low frame rate until it meets another pose, and chooses the path of least cost by dynamic
-programming. Where the path costs more than another candidate of the same moment, single limbs of the two are
-recombined.
+programming.
 """
-
-from collections.abc import Iterator
-from functools import cached_property
-from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.status import Status
 from robot_retarget.robot import Anatomy, Robot
@@ -28,6 +23,9 @@ from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+
+LIMBS = ("l_hand", "r_hand", "head")
+"""Ends of the limbs that change basins independently."""
 
 
 def coarse_path(
@@ -50,11 +48,6 @@ def coarse_path(
         found.seek(moment)
     found.bridge()
     path = found.cheapest()
-    for _ in range(search.recombinations):
-        if not found.recombine(path, stride):
-            break
-        found.bridge()
-        path = found.cheapest()
     before = first[max(start - 2, 0) : start]
     return [*first[:start], *interpolated(solver.robot, frames - start, [pose.qpos for pose in path], before)]
 
@@ -78,11 +71,11 @@ class Candidates:
         self._follow(pose, 0, range(1, len(self.frames)))
 
     def seek(self, moment: int) -> None:
-        """Find candidates at a moment and follow each to both sides, to the ends if it meets no other."""
-        found = seek(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)
-        for pose in found[: self.search.candidates]:
-            if pose.cost < self.search.worth * found[0].cost:
-                self._go_on(pose, moment)
+        """Find the cheapest pose of a moment and follow it to both sides, to the ends if it meets no other."""
+        pose = seek(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)[0]
+        if self._add(moment, pose):
+            self._follow(pose, moment, range(moment + 1, len(self.frames)))
+            self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
 
     def bridge(self) -> None:
         """Add poses that the joints can reach in time where the path would jump to a cheaper basin."""
@@ -97,21 +90,6 @@ class Candidates:
             pose = self._descend(start, int(k), self.solver.ranges.around(near, reach))
             paced[k] = pose.qpos[self.hinges]
             self.poses[k].append(pose)
-
-    def recombine(self, path: list[Pose], stride: int) -> bool:
-        """Recombine limbs of the path and of cheaper candidates; follow the results; return whether a pose was added.
-
-        Arms and head change basins independently, and poses that are followed whole cover few of the combinations. Of
-        every `stride` moments, the moment where the path exceeds the cheapest candidate most is examined.
-        """
-        least = np.array([min(pose.cost for pose in poses) for poses in self.poses])
-        excess, found = np.array([pose.cost for pose in path]) - least, False
-        for first in range(self.first, len(path), stride):
-            moment = first + int(excess[first : first + stride].argmax())
-            if excess[moment] > self.search.excess * path[moment].cost:
-                cheaper = [pose for pose in self._recombined(path[moment], moment) if pose.cost < path[moment].cost]
-                found |= any([self._go_on(pose, moment) for pose in sorted(cheaper, key=lambda pose: pose.cost)])
-        return found
 
     def cheapest(self, beyond_speed: float | None = None) -> list[Pose]:
         """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
@@ -129,44 +107,20 @@ class Candidates:
 
     def _changes(self, k: int, beyond_speed: float) -> Floats:
         """Return (A, B) the cost of the change from every pose of the previous moment to every pose of this moment."""
-        robot, before, here = self.solver.robot, self.poses[k - 1], self.poses[k]
-        turned = np.array([[difference(robot, a.qpos, b.qpos) for b in here] for a in before])
+        robot, before, current = self.solver.robot, self.poses[k - 1], self.poses[k]
+        turned = np.array([[difference(robot, a.qpos, b.qpos) for b in current] for a in before])
         reach = self.solver.speed * (self.times[k] - self.times[k - 1])
         beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
         return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
 
-    @cached_property
-    def _limbs(self) -> list[Ints]:
-        """Indices in a configuration of the angles of arms and head, per limb."""
-        return [self.hinges[list(limb)] for limb in drawn_limbs(self.solver, self.search)]
-
-    def _recombined(self, here: Pose, moment: int) -> Iterator[Pose]:
-        """Descend from a pose with a limb of each of the two cheapest candidates, and from these with a limb of it."""
-        cheaper = sorted((pose for pose in self.poses[moment] if pose.cost < here.cost), key=lambda pose: pose.cost)
-        for other, limb in product(cheaper[:2], self._limbs):
-            if np.abs(here.qpos[limb] - other.qpos[limb]).max(initial=0.0) < self.search.same:
-                continue
-            for whole, part in ((here, other), (other, here)):
-                start = whole.qpos.copy()
-                start[limb] = part.qpos[limb]
-                yield self._descend(start, moment)
-
-    def _go_on(self, pose: Pose, moment: int) -> bool:
-        """Keep a pose and follow it to both sides, unless the moment has it already."""
-        if not self._add(moment, pose):
-            return False
-        self._follow(pose, moment, range(moment + 1, len(self.frames)))
-        self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
-        return True
-
-    def _follow(self, pose: Pose, here: int, moments: range) -> None:
+    def _follow(self, pose: Pose, last: int, moments: range) -> None:
         """Descend at one moment after the other, within the angles that the joints can reach from one to the next."""
         for moment in moments:
-            reach = self.solver.speed * abs(self.times[moment] - self.times[here])
+            reach = self.solver.speed * abs(self.times[moment] - self.times[last])
             pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
             if not self._add(moment, pose):
                 return
-            here = moment
+            last = moment
 
     def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
         """Where a rough descent ends whose hinges stay in a box."""
@@ -177,15 +131,16 @@ class Candidates:
 
     def _add(self, moment: int, pose: Pose) -> bool:
         """Keep a pose unless the moment has it already."""
-        angles = pose.qpos[self.hinges]
-        if any(np.abs(angles - p.qpos[self.hinges]).max() < self.search.same for p in self.poses[moment]):
+        if any(same_basin(self.solver, pose, other, self.search) for other in self.poses[moment]):
             return False
         self.poses[moment].append(pose)
         return True
 
 
 def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search) -> list[Pose]:
-    """Where descents from several starts end, the cheapest first.
+    """Where descents from several starts end, the cheapest first; of ends in one basin, that of the first start.
+
+    Ends in one basin differ by their tolerance, and so would the choice of the cheapest of them.
 
     The starts are the reference pose, the standing pose, and standing poses with drawn limbs. Each limb is drawn many
     times within its ranges, and the draws are sorted by cost: the first start has the best draw of each limb, the
@@ -193,10 +148,20 @@ def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame
     """
     targets, robot = all_targets.at(frame), solver.robot
     placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
-    placed += _limbs_drawn(solver, placed[1], targets, search)
+    placed += [solver.clear_of_links(placed[1], q) for q in _limbs_drawn(solver, placed[1], targets, search)]
     most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
-    ends = [solver.solve_frame(q, targets, iterations=most, tolerance=tolerance) for q in placed]
+    ends: list[Pose] = []
+    for start in placed:
+        end = solver.solve_frame(start, targets, iterations=most, tolerance=tolerance)
+        if not any(same_basin(solver, end, other, search) for other in ends):
+            ends.append(end)
     return sorted(ends, key=lambda end: end.cost)
+
+
+def same_basin(solver: FrameSolver, first: Pose, second: Pose, search: Search) -> bool:
+    """Whether two poses count as one: all their hinges lie near each other."""
+    hinges = solver.robot.qpos_index
+    return bool(np.abs(first.qpos - second.qpos)[hinges].max(initial=0.0) < search.same)
 
 
 def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search: Search) -> list[Floats]:
@@ -212,13 +177,20 @@ def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search
 
 
 def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
-    """Return per limb the angles (drawn, n) to try [rad]; the right side tries the mirror images of the left side's."""
+    """Return per limb the angles (drawn, n) to try [rad]; the right arm tries the mirror images of the left arm's.
+
+    The name of its end seeds the draws of a limb, and its hinges are drawn along the chain, so that the order in which a
+    model lists its bodies does not matter.
+    """
     robot, anatomy = solver.robot, solver.problem.match.anatomy
-    every = np.random.default_rng(0).uniform(robot.lower, robot.upper, (search.drawn, len(robot.lower)))
+    limbs = {end: limb_hinges(robot, anatomy, end) for end in LIMBS if end in anatomy.sites}
+    every = np.zeros((search.drawn, len(robot.lower)))
+    for end, limb in limbs.items():
+        draws = np.random.default_rng(list(end.encode())).random((search.drawn, len(limb)))
+        every[:, limb] = robot.lower[limb] + draws * (robot.upper - robot.lower)[limb]
     mirror = mirror_of(robot, _left(robot, anatomy.forward))
     other = np.clip(mirror.angles(every), robot.lower, robot.upper)
     chosen = {"l_hand": every, "r_hand": other, "head": (every + other) / 2}
-    limbs = {end: limb_hinges(robot, anatomy, end) for end in chosen if end in anatomy.sites}
     return {
         tuple(limb.tolist()): (chosen[end] if (mirror.partner[limb] >= 0).all() else every)[:, limb]
         for end, limb in limbs.items()

@@ -43,7 +43,7 @@ class Search:
     """Moments per second [1/s]."""
     every: float = 1.0
     """Time between the moments at which candidates are sought [s]."""
-    starts: int = 3
+    starts: int = 12
     """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
     drawn: int = 80
     """Number of poses drawn per limb for these starts."""
@@ -51,20 +51,12 @@ class Search:
     """Maximum number of steps to follow a candidate to the next moment."""
     tolerance: float = 1e-3
     """As `Options.tolerance`: a path is chosen before poses are exact."""
-    candidates: int = 3
-    """Number of candidates kept per moment of the search ..."""
-    worth: float = 1.3
-    """... if they cost less than this multiple of the least cost [-]."""
     same: float = 0.15
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
     change: float = 0.5
     """Cost of a change of pose between moments [1/rad²] ..."""
     beyond_speed: float = 30.0
     """... and additional cost of the hinge angles beyond their speeds [1/rad²]."""
-    recombinations: int = 2
-    """Maximum number of rounds that exchange limbs between the path and cheaper candidates."""
-    excess: float = 0.05
-    """The path is examined where it costs more than the cheapest candidate of the moment by this share [-]."""
 
 
 @dataclass(frozen=True)

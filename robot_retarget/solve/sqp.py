@@ -215,13 +215,16 @@ class FrameSolver:
         return self.depth(qpos) > self.options.overlap
 
     def backtrack_to_clearance(self, before: Floats, pose: Pose) -> Pose:
-        """A pose whose links are not inside each other: itself, or the nearest of seven on the way from the one before."""
+        """Return the pose moved back towards the one before (nq,) until its links are not inside each other."""
         if not self.overlapping(pose.qpos):
             return pose
-        way = difference(self.robot, before, pose.qpos)
-        tried = (integrate(self.robot, before, share * way) for share in np.linspace(7 / 8, 1 / 8, 7))
-        qpos = next((q for q in tried if not self.overlapping(q)), before)
-        return replace(pose, qpos=qpos, status=Status.BLOCKED, model=None)
+        return replace(pose, qpos=self.clear_of_links(before, pose.qpos), status=Status.BLOCKED, model=None)
+
+    def clear_of_links(self, before: Floats, after: Floats) -> Floats:
+        """Return the last of even shares of the way from one configuration to another with its links apart, or the first."""
+        way = difference(self.robot, before, after)
+        tried = (integrate(self.robot, before, share * way) for share in np.linspace(1, 1 / 8, 8))
+        return next((q for q in tried if not self.overlapping(q)), before)
 
     def raise_above_floor(self, pose: Pose) -> Pose:
         """The pose with its root raised by what curvature let it sink under the floor."""

@@ -30,6 +30,6 @@ def test_without_candidates_a_clip_is_found_out() -> None:
     """The script tells a clip that stays in a worse basin from one that does not."""
     motion = read_motion(SHARED / "motions/bvh/fair1_zup/dab.bvh")
     graph = describe(motion, load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml"), fps=15)
-    single = Search(starts=0, candidates=1, recombinations=0, every=100.0)
+    single = Search(starts=0, every=100.0)
     one, several = (SCRIPT["excess"](graph, 10, search) for search in (single, None))
     assert one.basin.mean() > 2 * several.basin.mean()

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
+from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.transfer import retarget, solve
 
 LEFT = np.array([0.0, 1.0, 0.0])
@@ -44,12 +46,68 @@ def asymmetry(motion: Motion, robot: Robot, smoothing: Smoothing, separated: boo
 CAUSAL, WHOLE = Smoothing(passes=0), Smoothing()
 
 
-# Squat and hands on hips are their own mirror images. Where hands meet, as in a clap, one goes first.
+# Squat and hands on hips are their own mirror images, as the clap is: see the laws of hands that meet below.
 @pytest.mark.parametrize("clip", ["wave", "walk", "squat", "hips_and_bow"])
 @pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
 def test_a_mirrored_motion_gives_the_mirrored_trajectory(clip: str, smoothing: Smoothing) -> None:
     motion = read_motion(SAMPLES / f"{clip}.bvh").resample(15)
     assert asymmetry(motion, load_robot("op3"), smoothing) < 1e-3
+
+
+def one_clap() -> Motion:
+    """Hands that meet, and a second before and after."""
+    return read_motion(SAMPLES / "clap.bvh").resample(15).frames(8, 40)
+
+
+def lopsided_clap(lifted: float = 0.03) -> Motion:
+    """The clap with the left hand higher [m], so that neither hand's way is as good as its mirror image."""
+    motion = one_clap()
+    hand = [k for k, name in enumerate(motion.skeleton.names) if name.startswith("LeftWrist")]
+    positions = motion.positions.copy()
+    positions[:, hand, 2] += lifted
+    return replace(motion, positions=positions)
+
+
+@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
+def test_a_clap_of_which_one_hand_is_higher_gives_the_mirrored_trajectory(smoothing: Smoothing) -> None:
+    assert asymmetry(lopsided_clap(), load_robot("op3"), smoothing) < 1e-3
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["booster_t1", "unitree_g1"])
+@pytest.mark.parametrize("smoothing", [CAUSAL, WHOLE], ids=["causal", "whole"])
+def test_so_it_does_on_other_robots_but_for_meshes_that_differ_from_side_to_side(
+    name: str, smoothing: Smoothing
+) -> None:
+    robot = load_robot(SHARED / f"robots/{name}/{name}.xml")
+    assert asymmetry(lopsided_clap(), robot, smoothing, separated=False) < 1e-3
+
+
+def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two hands that cannot fill the same place pass each other on either side: the symmetric clap costs more."""
+    robot = load_robot("op3")
+    graph = describe(one_clap(), robot)
+    free = solve(graph, smoothing=WHOLE).solution
+    reflection, step = tangent_reflection(robot), FrameSolver._step
+
+    def symmetric(self: FrameSolver, *given: Any) -> tuple[np.ndarray | None, float]:
+        found, gain = step(self, *given)
+        return None if found is None else (found + reflection @ found) / 2, gain
+
+    monkeypatch.setattr(FrameSolver, "_step", symmetric)
+    tied = solve(graph, smoothing=WHOLE).solution
+    hinges = tied.trajectory.qpos[:, robot.qpos_index]
+    assert np.abs(mirror_of(robot, LEFT).angles(hinges) - hinges).max() < 1e-6
+    assert tied.cost.sum() > 1.05 * free.cost.sum()
+
+
+def tangent_reflection(robot: Robot) -> np.ndarray:
+    """Return the (nv, nv) reflection of tangent vectors of a robot with a free root."""
+    mirror, matrix = mirror_of(robot, LEFT), np.zeros((robot.model.nv, robot.model.nv))
+    matrix[range(6), range(6)] = [1, -1, 1, -1, 1, -1]
+    for hinge, partner in enumerate(mirror.partner):
+        matrix[robot.dof_index[hinge], robot.dof_index[partner]] = mirror.sign[partner]
+    return matrix
 
 
 def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -> None:
