@@ -97,7 +97,21 @@ class Boxes:
             distance[k] = mujoco.mj_geomDistance(self.model, data, a, b, 2 * self.reach, ends[k])
         ends = ends.reshape(-1, 2, 3)
         way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
+        for k in np.flatnonzero(np.abs(distance) <= TOUCHING):
+            distance[k], way[k] = self._between_faces(data, *pairs[k])
         return Near(distance, pairs, ends.mean(axis=1), way)
+
+    def _between_faces(self, data: mujoco.MjData, first: int, second: int) -> tuple[float, Floats]:
+        """Return the largest gap along a face normal of two boxes [m], negative inside, and that normal.
+
+        `mj_geomDistance` is 0 for some boxes whose faces overlap by millimetres.
+        """
+        axes = data.geom_xmat.reshape(-1, 3, 3)[[first, second]]
+        normals, way = np.concatenate([axes[0].T, axes[1].T]), data.geom_xpos[second] - data.geom_xpos[first]
+        half = [np.abs(normals @ own) @ self.sizes[box] for own, box in zip(axes, (first, second), strict=True)]
+        gap = np.abs(normals @ way) - half[0] - half[1]
+        best = int(gap.argmax())
+        return float(gap[best]), normals[best] * np.sign(normals[best] @ way)
 
     def _corners(self, data: mujoco.MjData, pairs: Ints, turn: Floats, offset: Floats) -> Near:
         """Corners of the second box of each pair near the surface of the first."""

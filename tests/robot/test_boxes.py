@@ -17,8 +17,8 @@ EXACT = 2e-6
 SIZES = ((0.02, 0.03, 0.05), (0.04, 0.01, 0.02))
 
 
-def two_boxes() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    bodies = "".join(f'<body><freejoint/><geom type="box" size="{a} {b} {c}" mass="1"/></body>' for a, b, c in SIZES)
+def two_boxes(sizes: tuple[tuple[float, float, float], ...] = SIZES) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    bodies = "".join(f'<body><freejoint/><geom type="box" size="{a} {b} {c}" mass="1"/></body>' for a, b, c in sizes)
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
     return model, mujoco.MjData(model)
 
@@ -94,3 +94,44 @@ def test_nothing_that_is_near_goes_unseen() -> None:
                 assert abs(gap - distance) < 5e-4, (robot.model.geom(a), robot.model.geom(b))
                 compared += 1
     assert compared > 300
+
+
+MIRRORED_FEET = (
+    (
+        (-0.006211353295485018, 0.03911637498456881, 0.004070985601147298),
+        (
+            0.9999208236056195,
+            0.012583288391375501,
+            8.586687001100846e-05,
+            -0.012583283138938884,
+            0.9999208254711015,
+            -6.143806856251477e-05,
+            -8.663316447695856e-05,
+            6.0352716980165296e-05,
+            0.9999999944261223,
+        ),
+    ),
+    (
+        (-0.006211353295490475, -0.03911637498465989, 0.004070985601169426),
+        (
+            0.9999208236056141,
+            -0.012583288391776835,
+            8.586687009566535e-05,
+            0.012583283139340169,
+            0.9999208254710961,
+            6.14380690941296e-05,
+            -8.663316456832244e-05,
+            -6.035271751063801e-05,
+            0.999999994426122,
+        ),
+    ),
+)
+"""Centre [m] and rotation of two soles that overlap by 1.196 mm: `mj_geomDistance` gives 0 for them, to the last digits."""
+
+
+def test_boxes_that_overlap_are_seen_also_where_mujoco_gives_no_distance() -> None:
+    model, data = two_boxes(((0.057, 0.039, 0.004),) * 2)
+    for geom, (place, turn) in enumerate(MIRRORED_FEET):
+        data.geom_xpos[geom], data.geom_xmat[geom] = place, turn
+    found = Boxes(model, np.array([[0, 1]]), REACH).near(data)
+    assert abs(found.distance.min() + 0.001196) < 1e-6

@@ -33,8 +33,9 @@ def rewritten(change: Callable[[ET.Element], None] | None, folder: Path) -> Path
     tree = ET.parse(WRITTEN)
     for frames in tree.getroot().findall("keyframe"):
         tree.getroot().remove(frames)
-    for body in list(tree.getroot().iter("body")) if change else ():
-        change(body)
+    if change is not None:
+        for body in list(tree.getroot().iter("body")):
+            change(body)
     folder.mkdir()
     tree.write(folder / WRITTEN.name)
     (folder / "limits.toml").write_bytes(WRITTEN.with_name("limits.toml").read_bytes())
