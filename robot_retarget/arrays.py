@@ -10,6 +10,10 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
+ALIGNED = 0.5**0.5
+"""Unit vectors whose product is larger are nearer to parallel than to perpendicular [-]."""
+
+
 def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
     """A read-only copy of `values` as a contiguous array of `dtype`."""
     array = np.array(values, dtype=dtype, order="C")

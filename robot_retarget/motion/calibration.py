@@ -9,24 +9,20 @@ import numpy as np
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.keypoints import ARM, LEG, SIDES
 from robot_retarget.motion.recognise import Recognition
+from robot_retarget.motion.repair.repair import RepairRule
 from robot_retarget.motion.repair.sentences import span
+from robot_retarget.motion.repair.steps import JumpRule
 
 WINDOW = 10
 """Frames at an end that are searched for a jump, and frames next to them with which it is compared."""
-JUMP = 0.1
-"""Least mean step of the keypoints that counts as a jump, in leg lengths."""
-SPEED = 8.0
-"""Least speed of that step, in leg lengths per second."""
 TIMES = 4.0
 """The jump over the largest step that follows (clean clips: at most 2; clips with calibration frames: 6.6 and more)."""
 HELD = 0.3
 """Least duration of a calibration pose [s] ..."""
-STILL = 0.03
-"""... with every keypoint this near to its first place, in leg lengths ..."""
-STRAIGHT = 0.35
-"""... knees and elbows bent by at most this angle [rad] ..."""
-RAISED = {"T-pose": (-0.35, 0.35), "A-pose": (0.6, 0.9)}
-"""... and the cosines of both upper arms with the way down the trunk within these."""
+NEAR = 0.35
+"""... whose joints are this near to their angles: knees and elbows straight, upper arms raised from the trunk [rad]."""
+RAISED = {"T-pose": np.pi / 2, "A-pose": np.pi / 4}
+"""Angle between upper arms and the way down the trunk [rad]."""
 
 
 def calibration_frames(recognition: Recognition, positions: Floats, fps: float) -> tuple[slice, tuple[str, ...]]:
@@ -49,9 +45,10 @@ def _dropped(which: str, count: int, size: float, beside: str) -> str:
 def _jumped(recognition: Recognition, positions: Floats, fps: float) -> tuple[int, float]:
     """How many frames lie before the jump at the start, and how far it goes, in leg lengths."""
     x = recognition.place(positions[: 2 * WINDOW + 2])
+    rule = JumpRule()
     steps = np.linalg.norm(np.diff(x, axis=0), axis=2).mean(axis=1) / _leg(recognition, x)
     for last in range(min(WINDOW, len(steps) - 3) - 1, -1, -1):
-        if steps[last] > max(JUMP, SPEED / fps, TIMES * steps[last + 1 : last + 1 + WINDOW].max()):
+        if steps[last] > max(rule.body_threshold(fps), TIMES * steps[last + 1 : last + 1 + WINDOW].max()):
             return last + 1, float(steps[last])
     return 0, 0.0
 
@@ -77,7 +74,7 @@ def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: flo
 
 def _held(recognition: Recognition, x: Floats) -> int:
     """For how many frames the first pose is held."""
-    moved = np.linalg.norm(x - x[:1], axis=2).max(axis=1) > STILL * _leg(recognition, x[:1])
+    moved = np.linalg.norm(x - x[:1], axis=2).max(axis=1) > RepairRule().still * _leg(recognition, x[:1])
     return int(moved.argmax()) if moved.any() else len(x)
 
 
@@ -86,9 +83,9 @@ def _pose(recognition: Recognition, x: Floats) -> str:
     at = {keypoint: x[0, k] for k, keypoint in enumerate(recognition.keypoints)}
     limbs = [[at[f"{side}_{part}"] for part in parts[:3]] for side in SIDES for parts in (ARM, LEG)]
     bends = [np.arccos(np.clip(unit(b - a) @ unit(c - b), -1, 1)) for a, b, c in limbs]
-    if max(bends) > STRAIGHT:
+    if max(bends) > NEAR:
         return ""
     shoulders = (at["l_shoulder"] + at["r_shoulder"]) / 2
     down = unit(at["pelvis"] - shoulders)
-    raised = [float(unit(at[f"{s}_elbow"] - at[f"{s}_shoulder"]) @ down) for s in SIDES]
-    return next((pose for pose, (low, high) in RAISED.items() if all(low < r < high for r in raised)), "")
+    raised = [np.arccos(np.clip(unit(at[f"{s}_elbow"] - at[f"{s}_shoulder"]) @ down, -1, 1)) for s in SIDES]
+    return next((pose for pose, angle in RAISED.items() if np.abs(np.subtract(raised, angle)).max() < NEAR), "")

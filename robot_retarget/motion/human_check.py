@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import ALIGNED, Floats, unit
 from robot_retarget.errors import MatchError
 from robot_retarget.motion.limbs import Body, Pair
 
@@ -32,7 +32,7 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
         if not low <= value <= high:
             raise MatchError(f"not a human body: {what} measure {value:.2f} of the legs, a human's {low} to {high}")
     forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.evidence)))
-    if forelegs and four_legged(body, legs, arms) > 0.8:
+    if forelegs and four_legged(body, legs, arms) > 0.5:
         raise MatchError(
             "not a human body: hands bear weight like feet, hips and shoulders at the same height (a quadruped)"
         )
@@ -42,7 +42,7 @@ def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
     """Share of the frames in which arms and legs are parallel and the trunk lies across them."""
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
-    return float(np.mean((_cosine(leg, arm) > 0.6) & (np.abs(_cosine(leg, shoulders - hips)) < 0.5)))
+    return float(np.mean((_cosine(leg, arm) > ALIGNED) & (np.abs(_cosine(leg, shoulders - hips)) < ALIGNED)))
 
 
 def _tail(body: Body, joint: int) -> bool:
@@ -50,5 +50,4 @@ def _tail(body: Body, joint: int) -> bool:
 
 
 def _cosine(u: Floats, v: Floats) -> Floats:
-    size = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
-    return np.einsum("fi,fi->f", u, v) / np.maximum(size, 1e-12)
+    return np.einsum("fi,fi->f", unit(u), unit(v))

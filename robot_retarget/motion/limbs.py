@@ -24,8 +24,12 @@ _ARM_TO_LEG = 0.61
 """Shoulder to wrist over hip to ankle: the median of the same 14 (0.47 to 0.68)."""
 _LONGEST = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
-_ELSEWHERE = 0.05
-"""Two joints nearer than this share of the limb are at one place."""
+_FARTHER = 0.01
+"""Loss of score per joint by which a choice is farther from the hub [-]: of equal choices the first counts."""
+_SPREAD = 0.25
+"""Standard deviation of both ratios, of their logarithms [-]."""
+SAME = 0.04
+"""Joints nearer than this share of a limb are at one place [-]."""
 _BOTH = 4.0
 """Score of a body for having arms in addition to legs."""
 
@@ -79,7 +83,7 @@ class Body:
     def toes(self, limb: "Limb") -> list[int]:
         """The candidates for the toe, the likeliest first, without heels."""
         below = [
-            joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > 0.08 * limb.lower
+            joint for joint in self._foot(limb.joints[2]) if self.distance(joint, limb.joints[2]) > SAME * limb.lower
         ]
         named = [joint for joint in below if "helper" not in self.evidence[joint].parts]
         return named or below
@@ -165,7 +169,7 @@ def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
 
 def _relation(body: Body, leg: Pair, arm: Pair) -> float:
     """Legs are longer than arms, and the head is at the arms' end of the trunk."""
-    size = -0.5 * (np.log(arm.length / leg.length / _ARM_TO_LEG) / 0.25) ** 2
+    size = -0.5 * (np.log(arm.length / leg.length / _ARM_TO_LEG) / _SPREAD) ** 2
     return max(size, -12.0) + 2.0 * (_stump(body, arm, leg) - _stump(body, leg, arm))
 
 
@@ -221,21 +225,20 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
     fits: list[tuple[tuple[int, ...], Limb]] = []
     for a, b, c in combinations(range(len(chain)), 3):
         upper, lower = mean[a, b], mean[b, c]
-        if min(upper, lower) < 0.15 * total:
+        if min(upper, lower) < SAME * total:
             continue
         named = sum(body.evidence[chain[k]].agreement(part) for k, part in zip((a, b, c), LIMBS[kind], strict=True))
         # A body of odd proportions is one all the same where names say so.
         score = (
-            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / 0.25) ** 2, -8.0 + 2.0 * max(named, 0.0))
+            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, -8.0 + 2.0 * max(named, 0.0))
             + 1.5 * min(0.0, np.log((upper + lower) / total))
             - 4 * (bulges[a, b] + bulges[b, c])
-            - min(4.0, 20 * (spread[a, b] / upper + spread[b, c] / lower))
-            - min(3.0, 2 * max(0.0, below[c] / lower - 0.95))
+            - 20 * (spread[a, b] / upper + spread[b, c] / lower)
             - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
-            - 4 * (between[a] < 0.05 * upper)
+            - 4 * (between[a] < SAME * (upper + lower))
             - 2 * _collarbone(body, chain[a:b], LIMBS[kind][0])
-            - 0.01 * (a + b + c)
             + named
+            - _FARTHER * (a + b + c)
             - sum(body.evidence[chain[k]].tip for k in (a, b, c))
         )
         joints = (chain[a], chain[b], chain[c])
@@ -243,7 +246,7 @@ def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) 
     if not fits:
         return None
     chosen, best = max(fits, key=lambda fit: fit[1].score)
-    others = [fit.score for places, fit in fits if mean[chosen, places].max() > _ELSEWHERE * best.length]
+    others = [fit.score for places, fit in fits if mean[chosen, places].max() > SAME * best.length]
     return replace(best, lead=best.score - max(others, default=-np.inf))
 
 

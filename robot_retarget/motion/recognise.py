@@ -22,8 +22,6 @@ from robot_retarget.motion.trunk import find_trunk
 _WORD = {"chest": "spine"}
 """Keypoints whose part has another name in `joint_names`."""
 
-END = 0.6
-"""Confidence in the end of a foot as its toe: about that of a joint whose name is silent."""
 DOUBT = 0.1
 """Contradiction of geometry and names of left and right that is reported."""
 SILENT = 0.65
@@ -200,7 +198,7 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
     why = "the foot's end, no toe joint" if end else "the first joint below the ankle"
     mark = _mark(body, "toe", joint, why, certainty, lead)
     # The name of an end is derived from its parent's.
-    return {f"{side}_toe": replace(mark, confidence=max(mark.confidence, END * certainty)) if end else mark}
+    return {f"{side}_toe": replace(mark, confidence=max(mark.confidence, SILENT * certainty)) if end else mark}
 
 
 def _mark(body: Body, part: str, joint: int, why: str, certainty: float, lead: float = np.inf) -> Mark:

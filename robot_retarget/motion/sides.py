@@ -17,6 +17,10 @@ HEEL = 0.08
 """What feet must say against names and knees to be heels, and these against them [leg lengths]: two heels 3 cm behind."""
 
 
+ELBOWS = 0.25
+"""Weight of elbows against feet and knees [-]: a T-pose bends them either way."""
+
+
 @dataclass(frozen=True)
 class Votes:
     """What feet, knees and elbows say of the first of two legs: above 0 it is the left one."""
@@ -41,7 +45,7 @@ def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
     return Votes(
         _vote(line, up, feet, legs.length),
         _vote(line, up, [_bend(body, limb) for limb in legs.sides], legs.length),
-        -0.25 * _vote(line, up, [_bend(body, limb) for limb in arms.sides], arms.length),
+        -ELBOWS * _vote(line, up, [_bend(body, limb) for limb in arms.sides], arms.length),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import unit
-from robot_retarget.motion.limbs import Body, Pair
+from robot_retarget.motion.limbs import SAME, Body, Pair
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
@@ -14,8 +14,6 @@ LEVEL = 0.1
 lengths]."""
 _LEAST = -5.0
 """A joint that scores less is no head."""
-_APART = 0.03
-"""Joints this near are one place, of the head or of the neck [leg lengths]."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
     scores = _heads(body, legs, arms, height, chest)
     if scores:
         head = max(scores, key=scores.__getitem__)
-        others = [score for joint, score in scores.items() if body.distance(joint, head) > _APART * legs.length]
+        others = [score for joint, score in scores.items() if body.distance(joint, head) > SAME * legs.length]
         lead = scores[head] - max(others, default=-np.inf)
         found["head"] = Found(head, f"{height[head]:.2f} leg lengths above the shoulders", lead)
         neck = _neck(body, legs, head, height, chest)
@@ -48,7 +46,7 @@ def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
 
 def _neck(body: Body, legs: Pair, head: int, height: np.ndarray, chest: int | None) -> int | None:
     """The joint below a head that is still over the chest."""
-    below = (k for k in body.skeleton.above(head)[1:] if body.distance(k, head) > _APART * legs.length)
+    below = (k for k in body.skeleton.above(head)[1:] if body.distance(k, head) > SAME * legs.length)
     neck = next(below, None)
     over = neck is not None and neck not in (chest, legs.hub) and height[neck] > height[chest or legs.hub]
     return neck if over else None
@@ -73,7 +71,7 @@ def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None
         parts = body.evidence[joint].parts
         lone = "spine" in parts and height[joint] - height[below] > LEVEL
         neck = "neck" in parts or height[joint] > (LEVEL if lone else 0.0)
-        if not neck and height[joint] > hips + 0.1:
+        if not neck and height[joint] > hips + LEVEL:
             return joint
         if joint == legs.hub:
             break
@@ -91,7 +89,7 @@ def _heads(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | 
             continue
         aside = abs(body.distance(joint, shoulders[0]) - body.distance(joint, shoulders[1])) / legs.length
         score = (
-            -0.5 * ((height[joint] - HEAD_ABOVE_SHOULDERS) / 0.08) ** 2
+            -0.5 * ((height[joint] - HEAD_ABOVE_SHOULDERS) / LEVEL) ** 2
             - 10 * aside
             + 3 * body.evidence[joint].agreement("head")
             - 3 * body.evidence[joint].tip

@@ -4,20 +4,22 @@ Each kind of evidence gives every signed axis a score, a log-likelihood up to a 
 lies through the whole clip is still known by the height of its floor, its rest pose, the custom of files and its flights.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.constants import g
 from scipy.signal import savgol_filter
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import ALIGNED, Floats, unit
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.motion.stance import StanceRule
 from robot_retarget.motion.stature import leg_length
 
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
-GRAVITY = 9.81
-"""[m/s²]."""
+CUSTOM = {"+x": -1, "+y": 0, "+z": -0.5, "-x": -2, "-y": -2, "-z": -2}
+"""How unusual the axis is, in weak pieces of evidence: files have y up, then z, and none has an axis that points down."""
 SEGMENTS = {
     ("pelvis", "chest"): 0.497, ("neck", "head"): 0.081,
     ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
@@ -30,36 +32,25 @@ SEGMENTS = {
 class UpAxisRule:
     """How much each kind of evidence counts, in natural units of a log-likelihood; lengths in leg lengths."""
 
-    posture: float = 4.0
-    """Head over ankles in every frame: 98 of 100 short windows of motion capture show people upright."""
-    steadiness: float = 4.0
-    """Per leg length by which the lowest point of the body moves: it stays on the floor."""
+    strong: float = 4.0
+    """Of evidence that fails in one clip of fifty: the head is over the ankles, the lowest point of the body keeps its
+    height (per leg length) and begins at 0, a flight is a free fall, the pelvis does not climb further than a person."""
+    weak: float = 1.5
+    """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
     unsteady: float = 0.5
-    """More than this counts no further."""
-    floor: float = 3.5
-    """The lowest point of the clip is at height 0, as in most files ..."""
+    """Changes of the lowest point's height beyond this count no further."""
     near: float = 0.2
-    """... within about this."""
-    flight: float = 3.0
-    """The centre of mass falls freely, for as long as `airborne` or longer."""
+    """Height within which the lowest point of a clip begins at 0."""
     airborne: float = 0.15
-    """Of a flight that counts fully [s]."""
+    """Duration of a flight that counts fully [s]."""
     free: float = 0.25
-    """An acceleration that is gravity within this share of it is free fall."""
-    rest: float = 1.5
-    """Head over ankles in the rest pose: of 115 files of 32 exporters three in four agree with the motion."""
-    climb: float = 3.0
-    """The pelvis travels further than a person climbs: against the axis ..."""
-    height: tuple[float, float] = (1.2, 1.8)
-    """... from the first on, fully from the second."""
-    custom: dict[str, float] = field(
-        default_factory=lambda: {"+x": -1.5, "+y": 0.0, "+z": -0.7, "-x": -2.5, "-y": -2.5, "-z": -2.5}
-    )
-    """How usual the axis is: y, then z; no exporter has one that points down."""
+    """Share of gravity by which the acceleration of a free fall may differ from it [-]."""
+    climb: float = 1.5
+    """Way of the pelvis along the vertical from which it is a climb, halfway."""
     doubt: float = 2.3
-    """A lead over the second best axis below this is said: odds of less than 10 to 1 ..."""
+    """A lead over the second best axis below this is reported: odds of less than 10 to 1."""
     tie: float = 0.2
-    """... and below this it is a tie."""
+    """A lead below this is a tie."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +74,8 @@ class UpAxis:
         """The kinds of evidence by which the best axis leads, and those by which it falls behind."""
         best, second = AXES.index(self.axis), AXES.index(self.second)
         lead = {kind: float(score[best] - score[second]) for kind, score in self.evidence.items()}
-        for_it = [kind for kind in sorted(lead, key=lambda k: -lead[k]) if lead[kind] > 0.3]
-        against = [kind for kind in sorted(lead, key=lambda k: lead[k]) if lead[kind] < -0.3]
+        for_it = [kind for kind in sorted(lead, key=lambda k: -lead[k]) if lead[kind] > 0.5]
+        against = [kind for kind in sorted(lead, key=lambda k: lead[k]) if lead[kind] < -0.5]
         sentence = f"for {self.axis}: {', '.join(for_it) or 'nothing'}"
         return f"{sentence}; for {self.second}: {', '.join(against)}" if against else sentence
 
@@ -99,14 +90,14 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     leg = leg_length(recognition, positions)
     keypoints = recognition.place(positions)
     evidence = {
-        "posture": rule.posture * _signed(_stance(recognition, keypoints).mean(axis=0)),
-        "steady lowest point": -rule.steadiness * _unsteady(positions, leg, rule),
-        "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
-        "free fall": rule.flight * _flights(recognition, keypoints * metres, capture.fps, rule),
-        "rest pose": rule.rest
+        "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
+        "steady lowest point": -rule.strong * _unsteady(positions, leg, rule),
+        "floor at height 0": rule.strong * _floor_at_zero(positions, leg, rule),
+        "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
+        "rest pose": rule.weak
         * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
-        "travel": -rule.climb * _climb(recognition, keypoints, leg, rule),
-        "custom": np.array([rule.custom[axis] for axis in AXES]),
+        "travel": -rule.strong * _climb(recognition, keypoints, leg, rule),
+        "custom": np.array([rule.weak * CUSTOM[axis] for axis in AXES]),
     }
     total = sum(evidence.values(), np.zeros(len(AXES)))
     order = np.argsort(-total, kind="stable")
@@ -139,7 +130,7 @@ def _unsteady(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
 
 def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
     """(6,) whether the clip begins at height 0; a thin body that stands astride 0 begins nowhere."""
-    low = np.quantile(_lowest(positions), 0.05, axis=0) / leg
+    low = StanceRule().floor_height(_lowest(positions), axis=0) / leg
     near = np.exp(-((low / rule.near) ** 4))
     return np.maximum(near - np.roll(near, 3), 0.0)
 
@@ -151,8 +142,8 @@ def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAx
         return np.zeros(len(AXES))
     mass = centre_of_mass(recognition, keypoints)
     acceleration = np.asarray(savgol_filter(mass, window, 2, deriv=2, delta=1 / fps, axis=0), dtype=np.float64)
-    off = np.linalg.norm(acceleration[:, None] + GRAVITY * np.concatenate([np.eye(3), -np.eye(3)]), axis=2)
-    falling = off < rule.free * GRAVITY
+    off = np.linalg.norm(acceleration[:, None] + g * np.concatenate([np.eye(3), -np.eye(3)]), axis=2)
+    falling = off < rule.free * g
     longest = np.zeros(len(AXES))
     run = np.zeros(len(AXES))
     for now in falling:
@@ -176,12 +167,11 @@ def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:
 def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
     """(6,) how much the head stands over the ankles at rest; 0 where it lies along x, as bones do that are laid out."""
     along = _stance(recognition, recognition.place(skeleton.rest()[None]))[0]
-    clear = np.abs(along[1:]).max() > 0.9
+    clear = np.abs(along[1:]).max() > ALIGNED
     return np.maximum(_signed(along * [0.0, 1.0, 1.0]), 0.0) if clear else np.zeros(len(AXES))
 
 
 def _climb(recognition: Recognition, keypoints: Floats, leg: float, rule: UpAxisRule) -> Floats:
     pelvis = keypoints[:, recognition.keypoints.index("pelvis")]
-    low, high = rule.height
-    span = np.clip((np.ptp(pelvis, axis=0) / leg - low) / (high - low), 0.0, 1.0)
+    span = np.clip(np.ptp(pelvis, axis=0) / leg - rule.climb + 0.5, 0.0, 1.0)
     return np.concatenate([span, span])

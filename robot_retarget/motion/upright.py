@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.constants import centi, deci, inch, milli
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
@@ -17,11 +18,11 @@ from robot_retarget.motion.up_axis import AXES, UpAxisRule, find_up_axis
 
 UNITS = {
     "metre": 1.0,
-    "centimetre": 0.01,
-    "millimetre": 0.001,
-    "inch": 0.0254,
-    "decimetre": 0.1,
-    "CMU unit of 0.0564 m": 0.0254 / 0.45,
+    "centimetre": centi,
+    "millimetre": milli,
+    "inch": inch,
+    "decimetre": deci,
+    "CMU unit of 0.0564 m": inch / 0.45,
 }
 """Metres in each unit that exporters use. The CMU library divides inches by 0.45."""
 STATURES = (1.2, 2.1)
@@ -140,4 +141,4 @@ def _motion(capture: Capture, metres: float, axis: str, notes: tuple[str, ...]) 
 def _likely_unit(positions: Floats) -> str:
     """The unit in which the skeleton's first pose is about as large as a person."""
     size = float(np.linalg.norm(np.ptp(positions[0], axis=0)))
-    return min(UNITS, key=lambda unit: abs(np.log(max(size, 1e-12) * UNITS[unit] / 1.8)))
+    return min(UNITS, key=lambda unit: abs(np.log(max(size, 1e-12) * UNITS[unit] / STATURES[1])))

@@ -6,8 +6,6 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 
 CUBE = Rotation.create_group("O")
-ALIGNED = 0.5**0.5
-"""Directions whose cosine is larger are nearer to parallel than to perpendicular [-]."""
 BENT = 0.2
 """An elbow or a knee whose bones enclose an angle with a smaller sine shows no axis."""
 

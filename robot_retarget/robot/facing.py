@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.errors import MatchError
-from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.limbs import LEFT_WORDS, RIGHT_WORDS, Chain, Pair, arm_centres, leg_centres, sole_cloud, words
 from robot_retarget.robot.links import Axis, Links
 

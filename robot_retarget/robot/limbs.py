@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.robot.anatomy import GUESSED, LIKELY, SURE
-from robot_retarget.robot.axes import ALIGNED
 from robot_retarget.robot.links import Axis, Links, meeting_point
 
 LEFT_WORDS = {"l", "left", "ll", "fl"}

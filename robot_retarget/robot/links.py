@@ -10,8 +10,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.robot.axes import ALIGNED
+from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.robot.model import Robot
 
 _GEOM = mujoco.mjtGeom

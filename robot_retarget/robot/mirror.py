@@ -6,8 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.robot.axes import ALIGNED
+from robot_retarget.arrays import ALIGNED, Floats, Ints
 from robot_retarget.robot.model import Robot
 
 NEAR = 0.03

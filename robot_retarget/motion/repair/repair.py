@@ -11,7 +11,7 @@ from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
 from robot_retarget.motion.repair.sentences import Finding, sentences
 from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
-from robot_retarget.motion.repair.steps import StepRule, body_jumps, limb_jumps
+from robot_retarget.motion.repair.steps import JumpRule, body_jumps, limb_jumps
 from robot_retarget.motion.stature import leg_length
 
 TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
@@ -28,9 +28,9 @@ class RepairRule:
     """Gaps up to this are bridged [s]."""
     pose: float = 0.5
     """Where so large a share of the keypoints jumps at once, another pose begins."""
-    still: float = 0.02
+    still: float = 0.03
     """A body that keeps its points so near stands still [leg lengths]."""
-    steps: StepRule = field(default_factory=StepRule)
+    steps: JumpRule = field(default_factory=JumpRule)
     noise: NoiseRule = field(default_factory=NoiseRule)
 
 

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 
 
 @dataclass(frozen=True)
-class StepRule:
+class JumpRule:
     """Largest excess of a step over those around it; lengths in leg lengths."""
 
     around: int = 4
@@ -25,23 +25,27 @@ class StepRule:
     lowest_rate: float = 10.0
     """Least frame rate at which jumps are searched [1/s]."""
 
+    def body_threshold(self, fps: float) -> float:
+        """Return the largest step of the body as a whole [leg lengths]."""
+        return self.body + self.body_acceleration / fps**2
 
-def excess(steps: Floats, rule: StepRule) -> Floats:
+
+def excess(steps: Floats, rule: JumpRule) -> Floats:
     """(T − 1, …, 3) of steps (T − 1, …, 3), what each has beyond the median of those around it."""
     size = (2 * rule.around + 1, *(1 for _ in steps.shape[1:]))
     return steps - median_filter(steps, size, mode="nearest")
 
 
-def body_jumps(middle: Floats, fps: float, rule: StepRule) -> Floats:
+def body_jumps(middle: Floats, fps: float, rule: JumpRule) -> Floats:
     """(T − 1, 3) jumps of the middle of the trunk (T, 3) [leg lengths]; 0 for steps that a body can make."""
-    return _beyond(middle, rule.body + rule.body_acceleration / fps**2, rule)
+    return _beyond(middle, rule.body_threshold(fps), rule)
 
 
-def limb_jumps(points: Floats, middle: Floats, fps: float, rule: StepRule) -> Floats:
+def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Floats:
     """(T − 1, K, 3) how points (T, K, 3) jump, seen from the middle of the trunk; 0 where they move by themselves."""
     return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
 
 
-def _beyond(places: Floats, most: float, rule: StepRule) -> Floats:
+def _beyond(places: Floats, most: float, rule: JumpRule) -> Floats:
     beyond = excess(np.diff(places, axis=0), rule)
     return np.where(np.linalg.norm(beyond, axis=-1, keepdims=True) > most, beyond, 0.0)
