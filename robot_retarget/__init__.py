@@ -79,7 +79,7 @@ _FOLDERS = ("describe", "score", "simulate", "solve", "view")
 
 
 def public(name: str) -> Any:
-    """A public function or class, loaded from its module when it is first asked for."""
+    """Load a public function or class from its module on first use."""
     return getattr(importlib.import_module(f"robot_retarget.{_HOME[name]}"), name)
 
 

@@ -28,7 +28,7 @@ def _keys(text: str) -> Iterator[tuple[int, tuple[str, ...]]]:
 
 
 def _path(line: str) -> tuple[str, ...]:
-    """The one key of a line of TOML; empty where the line is none by itself."""
+    """Return the single key of a line of TOML; empty for a line that is no assignment."""
     try:
         value: Any = tomllib.loads(line)
     except tomllib.TOMLDecodeError:

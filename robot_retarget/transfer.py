@@ -1,4 +1,4 @@
-"""The main job: describe a motion as a graph and solve it, in one call or two."""
+"""The pipeline: describe a motion as a graph and solve it, in one call or two."""
 
 import time
 from collections import Counter
@@ -30,25 +30,24 @@ from robot_retarget.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a retargeting yields."""
+    """The result of a retargeting: graph, solution and, with balance, its playback."""
 
     graph: RobotGraph
-    """What was solved; where it was balanced, at the frames of the playback."""
+    """The solved graph; with balance, its frames are those of the playback."""
     solution: Solution
     balance: Balanced | None = None
-    """How it was brought into balance, where it was."""
+    """Timing and plants of a balanced playback, or None."""
     doubt: str = ""
-    """In what the robot does not do what the human does, where a map of the user's, or a single causal pass, was followed
-    nevertheless."""
+    """Difference between robot and human that a map file or a single causal pass accepts; empty if there is none."""
 
     @property
     def motion(self) -> Motion:
-        """The motion as it was solved: cut and resampled, and where it was balanced, slowed and held as the robot's is."""
+        """The solved motion: cut and resampled; with balance, slowed and held like the robot's."""
         return self.graph.motion
 
     @property
     def match(self) -> Match:
-        """Which joint answers to which point."""
+        """The map from keypoints of the human to links of the robot."""
         return self.graph.match
 
     @property
@@ -58,7 +57,7 @@ class Result:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What there is to say about motion, match and balance, a sentence each."""
+        """Notes about motion, match, balance and likeness, one sentence each."""
         return (
             *((self.doubt,) if self.doubt else ()),
             *self.motion.notes,
@@ -102,7 +101,7 @@ class Result:
 
     @cached_property
     def warnings(self) -> Warnings:
-        """Self-collisions foreseen along the trajectory; looked for when first asked.
+        """Self-collisions predicted along the trajectory, computed on first use.
 
         Raises:
             TrajectoryError: a single frame has no next one.
@@ -111,7 +110,7 @@ class Result:
 
 
 def _unfinished(status: Sequence[Status]) -> float:
-    """The share of frames at which the solver was not done."""
+    """Return the share of frames that the solver left before convergence."""
     return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in status) / len(status)
 
 
@@ -128,21 +127,20 @@ def solve(
     """Solve a graph for the robot's joints.
 
     Args:
-        options: how carefully a frame is solved, and what is kept.
-        search: how widely candidates are sought.
-        smoothing: how the whole clip is smoothed; `Smoothing(passes=0)` solves frame by frame.
-        legs: with balance, `follow` the human's, or `stand`: both feet stay where they are; `auto` follows where that looks
-            like the human (`balance.Acceptable`), and stands where it does not or cannot be done, and says so.
-        balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point; the motion
-            then begins and ends in a balanced stand and is slowed down where it has to be. `off` leaves it as it is;
-            `auto` is static for robots with a `servos.toml` beside their MJCF and for legs that stand, else off.
-        progress: told (steps done, steps in all), draft and balance together; more steps may turn out to be left.
+        options: tolerances and margins of a frame.
+        search: number of starts and candidates.
+        smoothing: passes over the whole clip; `Smoothing(passes=0)` solves frame by frame.
+        legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the
+            result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.
+        balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and
+            end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is static for
+            robots with a `servos.toml` beside their MJCF and for legs that stand, else off.
+        progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:
-        MatchError: what was solved as a whole does not look like what the human does (`look.mismatch`), and no map file
-            said which joint is which.
+        MatchError: the solved motion is unlike the human's (`plausibility.mismatch`), and no map file names the joints.
         UsageError: an unknown choice of legs or balance, or legs that stand without balance.
-        BalanceError: the motion leaves the floor, something holds the human up, or the robot has no feet to stand on.
+        BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
     mode = balance_of(graph.robot, legs, balance)
     if mode != "off" and "speed" in graph.kinds:  # the playback is no faster than its draft

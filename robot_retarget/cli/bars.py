@@ -24,8 +24,8 @@ class TimeLeft(ProgressColumn):
 class Stages:
     """A progress bar over stages that follow each other.
 
-    What is left is the rest of the stage that runs, at its pace so far, and what those after it usually take. A pace of
-    which little is known yet is taken to be the usual one: it counts like the first `PRIOR` of the stage.
+    The time left is the rest of the present stage at its measured pace, plus the usual times of later stages. The usual
+    pace counts like the first `PRIOR` of a stage, which steadies the estimate at its start.
     """
 
     PRIOR = 0.1
@@ -35,17 +35,17 @@ class Stages:
         self._task = bars.add_task("", ends=self._began + sum(costs.values()))
 
     def begin(self, stage: str) -> Progress:
-        """A stage begins, those before it are done; told how far it has come, the bar goes on."""
+        """Begin a stage and return the function that reports its progress."""
         names, cost, began = list(self._costs), self._costs[stage], monotonic()
         later = sum(self._costs[name] for name in names[names.index(stage) + 1 :])
 
-        def told(done: int, total: int) -> None:
+        def report(done: int, total: int) -> None:
             share, usual = done / max(total, 1), self.PRIOR * cost
             self._expect((1 - share) * (monotonic() - began + usual) / (share + self.PRIOR) + later)
 
         self._bars.update(self._task, description=stage)
-        told(0, 1)
-        return told
+        report(0, 1)
+        return report
 
     def _expect(self, left: float) -> None:
         now = monotonic()
@@ -54,7 +54,7 @@ class Stages:
 
 @contextmanager
 def progress(costs: Mapping[str, float]) -> Iterator[Stages]:
-    """A bar with the time left over stages that usually take so long [s]; on stderr, where that is a terminal."""
+    """Show a bar with the time left over stages of usual durations [s], on stderr if that is a terminal."""
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
     with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
         yield Stages(bars, costs)
@@ -64,7 +64,7 @@ def progress(costs: Mapping[str, float]) -> Iterator[Stages]:
 def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool], None]]:
     """A bar over independent pieces: how many are done, how many failed, a rate and the time left.
 
-    Yields a function to be told of each piece whether it was done.
+    Yields a function that reports whether a piece succeeded.
     """
     began, failed, done = monotonic(), 0, 0
     columns = (
@@ -76,7 +76,7 @@ def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool],
     with Bars(*columns, console=side, transient=True, disable=side.quiet or not side.is_terminal) as bars:
         task = bars.add_task("clips", total=total, ends=began)
 
-        def told(well: bool) -> None:
+        def report(well: bool) -> None:
             nonlocal failed, done
             done, failed = done + 1, failed + (not well)
             now = monotonic()
@@ -84,4 +84,4 @@ def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool],
             said = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
             bars.update(task, completed=done, ends=now + (total - done) / rate, description=said)
 
-        yield told
+        yield report

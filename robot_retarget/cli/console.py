@@ -150,7 +150,7 @@ def _show_stress(facts: dict[str, Any]) -> None:
 
 
 def show_report(report: "Report") -> None:
-    """Print a report: its verdict in a sentence, its reasons, what was judged and what else there is to know."""
+    """Print a report: verdict, reasons, limits and other figures."""
     from robot_retarget.simulate.report_text import facts, headline, judged_lines
 
     colour = {"pass": "green", "unlike": "yellow", "fail": "red"}[report.badge.level]
@@ -181,7 +181,7 @@ PLAYED = {
 
 
 def show_playback(figures: dict[str, Any]) -> None:
-    """Print how a playback went; which joints were held back, and for how many ticks."""
+    """Print the figures of a playback, with the limited joints and their ticks."""
     from robot_retarget.simulate.units import shown
 
     rows = [
@@ -257,7 +257,7 @@ def show_score(score: "Score") -> None:
 
 
 def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
-    """Print what was done: as JSON, or in a sentence."""
+    """Print a result as JSON or as a sentence."""
     if json:
         dump(facts)
     else:
@@ -265,7 +265,7 @@ def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
 
 
 def dump(value: Any, side: bool = False) -> None:
-    """Print a value as JSON, on the side where what is piped on is something else."""
+    """Print a value as JSON; on stderr if stdout carries other data."""
     print(as_json(value), file=sys.stderr if side else None)
 
 

@@ -20,13 +20,13 @@ def cut(
     output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
     trim: Annotated[str | None, typer.Option(help="Keep START:STOP of each [s].")] = None,
     mirror: Annotated[bool, typer.Option("--mirror", help="Left for right.")] = False,
-    repeat: Annotated[int, typer.Option(help="So many times in a row.")] = 1,
+    repeat: Annotated[int, typer.Option(help="Number of repetitions.")] = 1,
     seam: Annotated[float, typer.Option(help="Time over which the difference at a seam fades [s].")] = 0.4,
     limits: Limits = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Trim, mirror, join and repeat trajectories; seams are smooth. What comes out was not simulated yet."""
+    """Trim, mirror, join and repeat trajectories; seams are smooth. The result is not simulated."""
     from robot_retarget import edit
     from robot_retarget.files import require_writable
     from robot_retarget.formats import load_trajectory

@@ -58,7 +58,7 @@ def ending(program: Callable[[], None]) -> None:
             traceback.print_exc()
         _say(
             f"a defect of robot-retarget ended this command ({_named(error)}). "
-            f"Please report it with the command and what it prints under {DEBUG}=1."
+            f"Please report it with the command and its output under {DEBUG}=1."
         )
         sys.exit(DEFECT)
 

@@ -32,7 +32,7 @@ MotionOfRobot = Annotated[Path, typer.Argument(help="File or folder with the mot
 FileFormat = Annotated[
     str | None, typer.Option("--format", "-f", help="Its format; found out by default. export --list names all.")
 ]
-Rate = Annotated[float | None, typer.Option(help="Frames per second of what is written; resampled, the root by slerp.")]
+Rate = Annotated[float | None, typer.Option(help="Frames per second of the output; resampled, the root by slerp.")]
 SourceRate = Annotated[float | None, typer.Option(help="Frames per second of a file that says none, or says it wrong.")]
 Joints = Annotated[
     str | None,
@@ -111,7 +111,7 @@ def convert(
     source_fps: SourceRate = None,
     joints: Joints = None,
     quaternion: Quaternion = None,
-    to_joints: Annotated[str | None, typer.Option(help="As --joints, of what is written.")] = None,
+    to_joints: Annotated[str | None, typer.Option(help="As --joints, for the output.")] = None,
     servos: Servos = None,
     limits: Limits = None,
     json: Json = False,
@@ -137,7 +137,7 @@ def options_of(
     source_fps: float | None = None,
     quaternion: str | None = None,
 ) -> "Options":
-    """The options of readers and writers, from what the command line says."""
+    """Return the options of readers and writers from the command line."""
     from robot_retarget.formats import Options
 
     return Options(_names(joints), fps, source_fps, quaternion, servos)

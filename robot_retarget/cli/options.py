@@ -26,7 +26,9 @@ MotionFile = Annotated[
         "FILE#NAME where a file holds several.",
     ),
 ]
-SourceFps = Annotated[float | None, typer.Option(help="Frames per second of the motion file, in place of its own.")]
+SourceFps = Annotated[
+    float | None, typer.Option(help="Frames per second of the motion file; overrides the stored rate.")
+]
 BodyModel = Annotated[
     Path | None, typer.Option(help="Your .npz of an SMPL model, for the skeleton of SMPL parameters; else a mean one.")
 ]
@@ -65,11 +67,11 @@ Fps = Annotated[
     float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
 ]
 Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
-Thresholds = Annotated[Path | None, typer.Option(help="TOML file that overrides what is still a pass.")]
+Thresholds = Annotated[Path | None, typer.Option(help="TOML file with thresholds of the verdict.")]
 Legs = Annotated[
     Literal["auto", "follow", "stand"],
     typer.Option(
-        help="follow the human's, or stand: both feet stay where they are; auto: follow where that looks like the human."
+        help="follow the human's legs, or stand with both feet in place; auto follows if the result is like the human."
     ),
 ]
 Balance = Annotated[
@@ -88,20 +90,23 @@ Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, 
 Servos = Annotated[
     str | None,
     typer.Option(
-        "--servos", "-s", help="Servo map (.toml) or a shipped robot's; by default servos.toml beside the MJCF."
+        "--servos",
+        "-s",
+        help="Servo map (.toml) or name of a shipped robot; by default servos.toml in the folder of the MJCF.",
     ),
 ]
 Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
 Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
 Up = Annotated[
     str | None,
-    typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default told from the poses."),
+    typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default inferred from the poses."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Accept a motion that the trajectory was not made of.")]
+Force = Annotated[bool, typer.Option("--force", help="Accept a motion other than the source of the trajectory.")]
 Repair = Annotated[
     bool,
     typer.Option(
-        "--repair/--no-repair", help="Mend what is broken in a motion (jumps, gaps under 0.3 s, noise), or say it only."
+        "--repair/--no-repair",
+        help="Repair defects of the motion (jumps, gaps under 0.3 s, noise), or only report them.",
     ),
 ]
 Draws = Annotated[

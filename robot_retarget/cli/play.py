@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 commands: typer.Typer = typer.Typer()
 
 OPEN_LOOP = (
-    "the goals passed with feedback: simulate --no-feedback judges them without, or --unsafe sends them as they are"
+    "the goals passed with feedback: simulate --no-feedback judges them without it, and --unsafe sends them unjudged"
 )
-ALTERED = "--rate, --speed, --loop, --from and --to alter what was judged: say --plain, which simulates what it sends, or --unsafe"
+ALTERED = "--rate, --speed, --loop, --from and --to alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
 
 
 @commands.command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
@@ -32,18 +32,20 @@ def play(
     trajectory: TrajectoryFile,
     servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
     port: Port = "",
-    report: Annotated[Path | None, typer.Option(help="Report of the trajectory; beside it by default.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Report of the trajectory; by default the one in its folder.")
+    ] = None,
     loose: Annotated[
         bool, typer.Option("--loose-thresholds", help="Accept a pass under thresholds above the defaults.")
     ] = False,
     feedback: Annotated[bool, typer.Option(help="Play the balance feedback of goals that were judged with it.")] = True,
     plain: Annotated[
-        bool, typer.Option("--plain", help="Send the trajectory as it is, once that has passed in simulation.")
+        bool, typer.Option("--plain", help="Simulate the plain trajectory, and send it if it passes.")
     ] = False,
     unsafe: Annotated[bool, typer.Option("--unsafe", help="Play without a passing report.")] = False,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", "-r", help="With --plain: what to simulate; by default the trajectory's own."),
+        typer.Option("--robot", "-r", help="With --plain: the robot to simulate; by default the trajectory's."),
     ] = None,
     mode: Annotated[
         Literal["free", "pinned"], typer.Option(help="free (on a floor), or pinned: the robot is held by its pelvis.")
@@ -51,8 +53,8 @@ def play(
     rate: Annotated[
         float | None, typer.Option(min=10, max=1000, help="With --plain or --unsafe: ticks a second, 125 by default.")
     ] = None,
-    speed: Annotated[float, typer.Option(help="With --plain or --unsafe: times the trajectory's own speed.")] = 1.0,
-    loop: Annotated[int, typer.Option(help="With --plain or --unsafe: so many times over.")] = 1,
+    speed: Annotated[float, typer.Option(help="With --plain or --unsafe: factor of the trajectory's speed.")] = 1.0,
+    loop: Annotated[int, typer.Option(help="With --plain or --unsafe: number of repetitions.")] = 1,
     start: Annotated[float, typer.Option("--from", help="With --plain or --unsafe: begin here [s].")] = 0.0,
     stop: Annotated[float | None, typer.Option("--to", help="With --plain or --unsafe: end here [s].")] = None,
     baud: Baud = None,
@@ -154,7 +156,7 @@ def _plain(
     mode: str,
     rate: float | None,
 ) -> "Plan":
-    """The trajectory as it is, once that has passed."""
+    """Return the goals of the plain trajectory after it passes in simulation."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan
 
@@ -163,7 +165,7 @@ def _plain(
 
 
 def _unjudged(trajectory: "Trajectory", part: Part, servo_map: "ServoMap", rate: float | None) -> "Plan":
-    """The goals where there are some and nothing is altered, else the trajectory as it is."""
+    """Return the stored goals if nothing is altered, else the plain trajectory."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
 
@@ -173,7 +175,7 @@ def _unjudged(trajectory: "Trajectory", part: Part, servo_map: "ServoMap", rate:
 
 
 def _tell(outcome: "Outcome", log: Path, json: bool) -> None:
-    """How a playback ended."""
+    """Print how a playback ended."""
     if json:
         facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
         console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})

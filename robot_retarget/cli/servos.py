@@ -37,7 +37,9 @@ def emulate(
     control: Annotated[bool, typer.Option(help="Read faults and `state` from stdin.")] = False,
     lockstep: Annotated[
         float | None,
-        typer.Option(min=10, max=1000, help="Time goes by goals, so many frames a second, and not by the clock."),
+        typer.Option(
+            min=10, max=1000, help="Each frame of goals advances time by a tick, at this rate; the clock is ignored."
+        ),
     ] = None,
 ) -> None:
     """Run an emulated bus on a pseudo terminal; prints `ready PATH`, stops on SIGTERM."""

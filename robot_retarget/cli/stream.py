@@ -153,21 +153,21 @@ class Poses:
         return Loop(self.source, stream_of, sink, console.aside)
 
     def run(self, sink: "Sink") -> dict[str, Any]:
-        """The figures of a run in this thread, which Ctrl-C ends."""
+        """Run in this thread until Ctrl-C and return the figures."""
         loop = self.loop(sink)
-        with _asked_to_stop(loop.stop.set):
+        with _stopping_on_signals(loop.stop.set):
             tally = loop.run(self.seconds)
         self.keep(loop)
         return tally.figures(self.source)
 
     def keep(self, loop: "Loop") -> None:
-        """Keep what was learnt of the performer, where that is wished."""
+        """Save the calibration of the performer if a file for it is given."""
         from robot_retarget.live.calibration import save_calibration
 
         learnt = getattr(loop.stream, "calibration", None)
         if self.calibrate is not None and learnt is not None:
             save_calibration(learnt, self.calibrate)
-            console.aside(f"kept what the performer is like in {self.calibrate}")
+            console.aside(f"saved the calibration of the performer in {self.calibrate}")
 
 
 @contextmanager
@@ -183,7 +183,7 @@ def _opened(wanted: Wanted) -> "Iterator[Source]":
 
 
 @contextmanager
-def _asked_to_stop(stop: Callable[[], None]) -> Iterator[None]:
+def _stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C and SIGTERM ask; they do not kill."""
     import signal
 
@@ -277,7 +277,7 @@ def _send(clip: Path, target: str, fps: float | None, speed: float, seconds: flo
     motion, stop = read_clip(clip, None), Event()
     motion = motion if fps is None else motion.resample(fps)
     console.aside(f"sending {motion.fps * speed:g} frames a second to {target}")
-    with _asked_to_stop(stop.set):
+    with _stopping_on_signals(stop.set):
         figures = send(motion, target, speed, seconds, stop)
     console.dump(figures) if json else console.aside(f"sent {figures['frames']} frames in {figures['seconds']:g} s")
 
