@@ -3,6 +3,7 @@
     python scripts/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
     python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
     python scripts/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
+    python scripts/bench_feedback.py lag walk.npz                    # lag of the fused tilt, and the loop on the emulated bus
     python scripts/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback
 
 A push lasts 0.1 s and acts on the trunk in the middle of the motion; it is survived if no body other than a foot touches the floor within 1.8 s.
@@ -20,9 +21,13 @@ import mujoco
 import numpy as np
 
 import robot_retarget as rr
+from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.fusion import Fusion
+from robot_retarget.feedback.reading import Reading
+from robot_retarget.feedback.sensor import VirtualImu, calibrated
 from robot_retarget.goals import RATE
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.outcome import Ended, Options
@@ -45,6 +50,8 @@ PATIENCE = 1.0
 """A pause of a busy machine is no fault of the bus up to this length [s]."""
 HELD = 4.0
 """Duration of the stand in which sensors fail [s]."""
+SWAY = 0.1
+"""Amplitude of the roll for which the lag is measured [rad]."""
 FILMED = 2.2
 """Duration of the film from the push on [s]."""
 LIGHT = (0.6, 0.8)
@@ -143,6 +150,37 @@ def outcome_with(fault: Fault, servo_map: ServoMap, judged: Trajectory) -> tuple
     return "; ".join(["survived", *ended.warnings]), f"{added:.3f}"
 
 
+def fusion_lag(imu: Imu, hertz: float) -> float:
+    """The time by which the fused roll follows a rolling body [s]: sensor, rounding to readings and filter."""
+    dt, cycles = 1 / RATE, 10
+    times = np.arange(round(cycles / hertz / dt)) * dt
+    roll, spin = SWAY * np.sin(2 * np.pi * hertz * times), SWAY * 2 * np.pi * hertz * np.cos(2 * np.pi * hertz * times)
+    sensor, fusion, fused = VirtualImu(calibrated(imu), dt), Fusion(Balance().fusion), []
+    for angle, speed in zip(roll, spin, strict=True):
+        force = STANDARD_GRAVITY * np.array([0.0, np.sin(angle), np.cos(angle)])
+        fused.append(fusion.step(sensor.read(Reading(np.array([speed, 0.0, 0.0]), force)), dt)[0])
+    last = times > times[-1] / 2
+    phase = np.angle(np.exp(-2j * np.pi * hertz * times[last]) @ np.array(fused)[last]) + np.pi / 2
+    return -float(phase) / (2 * np.pi * hertz)
+
+
+def lag(plant: Plant, stand: Trajectory) -> None:
+    """Lag of the fused tilt by frequency, and how even the loop is with and without the sensor in its cycle."""
+    servo_map = plant.servo_map
+    assert servo_map is not None and servo_map.imu is not None
+    row = table("sway [Hz]", "lag of the fused tilt [ms]")
+    for hertz in (0.5, 1.0, 2.0, 4.0):
+        row(hertz, f"{1000 * fusion_lag(servo_map.imu, hertz):.1f}")
+    judged = rr.simulate(stand, plant.robot, mode="free", feedback=True).trajectory
+    assert judged is not None
+    plan, names = goal_plan(judged, servo_map), ("rate_hz", "jitter_p99_ms", "late_p99_ms", "skipped_ticks")
+    row = table("loop", *names)
+    for name, played in (("without sensor", replace(plan, feedback=None)), ("with sensor", plan)):
+        with emulator_process(servo_map, "--baud", str(servo_map.baud)) as port:
+            ended = play(played, servo_map, port, Options(end_pose=False, test_lean=False))
+        row(name, *(ended.figures.get(figure) for figure in names))
+
+
 def film(plant: Plant, stand: Trajectory, impulse: Floats, path: Path) -> None:
     """Write a GIF of one push, without feedback on the left and with it on the right."""
     from PIL import Image
@@ -168,7 +206,7 @@ def pictures(plant: Plant, stand: Trajectory, impulse: Floats, feedback: bool) -
 
 def main() -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("what", choices=("pushes", "falls", "faults", "film"))
+    ap.add_argument("what", choices=("pushes", "falls", "faults", "lag", "film"))
     ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor, from `run`")
     ap.add_argument("--robot", default="op3")
     ap.add_argument("--worlds", type=int, default=20)
@@ -178,8 +216,8 @@ def main() -> None:
     plant = plant_of(rr.load_robot(arg.robot), "free")
     motions = {path.stem: load_trajectory(path) for path in arg.clips}
     first = next(iter(motions.values()))
-    if arg.what == "faults":
-        faults(plant, standing(first, HELD))
+    if arg.what in ("faults", "lag"):
+        {"faults": faults, "lag": lag}[arg.what](plant, standing(first, HELD))
     elif arg.what == "film":
         film(plant, standing(first), np.array([*arg.impulse, 0.0]), arg.out)
     else:

@@ -138,6 +138,16 @@ class Identified:
     """[kg m²]."""
     gain: float = field(default=1.0, metadata=within(0.05, 20))
     """Position gain over that of the datasheet [-]."""
+    static: float = field(default=0.0, metadata=within(0, 100, "N m"))
+    """More friction at rest [N m]."""
+    load: float = field(default=0.0, metadata=within(0, 1))
+    """Friction per torque through the gears [-] ..."""
+    static_load: float = field(default=0.0, metadata=within(0, 1))
+    """... and more of that at rest [-]."""
+    rest_speed: float = field(default=1.0, metadata=within(0.001, 100, "rad/s"))
+    """Speed at which the friction of rest has fallen to 1/e [rad/s]."""
+    rest_shape: float = field(default=1.0, metadata=within(0.1, 20))
+    """Exponent of that fall [-]."""
 
     def __post_init__(self) -> None:
         require_bounds(self)

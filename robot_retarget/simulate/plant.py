@@ -62,6 +62,21 @@ class Plant:
                 bounds[k] = np.abs(model.actuator_forcerange[servo] * model.actuator_gear[servo, 0]).max()
         return bounds
 
+    def unshared(self) -> "Plant":
+        """Return the plant itself, or one with a model of its own where friction changes from step to step."""
+        varies = self.drives is not None and self.drives.gears is not None
+        return replace(self, model=copy.copy(self.model)) if varies else self
+
+    def step(self, data: mujoco.MjData, count: int) -> None:
+        """Advance the physics by some steps."""
+        drives = self.drives
+        if drives is None or drives.gears is None:
+            mujoco.mj_step(self.model, data, count)
+            return
+        for _ in range(count):
+            drives.gears.apply(self.model, data, self.robot.dof_index, drives.friction, drives.back_emf)
+            mujoco.mj_step(self.model, data)
+
     def with_drives(self, drives: Drives) -> "Plant":
         """Return the plant with the gears and rotors of other drives; their motors are the same."""
         model = copy.copy(self.model)

@@ -69,9 +69,9 @@ class PushedWorld:
         whole, rest = divmod(self.late, held)
         if rest:
             data.ctrl[:] = self.sent[max(len(self.sent) - whole - 2, 0)]
-            mujoco.mj_step(model, data, rest)
+            self.plant.step(data, rest)
         data.ctrl[:] = self.sent[max(len(self.sent) - whole - 1, 0)]
-        mujoco.mj_step(model, data, held - rest)
+        self.plant.step(data, held - rest)
         self.row += 1
 
     def fallen(self) -> bool:
@@ -135,7 +135,7 @@ def standing(trajectory: Trajectory, seconds: float = 1.0) -> Trajectory:
 
 def _begun(plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, feet: frozenset[int]) -> PushedWorld:
     """A world before the first goal."""
-    world, how = drawn(plant, draw, Playback())
+    world, how = drawn(plant, draw, Playback())  # its model is its own
     data = mujoco.MjData(world.model)
     data.qpos[:] = trajectory.qpos[0]
     set_on_floor(world.model, data)

@@ -15,10 +15,12 @@ from math import tau
 
 import numpy as np
 
+from robot_retarget.actuators.map import Identified
 from robot_retarget.actuators.motors import MOTORS, Motor, motor_named
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
+from robot_retarget.simulate.friction import GearFriction
 
 TICKS_PER_TURN = 4096
 FULL_PWM = 885
@@ -98,6 +100,8 @@ class Drives:
     notes: tuple[str, ...] = ()
     models: tuple[str, ...] = ()
     """n servo models; empty if unknown."""
+    gears: GearFriction | None = None
+    """Friction that depends on load and speed, besides `friction`; None for none."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -177,7 +181,18 @@ def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = N
     gain = np.array([one.gain if one else 1.0 for one in own])
     known = [mine or mechanics_of(motor_named(model)) for mine, model in zip(mechanics, found.models, strict=True)]
     scaled = replace(found, stiffness=gain * found.stiffness, derivative=gain * found.derivative)
-    return scaled.with_mechanics(known)
+    return replace(scaled.with_mechanics(known), gears=_gear_friction(own, gears))
+
+
+def _gear_friction(identified: Sequence[Identified | None], gears: Floats) -> GearFriction | None:
+    """What the identified servos (n,) behind gears (n,) have of it, at the joints; None if all have none."""
+    found = [one or Identified(0.0, 0.0, 0.0) for one in identified]
+    if not any(one.static or one.load or one.static_load for one in found):
+        return None
+    static, load, more, speed, shape = np.array(
+        [(one.static, one.load, one.static_load, one.rest_speed, one.rest_shape) for one in found]
+    ).T
+    return GearFriction(gears * static, load, more, speed / gears, shape)
 
 
 def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:

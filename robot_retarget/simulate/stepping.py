@@ -70,7 +70,7 @@ def roll_out(
         command: goals (`compensate.compensated`); by default the trajectory itself. Its feedback acts in
             mode `free`.
     """
-    playback = playback or Playback()
+    playback, plant = playback or Playback(), plant.unshared()
     model, robot = plant.model, plant.robot
     goals = command or plain_goals(plant, trajectory, playback)
     nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
@@ -88,7 +88,7 @@ def roll_out(
     began = time.perf_counter()
     with _quiet():
         late = round(playback.delay / model.opt.timestep)
-        done = _steps(model, data, plant.controls(goals.angles), (late, nsub), carried, log, loop)
+        done = _steps(plant, data, plant.controls(goals.angles), (late, nsub), carried, log, loop)
     pace = nsub * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
     rollout = log.rollout(times[:done] + dt, unstable, pace)
@@ -106,7 +106,7 @@ def _closed(plant: Plant, goals: Goals, playback: Playback) -> ClosedLoop | None
 
 
 def _steps(
-    model: mujoco.MjModel,
+    plant: Plant,
     data: mujoco.MjData,
     controls: Floats,
     steps: tuple[int, int],
@@ -127,9 +127,9 @@ def _steps(
             controls[k] = loop.controls(k, data)
         if rest:
             data.ctrl[:] = controls[max(k - whole - 1, 0)]
-            mujoco.mj_step(model, data, rest)
+            plant.step(data, rest)
         data.ctrl[:] = controls[max(k - whole, 0)]
-        mujoco.mj_step(model, data, nsub - rest)
+        plant.step(data, nsub - rest)
         if not np.abs(data.qvel).max() < SPEED_LIMIT:  # so written, NaN stops here too
             return k
         log.note(k, data)
