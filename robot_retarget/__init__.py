@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from robot_retarget.describe.graph import RobotGraph as RobotGraph
     from robot_retarget.describe.graph import describe as describe
     from robot_retarget.dgp import interaction_distance as interaction_distance
     from robot_retarget.dgp.graph import Graph as Graph
@@ -49,6 +50,7 @@ __version__ = "0.1.0"
 _HOME = {
     "describe": "describe.graph",
     "Graph": "dgp.graph",
+    "RobotGraph": "describe.graph",
     "interaction_distance": "dgp",
     "RobotRetargetError": "errors",
     "export": "formats",

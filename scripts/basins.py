@@ -37,7 +37,7 @@ class Excess:
     """(F,) shares of the least [-]."""
 
 
-def excess(graph: rr.Graph, every: int, search: Search | None = None) -> Excess:
+def excess(graph: rr.RobotGraph, every: int, search: Search | None = None) -> Excess:
     """Solve a graph as a whole clip and look at one of `every` frames."""
     problem = problem_of(graph)
     solution = solve_graph(graph, problem=problem, search=search)

@@ -13,8 +13,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import Nearby, Playback, Played, Stood
-from robot_retarget.describe.kinds.mass import Mass
+from robot_retarget.describe.kinds.kind import Nearby, PlaybackKind, PlaybackTargets, StandKind
+from robot_retarget.describe.kinds.mass import MassKind
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.dgp.role import Role
 from robot_retarget.dgp.track import HARD, Track
@@ -60,7 +60,7 @@ class Planter:
         own = self.options
         self.graph = held_apart(knees_bent(graph, own.bent), own)
         """The graph with the limits of a playback."""
-        tracks = [*self.graph.tracks, Mass().track(np.zeros((len(graph), 2)), self.leg)]
+        tracks = [*self.graph.tracks, MassKind().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
         self.solver = FrameSolver(problem)
         q = ca.MX.sym("q", self.robot.model.nq)
@@ -93,11 +93,11 @@ class Planter:
         """Indices in qpos of the hinges between pelvis and soles."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
-    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> Playback:
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackTargets:
         """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
         grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
         own = self.options
-        return Playback(share, places.reshape(len(places), -1), grip, own.standing, own.upright, own.height)
+        return PlaybackTargets(share, places.reshape(len(places), -1), grip, own.standing, own.upright, own.height)
 
     def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
         """Return (nq,) the standing pose in balance: soles at places (F, 4, 3), mass over a point (2,)."""
@@ -105,17 +105,17 @@ class Planter:
         measured, tracks = measured_by(self.solver.problem, self.graph, start[None]), []
         for track in self.graph.tracks:
             one = track.at([0])
-            if isinstance(track.kind, Stood):
+            if isinstance(track.kind, StandKind):
                 one = track.kind.stood(one, measured[track.name], playback)
             elif track.role is Role.COST:
                 one = one.weighed(0.0)
             tracks.append(one)
-        all_targets = targets_of([*tracks, Mass().track(centre[None], self.leg)])
+        all_targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)])
         pose = self.solver.solve_frame(start, all_targets.at(0), iterations=60, tolerance=1e-7)
         return self.solver.raise_above_floor(pose).qpos
 
     def targets(
-        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackTargets, centre: Floats
     ) -> list[Track]:
         """Return the tracks of a playback.
 
@@ -131,12 +131,12 @@ class Planter:
         for track in graph.tracks:
             if track.name not in costs:
                 tracks.append(track.at(np.zeros(len(at), dtype=int)))
-            elif isinstance(track.kind, Played):
+            elif isinstance(track.kind, PlaybackKind):
                 stand = np.where(first, *(value[track.name] for value in values))
                 tracks.append(track.kind.played(track.resampled(at), stand, playback))
             else:
                 tracks.append(track.resampled(at).weighed(playback.share))
-        return [*tracks, Mass().track(centre, self.leg)]
+        return [*tracks, MassKind().track(centre, self.leg)]
 
 
 def knees_bent(graph: RobotGraph, bent: float) -> RobotGraph:

@@ -289,9 +289,9 @@ def described(
 
 def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
     """A sentence for each hard edge of the user that is not met: the command then exits with 1."""
-    from robot_retarget.describe.kinds.own import Own
+    from robot_retarget.describe.kinds.own import OwnKind
 
-    return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == Own.name))
+    return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == OwnKind.name))
 
 
 def carried_over(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.own import End, Own
+from robot_retarget.describe.kinds.own import End, OwnKind
 from robot_retarget.dgp.track import HARD, Track, beside
 from robot_retarget.errors import GraphError, known
 from robot_retarget.human.match import Match
@@ -85,7 +85,7 @@ def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, le
     """
     profile = edge.profile(frames, fps)
     alone = Track(
-        Own((edge.ends,)),
+        OwnKind((edge.ends,)),
         (edge.names,),
         np.full((frames, 1), edge.lower),
         np.full((frames, 1), edge.upper),

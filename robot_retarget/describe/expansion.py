@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.own import Own
+from robot_retarget.describe.kinds.own import OwnKind
 from robot_retarget.dgp.edges import BONE
 from robot_retarget.dgp.points import PointGraph
 from robot_retarget.dgp.track import HARD, Track, exact
@@ -41,7 +41,7 @@ def places_of(graph: "RobotGraph") -> dict[str, Floats]:
     """Return the places in the world at which added edges end, by name."""
     found = {}
     for track in graph.tracks:
-        if isinstance(track.kind, Own):
+        if isinstance(track.kind, OwnKind):
             for ends, names in zip(track.kind.ends, track.ends, strict=True):
                 found |= {n: e for e, n in zip(ends, names, strict=True) if isinstance(e, np.ndarray)}
     return found

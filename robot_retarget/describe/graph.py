@@ -16,7 +16,7 @@ from robot_retarget.describe.added import added_edge, with_added
 from robot_retarget.describe.expansion import expanded
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import MotionKind, RetargetContext, TwoPassKind, frame_costs
-from robot_retarget.describe.kinds.own import End, Own
+from robot_retarget.describe.kinds.own import End, OwnKind
 from robot_retarget.describe.path import pelvis_path
 from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.graph import Graph
@@ -97,7 +97,7 @@ class RobotGraph(Graph):
                 the same ends and frames that contradict each other.
         """
         edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
-        own = next((track for track in self.tracks if isinstance(track.kind, Own)), None)
+        own = next((track for track in self.tracks if isinstance(track.kind, OwnKind)), None)
         grown = with_added(own, edge, len(self), self.fps, self.match.robot_leg)
         return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
@@ -116,7 +116,7 @@ class RobotGraph(Graph):
 
     def _is_free(self, track: Track) -> bool:
         """Whether the intervals of a track do not follow the human's motion."""
-        return track.role is not Role.COST or isinstance(track.kind, Own)
+        return track.role is not Role.COST or isinstance(track.kind, OwnKind)
 
     def _less(self, track: Track, edges: Bools) -> Track:
         """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""

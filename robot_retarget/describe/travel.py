@@ -22,7 +22,7 @@ Frames = slice | Bools
 
 
 @dataclass(frozen=True)
-class StepRule:
+class StepThresholds:
     """Which swings of a foot count as steps; lengths in units of the body's leg."""
 
     lift: float = 0.12
@@ -61,7 +61,7 @@ class Travel:
         return {"distance_m": round(self.distance, 3), "turn_rad": round(self.turn, 3), "steps": self.steps}
 
 
-def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepRule | None = None) -> Travel:
+def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepThresholds | None = None) -> Travel:
     """Return the travel of the human at some frames of a motion.
 
     Args:
@@ -69,7 +69,7 @@ def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepRule | 
     """
     clip, span = motion.clip, motion.span
     x = grounded(match.human_positions(clip), match, clip.fps)
-    steps, chosen = 0, rule or StepRule()
+    steps, chosen = 0, rule or StepThresholds()
     for side, stands in contact_schedule(x, match, clip.fps, clip.contacts).items():
         foot = next((k for k in (f"{side}_ankle", f"{side}_toe") if k in match.keypoints), None)
         if foot is not None:
@@ -78,9 +78,9 @@ def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepRule | 
     return _travel(x[span][frames], match, steps)
 
 
-def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepRule | None = None) -> Travel:
+def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepThresholds | None = None) -> Travel:
     """Return the travel of a robot through configurations (T, nq)."""
-    chosen, feet = rule or StepRule(), tuple(match.anatomy.soles)
+    chosen, feet = rule or StepThresholds(), tuple(match.anatomy.soles)
     steps = 0
     if feet:
         soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
@@ -90,7 +90,7 @@ def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: Ste
     return _travel(world_points(robot, match.points, qpos), match, steps)
 
 
-def _counted(place: Floats, swinging: Bools, rule: StepRule) -> int:
+def _counted(place: Floats, swinging: Bools, rule: StepThresholds) -> int:
     """The number of swings of a foot, at places (T, 3) in legs, that lift it or carry it away."""
     count = 0
     for start, stop in _inner(swinging, len(place)):

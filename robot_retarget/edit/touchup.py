@@ -16,7 +16,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.added import SOFT, end_name
 from robot_retarget.describe.edits import Edit, edited, end_of
 from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.own import Own
+from robot_retarget.describe.kinds.own import OwnKind
 from robot_retarget.describe.soles import smoothstep
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
@@ -60,7 +60,7 @@ class Mended:
     @property
     def own_unmet(self) -> tuple[str, ...]:
         """A sentence for each of the user's edges among them."""
-        return tuple(edge.sentence for edge in self.unmet if edge.kind == Own.name)
+        return tuple(edge.sentence for edge in self.unmet if edge.kind == OwnKind.name)
 
 
 def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
@@ -130,8 +130,11 @@ def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], fram
     if edit.action != "edge":
         return ""
     a, b = (end_name(end_of(edit.values[end])) for end in "ab")
-    column = int(np.flatnonzero(graph.kinds[Own.name].joins(a, b))[-1])
-    values, bounds = 100 * measured[Own.name][frames, column], 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
+    column = int(np.flatnonzero(graph.kinds[OwnKind.name].joins(a, b))[-1])
+    values, bounds = (
+        100 * measured[OwnKind.name][frames, column],
+        100 * np.atleast_1d(np.asarray(edit.values["at"], float)),
+    )
     interval = " to ".join(f"{bound:.3g}" for bound in bounds)
     missed = np.abs(values - np.clip(values, bounds[0], bounds[-1])).min()
     weak = missed > MISSED and not edit.values.get("hard")

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import Contacts, Nearby, Numeric, Past, Projecting
+from robot_retarget.describe.kinds.kind import ContactRows, Nearby, Numeric, Past, Projecting
 from robot_retarget.dgp.role import FRAME, STEP, Role
 from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
@@ -78,7 +78,7 @@ class NumericCost:
         self.name, self.stencil, self.track = track.name, track.stencil, track
         self.evaluate = cast(Numeric, track.kind).evaluator(track, robot)
 
-    def terms(self, q: Floats, past: Past | None, contacts: Contacts | None) -> tuple[float, Floats, Floats] | None:
+    def terms(self, q: Floats, past: Past | None, contacts: ContactRows | None) -> tuple[float, Floats, Floats] | None:
         """Return Σ π r²/scale², its half gradient (nv,) and normal matrix (nv, nv); None if no edge has a cost."""
         rows = self.evaluate(q, past, contacts)
         if rows is None:
@@ -148,7 +148,7 @@ class CostModel:
         distance, _, rest = self.separation.near(q)
         return self.options.overlap_cost * self._missing(self.separation.clearance_deficit(distance, rest)) ** 2
 
-    def _contacts(self, q: Floats) -> Contacts | None:
+    def _contacts(self, q: Floats) -> ContactRows | None:
         """Return the rows of surfaces near each other at a configuration."""
         near = self._near(q, None)
         if near is None or self.separation is None:
@@ -158,7 +158,7 @@ class CostModel:
             np.full(self.separation.most, -np.inf),
         )
         self._apart(q, near, (), rows, row_lower)
-        return Contacts(rows[:, :-1], row_lower)
+        return ContactRows(rows[:, :-1], row_lower)
 
     def _missing(self, wanted: Floats) -> float:
         """Return how much the nearest links lack beyond the tolerance, over the leg."""
@@ -228,7 +228,7 @@ class CostModel:
         if not joining:
             return current
         first = len(self.problem.inequalities)
-        contacts = Contacts(current.rows[first:, :-1], current.row_lower[first:]) if self.separation else None
+        contacts = ContactRows(current.rows[first:, :-1], current.row_lower[first:]) if self.separation else None
         for cost in joining:
             if (found := cost.terms(q, past, contacts)) is not None:
                 value, pull, curvature = found

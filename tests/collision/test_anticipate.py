@@ -7,7 +7,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.describe.graph import describe
-from robot_retarget.describe.kinds.interaction import Interaction
+from robot_retarget.describe.kinds.interaction import InteractionKind
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.describe.weights import Weights
 from robot_retarget.motion import read_motion
@@ -21,7 +21,7 @@ from robot_retarget.solve.quadratic import CostModel, Quadratic
 from robot_retarget.solve.solve import solve_graph
 
 K, WEIGHT = 6.0, 3.0
-HORIZON = Interaction().horizon
+HORIZON = InteractionKind().horizon
 
 
 @pytest.fixture(scope="module")

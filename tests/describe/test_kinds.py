@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role, frame_costs
-from robot_retarget.describe.kinds.mass import Mass
+from robot_retarget.describe.kinds.mass import MassKind
 from robot_retarget.describe.soles import sole_corners
 from robot_retarget.describe.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.dgp.track import Track, exact
@@ -49,7 +49,7 @@ class Toy:
 def made() -> tuple[RobotGraph, Problem]:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 12), load_robot("op3"), kinds=(*KINDS, Toy()))
     graph = graph.with_edge("l_hand", "r_knee", 0.1).with_edge(HAND, HEAD, (0.1, 0.2))
-    mass = Mass().track(np.zeros((len(graph), 2)), graph.match.robot_leg)
+    mass = MassKind().track(np.zeros((len(graph), 2)), graph.match.robot_leg)
     return graph, build_problem(graph.robot, graph.match, (*graph.tracks, mass))
 
 
@@ -166,5 +166,5 @@ def test_a_kind_of_one_small_class_is_shown_weighed_and_solved_with() -> None:
 
 
 def test_kinds_that_the_bodies_do_not_have_are_left_out() -> None:
-    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 6), load_robot("op3"), kinds=(KINDS[0], Mass()))
+    graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 6), load_robot("op3"), kinds=(KINDS[0], MassKind()))
     assert [track.name for track in graph.tracks] == ["posture"]

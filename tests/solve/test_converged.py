@@ -14,15 +14,15 @@ OP3 = rr.load_robot("op3")
 
 
 @pytest.fixture(scope="module")
-def graph() -> rr.Graph:
+def graph() -> rr.RobotGraph:
     return rr.describe(rr.read_motion(ROOT / "samples/wave.bvh").frames(60, 110), OP3)
 
 
-def test_every_frame_of_a_sample_converges(graph: rr.Graph) -> None:
+def test_every_frame_of_a_sample_converges(graph: rr.RobotGraph) -> None:
     assert set(rr.solve(graph).solution.status) == {Status.CONVERGED}
 
 
-def test_more_passes_lower_the_cost_of_frames_that_have_not_converged_only(graph: rr.Graph) -> None:
+def test_more_passes_lower_the_cost_of_frames_that_have_not_converged_only(graph: rr.RobotGraph) -> None:
     strict = Smoothing(passes=1, collision_checks=(), extra=0, converged=1e-6, settled=1e-3)
     short = rr.solve(graph, smoothing=strict).solution
     longer = rr.solve(graph, smoothing=replace(strict, extra=30)).solution

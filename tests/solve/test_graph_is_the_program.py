@@ -12,7 +12,7 @@ from robot_retarget.balance.planter import Planter, PlantOptions
 from robot_retarget.describe.edits import Edit
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
-from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
+from robot_retarget.describe.kinds.kind import FRAME, ContactRows, MeasureRows, Past, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
 from robot_retarget.dgp.track import Track, exact
@@ -136,10 +136,10 @@ class _Angle:
     robot: Robot
     hinge: int
 
-    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows:
+    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows:
         slope = np.zeros((1, self.robot.model.nv))
         slope[0, self.robot.dof_index[self.hinge]] = 1.0
-        return Rows(qpos[[self.robot.qpos_index[self.hinge]]], slope, [0])
+        return MeasureRows(qpos[[self.robot.qpos_index[self.hinge]]], slope, [0])
 
 
 def head_height(of: RobotGraph, qpos: Floats) -> Floats:

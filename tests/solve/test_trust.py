@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.describe.kinds.posture import Posture
+from robot_retarget.describe.kinds.posture import PostureKind
 from robot_retarget.describe.symbolic_robot import drawn_configurations
 from robot_retarget.dgp import Objective, PointGraph, stress
 from robot_retarget.dgp.status import Status
@@ -95,7 +95,7 @@ def test_stress_without_a_robot_is_that_of_distance_geometry(seed: int, open_int
     apart = np.sqrt(np.square(x[0, i] - x[0, j]).sum(axis=1))
     outside = np.maximum(lower - apart, 0.0) + np.maximum(apart - upper, 0.0)
     ends = tuple((names[a], names[b]) for a, b in zip(i, j, strict=True))
-    track = Track(Posture(), ends, lower[None], upper[None], priority[None], np.ones(len(i)))
+    track = Track(PostureKind(), ends, lower[None], upper[None], priority[None], np.ones(len(i)))
     for found in (track.stress(apart[None]).sum(), stress(PointGraph((track,), names, 1, 3), x, Objective.SQUARED)):
         assert found == pytest.approx((priority * outside**2).sum(), rel=1e-12)
 

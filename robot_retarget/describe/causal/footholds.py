@@ -5,7 +5,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import LANDING, sole_of
 from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.foothold import Foothold
+from robot_retarget.describe.kinds.foothold import FootholdKind
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
 from robot_retarget.dgp.track import HARD
@@ -20,7 +20,7 @@ BLENDED = 0.3
 class CausalFootholds:
     """The edges of one robot's soles; F feet."""
 
-    def __init__(self, graph: RobotGraph, feet: tuple[str, ...], kind: Foothold):
+    def __init__(self, graph: RobotGraph, feet: tuple[str, ...], kind: FootholdKind):
         context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         self.soles = [sole_of(graph.human, graph.match, graph.robot, foot) for foot in feet]
         self.feet, self.weights = feet, graph.weights

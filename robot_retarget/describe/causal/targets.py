@@ -8,9 +8,9 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.footholds import CausalFootholds
 from robot_retarget.describe.footholds import placed_feet
 from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.foothold import Foothold
+from robot_retarget.describe.kinds.foothold import FootholdKind
 from robot_retarget.describe.kinds.kind import CausalKind, InstantTargets, RetargetContext
-from robot_retarget.describe.kinds.touch import Touch
+from robot_retarget.describe.kinds.touch import TouchKind
 from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
 
@@ -49,12 +49,12 @@ class CausalTargets:
         self, track: Track, context: RetargetContext, graph: RobotGraph
     ) -> Callable[[HumanFeatures, Floats, float], Targets] | None:
         kind = track.kind
-        if isinstance(kind, Foothold):
+        if isinstance(kind, FootholdKind):
             return CausalFootholds(graph, self.feet, kind).at
         edges = kind.edges(context) if isinstance(kind, CausalKind) else None
         if edges is None:
             return None
-        if isinstance(kind, Touch):
+        if isinstance(kind, TouchKind):
             return _Gently(edges, kind.lead, context.weights.touch).at
         return lambda human, corners, seconds: _first(edges.targets(human))
 

@@ -1,36 +1,36 @@
 """The kinds of edges; a new one is a file here and a line in this table."""
 
-from robot_retarget.describe.kinds.compass import Compass
-from robot_retarget.describe.kinds.coupling import Coupling
-from robot_retarget.describe.kinds.floor import Floor
-from robot_retarget.describe.kinds.foothold import Foothold
-from robot_retarget.describe.kinds.interaction import Interaction
-from robot_retarget.describe.kinds.joints import Range, Speed
+from robot_retarget.describe.kinds.compass import CompassKind
+from robot_retarget.describe.kinds.coupling import CouplingKind
+from robot_retarget.describe.kinds.floor import FloorKind
+from robot_retarget.describe.kinds.foothold import FootholdKind
+from robot_retarget.describe.kinds.interaction import InteractionKind
+from robot_retarget.describe.kinds.joints import RangeKind, SpeedKind
 from robot_retarget.describe.kinds.kind import MotionKind
-from robot_retarget.describe.kinds.orientation import Orientation
-from robot_retarget.describe.kinds.pelvis import Path
-from robot_retarget.describe.kinds.posture import Posture
-from robot_retarget.describe.kinds.rest import Rest
-from robot_retarget.describe.kinds.separation import Separation
-from robot_retarget.describe.kinds.temporal import Inertia, Smoothness
-from robot_retarget.describe.kinds.touch import Touch
+from robot_retarget.describe.kinds.orientation import OrientationKind
+from robot_retarget.describe.kinds.pelvis import PathKind
+from robot_retarget.describe.kinds.posture import PostureKind
+from robot_retarget.describe.kinds.rest import RestKind
+from robot_retarget.describe.kinds.separation import SeparationKind
+from robot_retarget.describe.kinds.temporal import InertiaKind, SmoothnessKind
+from robot_retarget.describe.kinds.touch import TouchKind
 
 KINDS: tuple[MotionKind, ...] = (
-    Posture(),
-    Touch(),
-    Compass(),
-    Orientation(),
-    Path(),
-    Rest(),
-    Foothold(),
-    Smoothness(),
-    Interaction(),
-    Coupling(),
-    Floor(),
-    Separation(),
-    Range(),
-    Speed(),
+    PostureKind(),
+    TouchKind(),
+    CompassKind(),
+    OrientationKind(),
+    PathKind(),
+    RestKind(),
+    FootholdKind(),
+    SmoothnessKind(),
+    InteractionKind(),
+    CouplingKind(),
+    FloorKind(),
+    SeparationKind(),
+    RangeKind(),
+    SpeedKind(),
 )
 """The kinds of whole clips."""
-STREAM_KINDS: tuple[MotionKind, ...] = (*(kind for kind in KINDS if kind.name != Smoothness.name), Inertia())
+STREAM_KINDS: tuple[MotionKind, ...] = (*(kind for kind in KINDS if kind.name != SmoothnessKind.name), InertiaKind())
 """The kinds of streams."""

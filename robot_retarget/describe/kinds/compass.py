@@ -33,7 +33,7 @@ class _Lines:
 
 
 @dataclass(frozen=True)
-class Compass:
+class CompassKind:
     """Directions of bones, as the human's."""
 
     name: str = "compass"

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Contacts, Past, RetargetContext, Role, Rows
+from robot_retarget.describe.kinds.kind import FRAME, ContactRows, MeasureRows, Past, RetargetContext, Role
 from robot_retarget.dgp.track import Track, exact
 from robot_retarget.robot import Robot
 from robot_retarget.robot.coupling import Coupling as Constraints
 
 
 @dataclass(frozen=True)
-class Coupling:
+class CouplingKind:
     """Violation of every constraint [m or rad], 0; closed by Newton steps at the end of a descent."""
 
     name: str = "coupling"
@@ -41,10 +41,10 @@ class Closure:
     def __init__(self, constraints: Constraints):
         self._constraints = constraints
 
-    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows:
+    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows:
         """All constraints."""
         values, slope = self._constraints(qpos)
-        return Rows(values, slope, range(len(values)))
+        return MeasureRows(values, slope, range(len(values)))
 
     def projected(self, qpos: Floats) -> Floats:
         """The nearby configuration (nq,) that closes the chains."""

@@ -12,7 +12,7 @@ from robot_retarget.dgp.track import Track, limit
 
 
 @dataclass(frozen=True)
-class Floor:
+class FloorKind:
     """The height of every sole point [m], at least 0."""
 
     name: str = "floor"

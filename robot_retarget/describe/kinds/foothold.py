@@ -12,7 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, settled
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role
+from robot_retarget.describe.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role
 from robot_retarget.describe.soles import CORNER_NAMES
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.weights import Weights
@@ -21,7 +21,7 @@ from robot_retarget.robot.kinematics import carrying
 
 
 @dataclass(frozen=True)
-class Foothold:
+class FootholdKind:
     """The corners of every sole."""
 
     name: str = "foothold"
@@ -60,11 +60,11 @@ class Foothold:
             found.append(body.corners(foot)[CORNER_NAMES.index(corner)])
         return ca.vertcat(*found)
 
-    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
         """Return the places and the grip of the plan."""
         return replace(track, lower=playback.soles, upper=playback.soles, priority=playback.grip)
 
-    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
         """Return the same as in a playback."""
         return self.played(track, measured, playback)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import Contacts, Past, RetargetContext, Role, Rows
+from robot_retarget.describe.kinds.kind import ContactRows, MeasureRows, Past, RetargetContext, Role
 from robot_retarget.dgp.role import STEP
 from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
@@ -21,7 +21,7 @@ from robot_retarget.robot.kinematics import difference
 
 
 @dataclass(frozen=True)
-class Interaction:
+class InteractionKind:
     """Margin minus interaction distance, without the deficit of the distance itself [m], at most 0."""
 
     name: str = "interaction"
@@ -39,18 +39,18 @@ class Interaction:
         ends = (("links near each other", "a frame before"),)
         return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, context.leg))
 
-    def evaluator(self, track: Track, robot: Robot) -> "Approach":
+    def evaluator(self, track: Track, robot: Robot) -> "ApproachEvaluator":
         """Return the evaluator on the rows of separation."""
-        return Approach(robot, self.horizon)
+        return ApproachEvaluator(robot, self.horizon)
 
 
-class Approach:
+class ApproachEvaluator:
     """Interaction distances from the separation rows at a configuration and the step from the frame before."""
 
     def __init__(self, robot: Robot, horizon: float):
         self.robot, self.horizon = robot, horizon
 
-    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows | None:
+    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows | None:
         """Return the rows of pairs that approach and would pass the margin within the horizon."""
         if past is None or contacts is None:
             return None
@@ -62,4 +62,4 @@ class Approach:
         if not rows.size:
             return None
         alpha = horizon + (contacts.deficit[rows] < 0)
-        return Rows(value[rows], -alpha[:, None] * contacts.slope[rows], [0] * len(rows))
+        return MeasureRows(value[rows], -alpha[:, None] * contacts.slope[rows], [0] * len(rows))

@@ -10,7 +10,7 @@ from robot_retarget.dgp.track import Track, limit
 
 
 @dataclass(frozen=True)
-class Range:
+class RangeKind:
     """Angle of every hinge [rad], within the robot's range."""
 
     name: str = "range"
@@ -24,7 +24,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Speed:
+class SpeedKind:
     """Speed of every hinge from frame to frame [rad/s], within the robot's."""
 
     name: str = "speed"

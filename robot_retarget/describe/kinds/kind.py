@@ -77,7 +77,7 @@ class Past:
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class ContactRows:
     """Rows of the inequalities near their bound at a configuration."""
 
     slope: Floats
@@ -87,7 +87,7 @@ class Contacts:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class MeasureRows:
     """Values of some edges and their Jacobian by the tangent vector."""
 
     values: Floats
@@ -101,7 +101,7 @@ class Rows:
 class Evaluator(Protocol):
     """The measure of a `Numeric` cost."""
 
-    def __call__(self, qpos: Floats, past: Past | None, contacts: Contacts | None) -> Rows | None:
+    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows | None:
         """Evaluate the edges.
 
         Args:
@@ -208,7 +208,7 @@ def coordinates(
 
 
 @dataclass(frozen=True, eq=False)
-class Playback:
+class PlaybackTargets:
     """K frames of a balanced playback, which starts and ends in a stand."""
 
     share: Floats
@@ -226,10 +226,10 @@ class Playback:
 
 
 @runtime_checkable
-class Played(Protocol):
+class PlaybackKind(Protocol):
     """A cost with separate targets in a balanced playback; other costs fade out towards the stands."""
 
-    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
         """Return the targets of a track at the K frames of a playback.
 
         Args:
@@ -239,10 +239,10 @@ class Played(Protocol):
 
 
 @runtime_checkable
-class Stood(Protocol):
+class StandKind(Protocol):
     """A cost that shapes a balanced stand; other costs are absent there."""
 
-    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
         """Return the targets of one frame, from the values (1, E) in the standing pose."""
         ...
 

@@ -14,7 +14,7 @@ OVER = 3e3
 
 
 @dataclass(frozen=True)
-class Mass:
+class MassKind:
     """The centre of mass along the floor."""
 
     name: str = "mass"

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
+from robot_retarget.describe.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role, coordinates
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
@@ -33,7 +33,7 @@ class _Markers:
 
 
 @dataclass(frozen=True)
-class Orientation:
+class OrientationKind:
     """Forward and up of segments."""
 
     name: str = "orientation"
@@ -53,7 +53,7 @@ class Orientation:
         ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
         return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
 
-    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
         """Return the rotation of the pelvis in the standing pose."""
         weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])

@@ -15,7 +15,7 @@ End = str | tuple[str, ArrayLike] | ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
-class Own:
+class OwnKind:
     """Distances between ends that the user names."""
 
     ends: tuple[tuple[End, End], ...] = ()
@@ -27,11 +27,11 @@ class Own:
         """Nothing: the human does not ask for them."""
         return None
 
-    def of(self, edges: np.ndarray) -> "Own":
+    def of(self, edges: np.ndarray) -> "OwnKind":
         """Return some of the edges."""
         return replace(self, ends=tuple(self.ends[k] for k in edges))
 
-    def with_edges(self, other: "Own") -> "Own":
+    def with_edges(self, other: "OwnKind") -> "OwnKind":
         """Return the edges of both."""
         return replace(self, ends=(*self.ends, *other.ends))
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import AXES, FRAME, Playback, RetargetContext, Role, coordinates
+from robot_retarget.describe.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role, coordinates
 from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.track import Track
@@ -27,7 +27,7 @@ class _Carried:
 
 
 @dataclass(frozen=True)
-class Path:
+class PathKind:
     """The pelvis, or the first keypoint of a body without one."""
 
     name: str = "path"
@@ -45,14 +45,14 @@ class Path:
             [(keypoint, "path")] * len(AXES), root_scaling_of(context.human, context.match), context.weights.path
         )
 
-    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
         """The height alone, no higher than in the stand: balance moves the pelvis over the floor."""
         share, vertical = playback.share, [axis == "z" for axis in track.axes]
         height = share * np.minimum(track.lower, stand) + (1 - share) * stand
         weight = np.where(vertical, playback.height, 0.0)
         return replace(track, lower=height, upper=height, priority=np.broadcast_to(weight, height.shape))
 
-    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
         """The pelvis at the height of the standing pose."""
         weight = np.where(
             [a == "pelvis" and axis == "z" for (a, _), axis in zip(track.ends, track.axes, strict=True)],

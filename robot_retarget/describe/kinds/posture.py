@@ -38,7 +38,7 @@ class _Pairs:
 
 
 @dataclass(frozen=True)
-class Posture:
+class PostureKind:
     """Every two keypoints that no bone joins."""
 
     name: str = "posture"

@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import FRAME, Playback, RetargetContext, Role
+from robot_retarget.describe.kinds.kind import FRAME, PlaybackTargets, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.track import Track, exact
 from robot_retarget.robot.kinematics import carrying
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestKind:
     """Every hinge."""
 
     name: str = "rest"
@@ -28,14 +28,14 @@ class Rest:
         target = np.broadcast_to(standing, (len(context.human), len(standing)))
         return exact(self, [(name, "standing pose") for name in robot.joint_names], target, weight)
 
-    def played(self, track: Track, stand: Floats, playback: Playback) -> Track:
+    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
         """Return the stand's angles with a higher priority outside the human's motion."""
         inside = playback.share >= 1
         lower, upper = (np.where(inside, bound, stand) for bound in (track.lower, track.upper))
         priority = track.priority + (1 - playback.share) * playback.standing
         return replace(track, lower=lower, upper=upper, priority=priority)
 
-    def stood(self, track: Track, measured: Floats, playback: Playback) -> Track:
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
         """Return the joints' standing angles with the priority of a stand."""
         return replace(track, priority=np.full((1, len(track)), playback.standing))
 

@@ -16,7 +16,7 @@ WATCHED = 1.6
 
 
 @dataclass(frozen=True)
-class Separation:
+class SeparationKind:
     """Distance of the surfaces of two links [m], at least the margin, or their distance at rest if that is smaller."""
 
     name: str = "separation"

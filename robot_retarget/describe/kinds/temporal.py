@@ -14,7 +14,7 @@ REFERENCE_FPS = 30
 
 
 @dataclass(frozen=True)
-class Smoothness:
+class SmoothnessKind:
     """Second difference q_{t−1} − 2 q_t + q_{t+1} of every tangent direction [rad or m], 0."""
 
     name: str = "smoothness"
@@ -29,7 +29,7 @@ class Smoothness:
 
 
 @dataclass(frozen=True)
-class Inertia:
+class InertiaKind:
     """Deviation of every tangent direction [rad or m] from the motion of a damped spring, 0; for streams."""
 
     name: str = "inertia"

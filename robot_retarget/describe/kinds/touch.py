@@ -35,7 +35,7 @@ class Touches:
 
 
 @dataclass(frozen=True)
-class Touch:
+class TouchKind:
     """Pairs that may touch; π is 0 while they are apart."""
 
     name: str = "touch"

@@ -51,12 +51,12 @@ class Spectral:
             raise UsageError(f"memory must be in [0, 1], decrease in (0, 1), iterations ≥ 1; got {self}")
 
 
-class Columns(Protocol):
+class ColumnFunctions(Protocol):
     """B functions of one shape: values (B,) and gradients (n, B) at z (n, B)."""
 
     def __call__(self, z: Floats) -> tuple[Floats, Floats]: ...
 
-    def take(self, columns: NDArray[np.int64]) -> "Columns":
+    def take(self, columns: NDArray[np.int64]) -> "ColumnFunctions":
         """The functions of some of the columns."""
         ...
 
@@ -89,7 +89,7 @@ class Minimum:
     """Sum of the values over the columns after each iteration."""
 
 
-def minimise(functions: Columns, start: Floats, lower: Floats, upper: Floats, options: Spectral) -> Minimum:
+def minimise(functions: ColumnFunctions, start: Floats, lower: Floats, upper: Floats, options: Spectral) -> Minimum:
     """Minimise every column within its box, each with its own step, reference value and stopping.
 
     Args:
@@ -134,7 +134,7 @@ _CODES = list(Status)
 class _Search:
     """The state of the columns that are still moving."""
 
-    def __init__(self, functions: Columns, z: Floats, lower: Floats, upper: Floats, options: Spectral):
+    def __init__(self, functions: ColumnFunctions, z: Floats, lower: Floats, upper: Floats, options: Spectral):
         self.functions, self.options = functions, options
         self.lower, self.upper = lower, upper
         self.columns = np.arange(z.shape[1])

@@ -10,7 +10,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import RetargetContext
-from robot_retarget.describe.kinds.temporal import Smoothness
+from robot_retarget.describe.kinds.temporal import SmoothnessKind
 from robot_retarget.describe.path import root_scaling_of
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
@@ -106,7 +106,7 @@ class Follower:
 def _smoothness(graph: RobotGraph) -> tuple[Floats, Floats]:
     """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
     context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
-    return difference_weights(graph.robot, [Smoothness().targets(context)], SECOND_DIFFERENCE)
+    return difference_weights(graph.robot, [SmoothnessKind().targets(context)], SECOND_DIFFERENCE)
 
 
 def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:

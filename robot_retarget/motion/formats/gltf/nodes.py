@@ -17,7 +17,7 @@ _QUATERNION = 0.5
 
 
 @dataclass(frozen=True)
-class Track:
+class Channel:
     """The keys of one property of a node."""
 
     times: Floats
@@ -40,7 +40,7 @@ class Track:
         return np.stack([np.interp(t, self.times, column) for column in self.values.T], axis=1)
 
 
-Keys = Mapping[tuple[int, str], Track]
+Keys = Mapping[tuple[int, str], Channel]
 """Of an animation, by node and property."""
 
 
@@ -93,13 +93,13 @@ class Nodes:
             raise self.file.error("joints", f"node {node} is not there")
         return next((list(chosen).index(one) for one in self.above(node)[1:] if one in chosen), -1)
 
-    def keys(self, animation: Mapping[str, Any], where: str) -> dict[tuple[int, str], Track]:
+    def keys(self, animation: Mapping[str, Any], where: str) -> dict[tuple[int, str], Channel]:
         """The tracks of an animation that place, turn or size a node.
 
         Raises:
             MotionError: a field is missing, keys that do not rise in time, values of another width, or no track.
         """
-        tracks: dict[tuple[int, str], Track] = {}
+        tracks: dict[tuple[int, str], Channel] = {}
         samplers = animation.get("samplers", [])
         for index, channel in enumerate(animation.get("channels", [])):
             target, at = channel.get("target", {}), f"{where}.channels[{index}]"
@@ -114,7 +114,7 @@ class Nodes:
             raise self.file.error(where, "no channel that places or turns a node")
         return tracks
 
-    def _track(self, sampler: Mapping[str, Any], path: str, where: str) -> Track:
+    def _track(self, sampler: Mapping[str, Any], path: str, where: str) -> Channel:
         times = self.file.numbers(sampler.get("input"), f"{where} input")[:, 0]
         values = self.file.numbers(sampler.get("output"), f"{where} output")
         way = str(sampler.get("interpolation", "LINEAR"))
@@ -127,7 +127,7 @@ class Nodes:
             raise self.file.error(where, f"{path}: expected finite keys that rise in time")
         if path == "rotation" and way != "CUBICSPLINE" and not np.all(np.linalg.norm(values, axis=-1) > _QUATERNION):
             raise self.file.error(where, "rotation: expected unit quaternions x y z w")
-        return Track(times, values, way)
+        return Channel(times, values, way)
 
     def world(self, keys: Keys, joints: Sequence[int], times: Floats) -> tuple[Floats, Floats]:
         """Places (T, J, 3) and turns (T, J, 4) w x y z of nodes in the scene; no keys give the rest.
