@@ -1,7 +1,9 @@
 """The viewer's server answers pages of this machine only, and reads no more than a page may send."""
 
 import socket
+import struct
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -60,3 +62,14 @@ def test_other_pages_are_refused(port: int, lines: list[str], request_line: str)
 def test_a_length_that_is_none_or_too_long_is_refused_unread(port: int, length: str) -> None:
     head = "Host: localhost", "Content-Type: application/json", f"Content-Length: {length}"
     assert status(port, "POST /save", *head) == 413
+
+
+def test_a_page_that_is_closed_before_it_has_come_leaves_no_traceback(
+    port: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_connection(("127.0.0.1", port), 5) as wire:
+        wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        wire.sendall(f"GET / HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n".encode())
+        wire.recv(1)
+    time.sleep(0.5)
+    assert "Exception" not in capfd.readouterr().err
