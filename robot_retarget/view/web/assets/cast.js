@@ -49,7 +49,7 @@ export class Cast extends Group {
   /** Its name, over its head. */
   nameplate() {
     const { name, floor, fps, height } = this.take;
-    return { at: this.target((this.at ?? 0) / fps).setZ(floor + 1.12 * height), text: name, kind: "name" };
+    return { at: this.target((this.at ?? 0) / fps).setZ(floor + 1.06 * height), text: name, kind: "name" };
   }
 
   /** Corners of the room that it takes at a time [s], from the camera's left to its right [m]. */

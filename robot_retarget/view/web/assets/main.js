@@ -13,7 +13,6 @@ import { Stage } from "#stage";
 import { Timeline } from "#timeline";
 import { Touch } from "#touch";
 
-const MOMENTS = 24; // so many of a motion are looked at to set the camera
 const ROOMY = 1.08; // what is shown is so much smaller than the picture
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
@@ -41,8 +40,9 @@ stage.after.push(() => {
     element.className = label.kind;
     element.textContent = label.text;
     element.style.borderBottomColor = label.color ?? "";
-    const [x, y] = label.kind === "name" ? [label.x - element.clientWidth / 2, label.y] : [label.x + 12, below];
-    element.style.transform = `translate(${x}px, ${y - 9}px)`;
+    const over = label.kind === "name"; // its lower edge is where the head is
+    const [x, y] = over ? [label.x - element.offsetWidth / 2, label.y - element.offsetHeight] : [label.x + 12, below - 9];
+    element.style.transform = `translate(${x}px, ${y}px)`;
   });
 });
 
@@ -58,25 +58,25 @@ function target(time) {
   return casts.reduce((sum, cast) => sum.add(cast.target(time)), new Vector3()).divideScalar(casts.length);
 }
 
-function pose() {
-  casts.forEach((cast) => cast.pose(player.time));
-  stage.follow(target(player.time), floor);
+/** How far the camera is from the middle for all takes to be in the picture at a time [m]; one take keeps its distance. */
+function distance(time) {
+  const { aspect, fov } = stage.camera, narrow = Math.max(1, 1.25 / Math.max(aspect, 0.2));
+  if (takes.length === 1) return 0.72 * takes[0].distance * narrow;
+  const right = rightOf(takes[0].azimuth), away = new Vector3(-right.y, right.x, 0);
+  const tall = Math.tan((fov * Math.PI) / 360), wide = tall * aspect, middle = target(time);
+  return Math.max(...casts.flatMap((cast) => cast.corners(time, right)).map((corner) => {
+    const from = corner.sub(middle);
+    return ROOMY * (Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.z) / tall) - from.dot(away));
+  }));
 }
 
-/** How far the camera is from the middle of several takes for all of them to be in the picture at any time [m]. */
-function fitted() {
-  const right = rightOf(takes[0].azimuth), times = Array.from({ length: MOMENTS }, (_, k) => (player.duration * k) / (MOMENTS - 1));
-  const tall = Math.tan((stage.camera.fov * Math.PI) / 360), wide = tall * stage.camera.aspect, away = new Vector3(-right.y, right.x, 0);
-  return Math.max(...times.flatMap((time) => casts.flatMap((cast) => cast.corners(time, right)).map((corner) => {
-    const from = corner.sub(target(time));
-    return ROOMY * (Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.z) / tall) - from.dot(away));
-  })));
+function pose() {
+  casts.forEach((cast) => cast.pose(player.time));
+  stage.follow(target(player.time), floor, distance(player.time));
 }
 
 function home() {
-  const narrow = Math.max(1, 1.25 / Math.max(stage.camera.aspect, 0.2));
-  const one = Math.max(...takes.map((take) => 0.72 * take.distance * narrow));
-  stage.look(target(player.time), takes[0].azimuth, takes.length > 1 ? fitted() : one);
+  stage.look(target(player.time), takes[0].azimuth, distance(player.time));
 }
 
 player.onchange(pose);

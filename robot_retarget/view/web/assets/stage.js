@@ -104,19 +104,22 @@ export class Stage {
     this.controls.target.copy(target);
     this.camera.position.set(-Math.cos(angle) * distance, -Math.sin(angle) * distance, up * distance).add(target);
     this.controls.update();
-    this.home = { azimuth, distance };
+    this.distance = distance;
     this.draw();
   }
 
-  /** Go along with what is looked at; the shadow stays with it, so that it stays sharp. */
-  follow(target, floor = 0) {
+  /** Go along with what is looked at, nearer or farther as the distance for it changes; the shadow stays with it, so that it stays sharp. */
+  follow(target, floor, distance) {
     const step = target.clone().sub(this.target);
     this.target.copy(target);
     if (this.following) {
       this.camera.position.add(step);
       this.controls.target.add(step);
+      const { position } = this.camera, seen = this.controls.target;
+      position.sub(seen).multiplyScalar(distance / (this.distance ?? distance)).add(seen);
       this.controls.update();
     }
+    this.distance = distance;
     const texel = this.sun.shadow.camera.right * 2 / SHADOWS; // whole texels, or edges crawl
     const [x, y] = [target.x, target.y].map((v) => Math.round(v / texel) * texel);
     this.sun.target.position.set(x, y, floor);
