@@ -21,10 +21,14 @@ PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Sample clips on {robots}</title>
 <style>
-body {{ margin: 0 auto; max-width: 1500px; padding: 24px; background: #f5f7fa; color: #1f2933; font: 15px/1.5 system-ui, sans-serif; }}
-section {{ background: #fff; border: 1px solid #e4e7eb; border-radius: 10px; padding: 16px 20px; margin: 16px 0; }}
-h1 {{ font-size: 22px; }} h2 {{ font-size: 17px; margin: 0 0 8px; }} a {{ color: #0b7285; }}
-figure {{ margin: 10px 0; }} img {{ width: 100%; border-radius: 6px; }} figcaption {{ color: #616e7c; font-size: 13px; }}
+:root {{ color-scheme: light dark; --ink: #1f2933; --faint: #616e7c; --line: #e4e7eb; --ground: #f5f7fa; --card: #fff; --link: #0b7285; }}
+@media (prefers-color-scheme: dark) {{
+  :root {{ --ink: #dfe4ea; --faint: #9aa5b1; --line: #323c47; --ground: #11161b; --card: #1b2229; --link: #3bc9db; }}
+}}
+body {{ margin: 0 auto; max-width: 1500px; padding: 24px; background: var(--ground); color: var(--ink); font: 15px/1.5 system-ui, sans-serif; }}
+section {{ background: var(--card); border: 1px solid var(--line); border-radius: 10px; padding: 16px 20px; margin: 16px 0; }}
+h1 {{ font-size: 22px; }} h2 {{ font-size: 17px; margin: 0 0 8px; }} a {{ color: var(--link); }}
+figure {{ margin: 10px 0; }} img {{ width: 100%; border-radius: 6px; }} figcaption {{ color: var(--faint); font-size: 13px; }}
 </style></head><body>
 <h1>Sample clips on {robots}</h1>
 <p>Every row leads to a page on which the clip is seen from all sides, with footholds, near pairs, limits and curves.</p>
