@@ -29,18 +29,22 @@ function column(array, k, fps, clock, scale = 1) {
 const line = (label, values, color, width = 1.6, dash) => ({ label, values, color, width, dash });
 const limit = (label, value, clock) => line(label, clock.map(() => value), colour("red"), 1, [5, 4]);
 
-/** What is measured of one joint of a take: titles, units, and lines. */
+/** What is known of one joint of a take: titles, units, and lines under the name of the take, if there are several. */
 function jointCharts({ take, joint, clock, color, label }) {
-  const { joints, report, fps } = take, name = joints.names[joint], told = (own) => label ?? own;
-  const angle = column(joints.angles, joint, fps, clock, DEGREES), error = report?.error && column(report.error, joint, fps, clock);
-  const simulated = error && line(told("asked") === "asked" ? "simulated" : `${label}, simulated`, angle.map((a, t) => (error[t] === null ? null : a + error[t])), label ? color : colour("amber"), 1, label && [2, 2]);
-  const speed = column(joints.speeds, joint, fps, clock, DEGREES), torque = report?.torque && column(report.torque, joint, fps, clock);
-  return [
-    { title: `${name}: angle`, unit: "°", lines: [line(told("asked"), angle, color), ...(simulated ? [simulated] : [])] },
-    { title: `${name}: speed`, unit: "°/s", lines: [line(told("speed"), speed, color)] },
-    ...(error ? [{ title: `${name}: tracking error`, unit: "°", lines: [line(told("error"), error, color)], zero: true }] : []),
-    ...(torque ? [{ title: `${name}: torque`, unit: "N m", lines: [line(told("torque"), torque, color)] }] : []),
+  const { joints, report, fps } = take, name = joints.names[joint], of = (array, scale) => array && column(array, joint, fps, clock, scale);
+  const asked = of(joints.angles, DEGREES), speed = of(joints.speeds, DEGREES), error = of(report?.error), torque = of(report?.torque);
+  const chart = (what, unit, own, values, more) => values && { title: `${name}: ${what}`, unit, lines: [line(label ?? own, values, color)], ...more };
+  const charts = [
+    chart("angle", "°", "asked", asked), chart("speed", "°/s", "speed", speed),
+    chart("tracking error", "°", "error", error, { zero: true }), chart("torque", "N m", "torque", torque),
   ];
+  if (error) charts[0].lines.push(simulatedLine(asked.map((angle, t) => (error[t] === null ? null : angle + error[t])), color, label));
+  return charts.filter(Boolean);
+}
+
+/** The simulated angle: amber beside one take, thin dashes in its colour among several. */
+function simulatedLine(values, color, label) {
+  return label ? line(`${label}, simulated`, values, color, 1, [2, 2]) : line("simulated", values, colour("amber"), 1.2);
 }
 
 /** Limits of a joint, by the title of the chart that has them. */

@@ -216,6 +216,6 @@ export const LAYERS = [
     id: "simulated", name: "Simulated", lacks: (t) => !t.report?.poses && "no simulation was given",
     make: (take, shapes) => new Bodies(shapes, take.report.poses, true),
   },
-  { id: "edges", name: "Edges", lacks: (t) => !t.stress?.edges && "no solution was given", make: (take) => new Edges(take) },
+  { id: "edges", name: "Edges", lacks: (t) => !t.stress?.edges && "no solution was given; the viewer.html of run has it", make: (take) => new Edges(take) },
   { id: "before", name: "Before", lacks: (t) => !t.before && "nothing was touched up", make: (take, shapes) => new Bodies(shapes, take.before, true) },
 ];
