@@ -42,7 +42,8 @@ stage.after.push(() => {
     element.style.borderBottomColor = label.color ?? "";
     const over = label.kind === "name"; // its lower edge is where the head is
     const [x, y] = over ? [label.x - element.offsetWidth / 2, label.y - element.offsetHeight] : [label.x + 12, below - 9];
-    element.style.transform = `translate(${x}px, ${y}px)`;
+    const inside = Math.max(0, Math.min(x, clientWidth - element.offsetWidth));
+    element.style.transform = `translate(${inside}px, ${y}px)`;
   });
 });
 
