@@ -8,10 +8,10 @@ from scipy.ndimage import minimum_filter1d
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
 from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.ground import WINDOW, grounded
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
-from robot_retarget.motion.stance import intervals
+from robot_retarget.motion.stance import StanceRule, intervals
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
 
@@ -26,8 +26,6 @@ class ActivityRule:
     """A flight has no foot on the floor for longer [s] ..."""
     high: float = 0.12
     """... and both feet higher than this."""
-    drift: float = 0.6
-    """The floor is the lowest point within this time to either side: heights of captures drift [s]."""
     held: float = 0.1
     """A supported human spends this share of the time with the pelvis lower [-] ..."""
     low: float = 0.62
@@ -83,14 +81,14 @@ def _held(x: Floats, match: Match, rule: ActivityRule) -> np.ndarray:
     """(T,) whether the pelvis is low and far from over the feet."""
     pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
     beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
-    return (pelvis[:, 2] < rule.low * np.quantile(pelvis[:, 2], 0.95)) & (beside > rule.beside)
+    return (pelvis[:, 2] < rule.low * -StanceRule().floor_height(-pelvis[:, 2])) & (beside > rule.beside)
 
 
 def _flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> np.ndarray:
     """(T,) whether both feet are high; on tiptoe the toes stay low."""
     parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
-    lowest = (x[:, parts, 2] - np.quantile(x[:, parts, 2], 0.05, axis=0)).min(axis=1)
-    return lowest - minimum_filter1d(lowest, 2 * round(rule.drift * fps) + 1, mode="nearest") > rule.high
+    lowest = (x[:, parts, 2] - StanceRule().floor_height(x[:, parts, 2], axis=0)).min(axis=1)
+    return lowest - minimum_filter1d(lowest, 2 * round(WINDOW * fps) + 1, mode="nearest") > rule.high
 
 
 def _longest(kind: str, flags: np.ndarray, fps: float) -> Activity:

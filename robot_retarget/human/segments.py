@@ -20,14 +20,11 @@ from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT, levelled
 from robot_retarget.robot.hands import hand_frames
 
-LEVEL = {"pelvis": 0.1, "chest": 0.1, "head": 0.6, "hand": 0.55}
-"""Axes of a joint within this angle of those of an upright segment are replaced by them [rad]."""
-STRAIGHT = 1.0
-"""Fingers that differ by more from the mean direction of the hand are a placeholder of the file [rad]."""
-LIKELY = {"head": 1.2, "hand": np.pi / 2}
-"""A rest pose that differs by more from the mean orientation of a segment is arbitrary [rad]."""
-LEANT = 0.2
-"""Largest mean lean of a head without rotations [rad]; a larger one is the shape of its neck."""
+LEVEL = {"trunk": 0.1, "end": 0.6}
+"""Axes of a joint within this angle of those of an upright segment are replaced by them: of pelvis and chest, and of head
+and hands, which clips may show bent throughout [rad]."""
+LIKELY = 1.2
+"""Rest poses and fingers that differ by more from the mean orientation over the clip are arbitrary [rad]."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -52,8 +49,8 @@ def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats
         return built @ _nod(built, frames["chest"]) if segment == "head" else built
     constant = constant_between(own, built)
     if segment == "head":  # at rest it faces as the chest does
-        constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"], segment)
-    return own @ levelled(constant, LEVEL[segment])
+        constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"])
+    return own @ levelled(constant, LEVEL["end" if segment == "head" else "trunk"])
 
 
 def trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
@@ -80,7 +77,7 @@ def _leans(match: Match) -> dict[str, Floats]:
 def _nod(head: Floats, chest: Floats) -> Floats:
     """(3, 3) that levels a head whose neck leans otherwise than the robot's on the whole: it faces as the chest then."""
     constant = constant_between(head, chest)
-    return constant if Rotation.from_matrix(constant).magnitude() > LEANT else np.eye(3)
+    return constant if Rotation.from_matrix(constant).magnitude() > BENT else np.eye(3)
 
 
 def facing(frames: dict[str, Floats]) -> Floats:
@@ -114,8 +111,8 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
         return None
     fingers = motion.skeleton.outward(own_joint(motion, match, f"{side}_hand"))
     constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
-    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers), "hand")
-    return own @ levelled(constant, LEVEL["hand"])
+    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers))
+    return own @ levelled(constant, LEVEL["end"])
 
 
 def _resting(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -133,11 +130,11 @@ def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
     return np.stack([ahead, unit(across), np.cross(ahead, unit(across))], axis=1)
 
 
-def _likelier(fitted: Floats, rest: Floats, segment: str) -> Floats:
+def _likelier(fitted: Floats, rest: Floats) -> Floats:
     """The constant (3, 3) of the rest pose, if there is one and what fits over the clip bears it out, else that."""
-    if not np.allclose(rest.T @ rest, np.eye(3), atol=1e-6):
+    if not np.allclose(rest.T @ rest, np.eye(3)):
         return fitted
-    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < LIKELY[segment] else fitted
+    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < LIKELY else fitted
 
 
 def pointed(constant: Floats, fingers: Floats) -> Floats:
@@ -148,7 +145,7 @@ def pointed(constant: Floats, fingers: Floats) -> Floats:
     if not fingers.any():
         return constant
     axis = np.where(np.arange(3) == np.abs(fingers).argmax(), np.sign(fingers), 0.0)
-    ahead = axis if axis @ unit(fingers) > np.cos(LEVEL["hand"]) else unit(fingers)
-    if ahead @ constant[:, 0] < np.cos(STRAIGHT):
+    ahead = axis if axis @ unit(fingers) > np.cos(LEVEL["end"]) else unit(fingers)
+    if ahead @ constant[:, 0] < np.cos(LIKELY):
         return constant
     return Rotation.align_vectors(ahead, constant[:, 0])[0].as_matrix() @ constant

@@ -18,8 +18,8 @@ from robot_retarget.motion.stance import StanceRule
 from robot_retarget.motion.stature import leg_length
 
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
-CUSTOM = {"+x": -1, "+y": 0, "+z": -0.5, "-x": -2, "-y": -2, "-z": -2}
-"""How unusual the axis is, in weak pieces of evidence: files have y up, then z, and none has an axis that points down."""
+CUSTOM = ("+y", "+z", "+x", "-x", "-y", "-z")
+"""Axes that files have up, the usual ones first; none has an axis that points down."""
 SEGMENTS = {
     ("pelvis", "chest"): 0.497, ("neck", "head"): 0.081,
     ("hip", "knee"): 0.1, ("knee", "ankle"): 0.0465, ("ankle", "toe"): 0.0145,
@@ -97,7 +97,7 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
         "rest pose": rule.weak
         * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
         "travel": -rule.strong * _climb(recognition, keypoints, leg, rule),
-        "custom": np.array([rule.weak * CUSTOM[axis] for axis in AXES]),
+        "custom": -rule.weak / 2 * np.array([min(CUSTOM.index(axis), 3) for axis in AXES]),
     }
     total = sum(evidence.values(), np.zeros(len(AXES)))
     order = np.argsort(-total, kind="stable")
