@@ -45,7 +45,16 @@ def events_of(
     depth: Floats,
     fps: float,
 ) -> list[Event]:
-    """Return the intervals of flagged frames, in order of time; all arrays are (T, P)."""
+    """Return the intervals of flagged frames, in order of time; all arrays are (T, P).
+
+    Args:
+        pairs: P names of both links.
+        flagged: (T, P) whether a warning is raised.
+        touching: (T, P) whether links overlap.
+        time_to_contact: (T, P) [s].
+        depth: (T, P) predicted overlap [m].
+        fps: frames per second [1/s].
+    """
     edge = np.diff(flagged.astype(np.int8), axis=0, prepend=0, append=0)
     starts, stops = np.argwhere(edge.T == 1), np.argwhere(edge.T == -1)
     found = []
@@ -61,7 +70,13 @@ def events_of(
 
 
 def figures_of(events: Sequence[Event], frames: int, fps: float) -> dict[str, Any]:
-    """Return counts and the median lead of the events."""
+    """Return counts and the median lead of the events.
+
+    Args:
+        events: of a trajectory.
+        frames: number of frames.
+        fps: frames per second [1/s].
+    """
     hits = [event for event in events if event.contact is not None]
     return {
         "frames": frames,
@@ -74,6 +89,10 @@ def figures_of(events: Sequence[Event], frames: int, fps: float) -> dict[str, An
 
 def write_csv(events: Sequence[Event], path: str | Path) -> Path:
     """Write the events as a table, whole or not at all.
+
+    Args:
+        events: of a trajectory.
+        path: of the file.
 
     Raises:
         OutputError: it cannot be written.

@@ -46,7 +46,13 @@ class Activity:
 
 
 def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) -> Activity:
-    """Classify the activity from feet and pelvis; a match without legs is in place."""
+    """Classify the activity from feet and pelvis; a match without legs is in place.
+
+    Args:
+        motion: the human.
+        match: keypoints that human and robot share.
+        rule: thresholds.
+    """
     chosen, fps = rule or ActivityRule(), motion.fps
     if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
         return Activity(IN_PLACE)

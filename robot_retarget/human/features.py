@@ -50,7 +50,12 @@ class HumanFeatures:
 
 
 def features_of(motion: Motion, match: Match) -> HumanFeatures:
-    """Return the features of a motion; a part of a clip uses the whole clip for its constants."""
+    """Return the features of a motion; a part of a clip uses the whole clip for its constants.
+
+    Args:
+        motion: the human.
+        match: keypoints that human and robot share.
+    """
     clip, span = motion.clip, motion.span
     x = grounded(match.human_positions(clip), match, clip.fps)
     segments = human_frames(clip, match)

@@ -26,7 +26,13 @@ ON_TOES = 0.25
 
 
 def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the axes (T, 3, 3) of both feet; the flat foot corrects one that is on its toes throughout."""
+    """Return the axes (T, 3, 3) of both feet; the flat foot corrects one that is on its toes throughout.
+
+    Args:
+        motion: the human.
+        match: keypoints that human and robot share.
+        x: (T, 3) per keypoint [m].
+    """
     level = grounded(match.human_positions(motion), match, motion.fps)
     top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
     stands, upright = (
@@ -92,6 +98,12 @@ def _foot(
 
 
 def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:
-    """(T, 3, 3) along the foot, across shin and foot, and square to both."""
+    """(T, 3, 3) along the foot, across shin and foot, and square to both.
+
+    Args:
+        knee: (T, 3) [m].
+        ankle: (T, 3) [m].
+        toe: (T, 3) [m].
+    """
     along, y = unit(toe - ankle), unit(np.cross(knee - ankle, toe - ankle))
     return np.stack([along, y, np.cross(along, y)], axis=2)

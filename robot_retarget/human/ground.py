@@ -18,6 +18,11 @@ def grounded(positions: Floats, match: Match, fps: float) -> Floats:
 
     The floor is the lowest foot of the clip. Heights of inertial captures drift: there the floor of each frame is the lowest
     point of the body within `WINDOW` to either side, smoothed. This also removes steps and stairs.
+
+    Args:
+        positions: (T, K, 3) keypoints [m].
+        match: keypoints that human and robot share.
+        fps: frames per second [1/s].
     """
     z = positions[:, :, 2]
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]

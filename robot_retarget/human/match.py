@@ -103,6 +103,12 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
 def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy: Anatomy) -> Match:
     """Join two recognised bodies.
 
+    Args:
+        motion: the human.
+        robot: the robot.
+        recognition: keypoints of the human.
+        anatomy: the robot's keypoints.
+
     Raises:
         MatchError: they share fewer than two bones.
     """
@@ -131,7 +137,12 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
 
 
 def bone_lengths(positions: Floats, parents: Ints) -> Floats:
-    """Return the median lengths (K,) of the bones to the parents, 0 at the root [m]; positions are (T, K, 3)."""
+    """Return the median lengths (K,) of the bones to the parents, 0 at the root [m]; positions are (T, K, 3).
+
+    Args:
+        positions: (T, K, 3) keypoints [m].
+        parents: (K,) index of each keypoint's parent, −1 at the root.
+    """
     lengths = np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
     return frozen(np.median(lengths, axis=0))
 

@@ -28,7 +28,12 @@ LIKELY = 1.2
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
-    """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors."""
+    """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors.
+
+    Args:
+        motion: the human.
+        match: keypoints that human and robot share.
+    """
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
     frames, leans = trunk_frames(x), _leans(match)
     for segment in leans:
@@ -141,6 +146,10 @@ def pointed(constant: Floats, fingers: Floats) -> Floats:
     """A hand's constant (3, 3) with its forward along its fingers (3,), or along the axis that they are near.
 
     How a hand is bent on the whole says little of how it is when straight: a clip may well be all hands on hips.
+
+    Args:
+        constant: (3, 3) forward, left and up of the hand in its joint.
+        fingers: (3,) way to the fingers in the joint, 0 if unknown [m].
     """
     if not fingers.any():
         return constant

@@ -26,7 +26,13 @@ RAISED = {"T-pose": np.pi / 2, "A-pose": np.pi / 4}
 
 
 def calibration_frames(recognition: Recognition, positions: Floats, fps: float) -> tuple[slice, tuple[str, ...]]:
-    """The frames of the motion proper, and a sentence about those before and after it."""
+    """The frames of the motion proper, and a sentence about those before and after it.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        positions: (T, J, 3) of the joints [any unit].
+        fps: frames per second [1/s].
+    """
     notes = []
     start, size = _jumped(recognition, positions, fps)
     if start:
@@ -60,7 +66,13 @@ def _leg(recognition: Recognition, x: Floats) -> float:
 
 
 def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: float) -> tuple[str, ...]:
-    """A sentence for each end of a clip that is a T- or an A-pose, held still before or after a motion."""
+    """A sentence for each end of a clip that is a T- or an A-pose, held still before or after a motion.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        positions: (T, J, 3) of the joints, z up [m].
+        fps: frames per second [1/s].
+    """
     x, notes, count = recognition.place(positions), [], len(positions)
     for which, seen in (("starts", x), ("ends", x[::-1])):
         pose, held = _pose(recognition, seen), _held(recognition, seen)

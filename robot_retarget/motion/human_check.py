@@ -15,6 +15,11 @@ FOUR_LEGGED_ARM = 0.85
 def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
     """Check proportions and posture.
 
+    Args:
+        body: the skeleton in its poses.
+        legs: both legs.
+        arms: both arms.
+
     Raises:
         MatchError: with the reason.
     """
@@ -39,7 +44,13 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
 
 
 def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
-    """Share of the frames in which arms and legs are parallel and the trunk lies across them."""
+    """Share of the frames in which arms and legs are parallel and the trunk lies across them.
+
+    Args:
+        body: the skeleton in its poses.
+        legs: both legs.
+        arms: both arms.
+    """
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
     return float(np.mean((_cosine(leg, arm) > ALIGNED) & (np.abs(_cosine(leg, shoulders - hips)) < ALIGNED)))

@@ -41,7 +41,13 @@ Turn = tuple[float, float, float, float]
 def forward_once(
     parents: Sequence[int], translations: Sequence[Place], rotations: Sequence[Turn]
 ) -> tuple[list[Place], list[Turn]]:
-    """`forward` of a single pose, in plain numbers: for a live stream, in a fifth of the time."""
+    """`forward` of a single pose, in plain numbers: for a live stream, in a fifth of the time.
+
+    Args:
+        parents: J indices of parents, −1 at a root.
+        translations: J places in the parents' frames.
+        rotations: J unit quaternions w x y z in the parents' frames.
+    """
     places: list[Place] = []
     turns: list[Turn] = []
     for parent, place, turn in zip(parents, translations, rotations, strict=True):
@@ -72,7 +78,13 @@ def _product(p: Turn, q: Turn) -> Turn:
 
 
 def backward(parents: Ints, positions: Floats, rotations: Floats) -> tuple[Floats, Floats]:
-    """Each joint's pose in its parent from the poses in the world; the inverse of `forward`."""
+    """Each joint's pose in its parent from the poses in the world; the inverse of `forward`.
+
+    Args:
+        parents: (J,) index of each joint's parent, −1 at a root.
+        positions: (T, J, 3) in the world.
+        rotations: (T, J, 4) in the world, unit w x y z.
+    """
     translations, local = np.array(positions, dtype=float), np.array(rotations, dtype=float)
     for joint, parent in enumerate(parents):
         if parent >= 0:

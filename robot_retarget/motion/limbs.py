@@ -101,7 +101,12 @@ class Body:
         return "heel" in self.evidence[joint].parts and all(map(self._only_heel, self.children[joint]))
 
     def at(self, pair: "Pair", which: int) -> Floats:
-        """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs."""
+        """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs.
+
+        Args:
+            pair: two limbs.
+            which: 0, 1 or 2.
+        """
         return self.positions[:, [limb.joints[which] for limb in pair.sides]]
 
     def distance(self, a: int, b: int) -> float:

@@ -41,7 +41,12 @@ def performers(capture: Capture) -> list[int]:
 
 
 def below(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all that it carries."""
+    """A joint and all that it carries.
+
+    Args:
+        skeleton: names and tree of the joints.
+        joint: index of the joint.
+    """
     carried = {joint}
     for child in range(joint + 1, len(skeleton)):
         if int(skeleton.parents[child]) in carried:
@@ -50,7 +55,12 @@ def below(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def subtree(capture: Capture, joint: int) -> Capture:
-    """The capture of a joint and all that it carries."""
+    """The capture of a joint and all that it carries.
+
+    Args:
+        capture: the content of the file.
+        joint: index of the joint.
+    """
     kept = below(capture.skeleton, joint)
     place = {old: new for new, old in enumerate(kept)}
     old = capture.skeleton

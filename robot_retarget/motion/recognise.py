@@ -102,6 +102,11 @@ def recognise_with(skeleton: Skeleton, positions: Floats, table: Mapping[str, An
 
     A table that names every keypoint is used even without a recognised body.
 
+    Args:
+        skeleton: names and tree of the joints.
+        positions: (T, J, 3) of the joints [any unit].
+        table: keypoints by name, as in a map file.
+
     Raises:
         MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.
     """
@@ -116,6 +121,11 @@ def recognise_with(skeleton: Skeleton, positions: Floats, table: Mapping[str, An
 
 def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, Any]) -> Recognition:
     """Replace keypoints by the joints a user names: `l_hand = "LeftHand"`, or several whose mean is taken.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        skeleton: names and tree of the joints.
+        table: keypoint → name of a joint, or names whose joints' mean is taken.
 
     Raises:
         MatchError: a keypoint or a joint that is not known.

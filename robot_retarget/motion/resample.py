@@ -20,6 +20,10 @@ def resample(motion: Motion, fps: float) -> Motion:
     With rotations, each joint's pose in its parent is interpolated (slerp, lerp) and put together again, so that bones
     keep their lengths; without, positions are interpolated linearly.
 
+    Args:
+        motion: the motion.
+        fps: the new rate [1/s].
+
     Raises:
         UsageError: `fps` is not a number from 1 to 1000.
     """
@@ -40,6 +44,11 @@ def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
     """The motion at (T,) whole or broken numbers of its frames, in any order, the ends held beyond them; played at `fps`.
 
     Contacts are those of the nearest frame.
+
+    Args:
+        motion: the motion.
+        frames: (N,) indices of frames, whole or not.
+        fps: rate at which the result is played [1/s].
     """
     at = np.clip(frames, 0, len(motion) - 1)
     contacts = None if motion.contacts is None else motion.contacts[np.round(at).astype(int)]

@@ -35,7 +35,13 @@ class Votes:
 
 
 def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
-    """How the first of two legs stands to where feet point, knees bend and elbows do not."""
+    """How the first of two legs stands to where feet point, knees bend and elbows do not.
+
+    Args:
+        body: the skeleton in its poses.
+        legs: both legs.
+        arms: both arms.
+    """
     hips, shoulders = body.at(legs, 0), body.at(arms, 0)
     up = unit(shoulders.mean(axis=1) - hips.mean(axis=1))
     line = unit(hips[:, 0] - hips[:, 1])
@@ -50,14 +56,25 @@ def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
 
 
 def named_leftness(body: Body, pair: Pair) -> int:
-    """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown."""
+    """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown.
+
+    Args:
+        body: the skeleton in its poses.
+        pair: two limbs.
+    """
     value = {"l": 1, "r": -1, "": 0}
     first, second = (sum(value[body.evidence[joint].side] for joint in limb.joints) for limb in pair.sides)
     return int(np.sign(first - second))
 
 
 def same_side_first(body: Body, legs: Pair, arms: Pair) -> bool:
-    """Whether the first arm is on the side of the first leg."""
+    """Whether the first arm is on the side of the first leg.
+
+    Args:
+        body: the skeleton in its poses.
+        legs: both legs.
+        arms: both arms.
+    """
     lines = [joints[:, 0] - joints[:, 1] for joints in (body.at(legs, 0), body.at(arms, 0))]
     return float(np.einsum("fi,fi->f", *lines).mean()) >= 0
 

@@ -172,13 +172,22 @@ class Motion:
         return self.start_time + np.arange(len(self)) / self.fps
 
     def at_source_time(self, times: Floats, fps: float) -> "Motion":
-        """Return the motion at times (T,) in the source file [s], played at `fps`; times beyond it take its ends."""
+        """Return the motion at times (T,) in the source file [s], played at `fps`; times beyond it take its ends.
+
+        Args:
+            times: (N,) [s].
+            fps: frames per second [1/s].
+        """
         from robot_retarget.motion.resample import at_frames
 
         return at_frames(self, (times - self.start_time) * self.fps, fps)
 
     def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
         """The frames start … stop − 1, a part that keeps the clip's map, floor and contacts.
+
+        Args:
+            start: first frame.
+            stop: frame after the last; by default the end.
 
         Raises:
             UsageError: the range is empty or leaves the clip.

@@ -30,11 +30,21 @@ class StanceRule:
     """Quantile of the heights that is the floor: lower ones are outliers [-]."""
 
     def floor_height(self, heights: Floats, axis: int | None = None) -> Floats:
-        """Return the floor under points, from their heights [m or leg lengths]."""
+        """Return the floor under points, from their heights [m or leg lengths].
+
+        Args:
+            heights: of points over time [m or leg lengths].
+            axis: axis of time; by default all axes.
+        """
         return np.quantile(heights, self.floor, axis=axis)
 
     def triggers(self, speed: Floats, height: Floats) -> tuple[Bools, Bools]:
-        """Return whether points may start to stand, and whether points that stand may stay."""
+        """Return whether points may start to stand, and whether points that stand may stay.
+
+        Args:
+            speed: (…) [leg lengths / s].
+            height: (…) above the floor [leg lengths].
+        """
         enter = (speed < self.enter_speed) & (height < self.enter_height)
         return enter, (speed < self.leave_speed) & (height < self.leave_height)
 
@@ -53,14 +63,26 @@ def standing(points: Floats, height: Floats, fps: float, rule: StanceRule) -> Bo
 
 
 def without_flicker(stands: Bools, fps: float, rule: StanceRule) -> Bools:
-    """Remove stances and swings (T, …) that are shorter than `rule.shortest`."""
+    """Remove stances and swings (T, …) that are shorter than `rule.shortest`.
+
+    Args:
+        stands: (T, …) whether points stand.
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
     width = 2 * int(rule.shortest * fps / 2) + 1
     size = (width, *(1,) * (stands.ndim - 1))
     return median_filter(stands.astype(np.uint8), size, mode="nearest").astype(bool)
 
 
 def speed_of(points: Floats, fps: float, rule: StanceRule) -> Floats:
-    """Return the speed (T, …) of points (T, …, 3), averaged over `rule.averaged`."""
+    """Return the speed (T, …) of points (T, …, 3), averaged over `rule.averaged`.
+
+    Args:
+        points: (T, …, 3) [leg lengths].
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
     if len(points) < 2:
         return np.zeros(points.shape[:-1])
     step = np.linalg.norm(np.diff(points, axis=0), axis=-1) * fps

@@ -16,7 +16,12 @@ _ANKLE_TO_HEAD = 0.86
 
 
 def leg_length(recognition: Recognition, positions: Floats) -> float:
-    """Hip to knee to ankle, the mean of both legs."""
+    """Hip to knee to ankle, the mean of both legs.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        positions: (T, J, 3) of the joints [any unit].
+    """
     bones = [
         _length(recognition, positions, *(f"{side}_{part}" for part in ("hip", "knee", "ankle"))) for side in SIDES
     ]
@@ -24,7 +29,12 @@ def leg_length(recognition: Recognition, positions: Floats) -> float:
 
 
 def stature(recognition: Recognition, positions: Floats) -> float:
-    """Legs and spine end to end over their share of the stature; from the legs alone for a body without a head."""
+    """Legs and spine end to end over their share of the stature; from the legs alone for a body without a head.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        positions: (T, J, 3) of the joints [any unit].
+    """
     leg = leg_length(recognition, positions)
     if "head" not in recognition.marks:
         return leg / _HIP_TO_ANKLE

@@ -26,7 +26,13 @@ class Found:
 
 
 def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
-    """The joints of chest, neck and head that this body has."""
+    """The joints of chest, neck and head that this body has.
+
+    Args:
+        body: the skeleton in its poses.
+        legs: both legs.
+        arms: both arms.
+    """
     height = _heights(body, legs, arms)
     found: dict[str, Found] = {}
     chest = _chest(body, legs, arms, height)

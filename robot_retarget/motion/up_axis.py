@@ -84,6 +84,12 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     """Score the six signed axes of a file.
 
     The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        capture: the content of the file.
+        metres: in the file's unit.
+        rule: weights of the evidence.
     """
     rule = rule or UpAxisRule()
     positions = capture.positions
@@ -153,7 +159,12 @@ def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAx
 
 
 def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:
-    """(T, 3) of keypoints (T, K, 3), from the segments that the body has."""
+    """(T, 3) of keypoints (T, K, 3), from the segments that the body has.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        keypoints: (T, K, 3) [m].
+    """
     at, total, mass = recognition.keypoints.index, np.zeros(keypoints[:, 0].shape), 0.0
     for (upper, lower), share in SEGMENTS.items():
         for side in ("",) if upper in ("pelvis", "neck") else ("l_", "r_"):

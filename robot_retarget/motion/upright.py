@@ -76,7 +76,12 @@ def signed_axis(name: str) -> str:
 
 
 def unit_of(recognition: Recognition, positions: Floats) -> tuple[float, str]:
-    """Metres in the file's unit, and a sentence: the known unit that makes an adult's stature, else one that fits."""
+    """Metres in the file's unit, and a sentence: the known unit that makes an adult's stature, else one that fits.
+
+    Args:
+        recognition: keypoints of the skeleton.
+        positions: (T, J, 3) of the joints [file units].
+    """
     tall = stature(recognition, positions)
     for name, metres in UNITS.items():
         if STATURES[0] <= tall * metres <= STATURES[1]:

@@ -70,7 +70,13 @@ class Anatomy:
 
 
 def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
-    """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest."""
+    """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest.
+
+    Args:
+        robot: the robot.
+        anatomy: the robot's keypoints.
+        end: keypoint at the end of the limb.
+    """
     sites, moves = anatomy.sites, carrying(robot.model)[:, robot.dof_index]
     still = moves[sites["chest"].body] if "chest" in sites else np.zeros(moves.shape[1], dtype=bool)
     return np.flatnonzero(moves[sites[end].body] & ~still)

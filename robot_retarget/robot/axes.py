@@ -11,7 +11,12 @@ BENT = 0.2
 
 
 def levelled(turn: Floats, most: float) -> Floats:
-    """The nearest of the 24 rotations (3, 3) that take axes to axes, if it is within `most` [rad] of `turn`; else `turn` itself."""
+    """The nearest of the 24 rotations (3, 3) that take axes to axes, if it is within `most` [rad] of `turn`; else `turn` itself.
+
+    Args:
+        turn: (3, 3) rotation.
+        most: largest angle [rad].
+    """
     turns = CUBE.inv() * Rotation.from_matrix(turn)
     nearest = int(np.argmin(turns.magnitude()))
     return CUBE[nearest].as_matrix() if turns[nearest].magnitude() < most else turn

@@ -54,6 +54,10 @@ class Coupling:
         """Return a nearby configuration that satisfies all constraints, by Newton steps that move mostly joints without children.
 
         Steps are short, so that a rod near its dead centre is not thrown onto another branch.
+
+        Args:
+            qpos: (nq,) configuration.
+            steps: largest number of Newton steps.
         """
         q = np.array(qpos)
         for _ in range(steps if self.present else 0):

@@ -28,7 +28,13 @@ def root_dofs(robot: Robot) -> Ints:
 
 
 def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
-    """(T, nv) by central differences of configurations (T, nq), one-sided at the ends."""
+    """(T, nv) by central differences of configurations (T, nq), one-sided at the ends.
+
+    Args:
+        robot: the robot.
+        qpos: (T, nq) configurations.
+        fps: frames per second [1/s].
+    """
     model, last = robot.model, len(qpos) - 1
     found = np.zeros((len(qpos), model.nv))
     for t in range(len(qpos) if last else 0):
@@ -38,7 +44,13 @@ def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
 
 
 def momenta(robot: Robot, qpos: Floats, qvel: Floats) -> tuple[Floats, Floats, Floats]:
-    """Centre of mass (T, 3) [m], linear momentum (T, 3) [kg m/s] and angular momentum about it (T, 3) [kg m²/s]."""
+    """Centre of mass (T, 3) [m], linear momentum (T, 3) [kg m/s] and angular momentum about it (T, 3) [kg m²/s].
+
+    Args:
+        robot: the robot.
+        qpos: (T, nq) configurations.
+        qvel: (T, nv) velocities.
+    """
     model, data = robot.model, mujoco.MjData(robot.model)
     tree = int(model.body_rootid[robot.root_body])
     found = np.empty((3, len(qpos), 3))
@@ -92,7 +104,14 @@ def tread(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Tread:
 
 
 def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0.0) -> Floats:
-    """(T, 2) where on the floor z = 0 the contact forces push [m]; see `tread`."""
+    """(T, 2) where on the floor z = 0 the contact forces push [m]; see `tread`.
+
+    Args:
+        robot: the robot.
+        qpos: (T, nq) configurations.
+        fps: frames per second [1/s].
+        smooth: standard deviation of a Gaussian over velocities [s].
+    """
     return tread(robot, qpos, fps, smooth).point
 
 
@@ -100,6 +119,13 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
     """Return the joint torques (T, n) [N m] of a motion (T, nq) on planted soles, and those at rest in its poses.
 
     Damping and dry friction are not included: the servo model adds them. `smooth` as in `tread`, over velocities.
+
+    Args:
+        robot: the robot.
+        qpos: (T, nq) configurations.
+        fps: frames per second [1/s].
+        soles: corners of the soles.
+        smooth: standard deviation of a Gaussian over velocities [s].
     """
     moving = required_forces(robot, qpos, fps, soles, smooth)
     still = np.zeros_like(moving)
@@ -147,7 +173,15 @@ def _inverse(robot: Robot, motion: tuple[Floats, Floats, Floats], soles: Points,
 
 
 def floor_push(model: mujoco.MjModel, data: mujoco.MjData, soles: Points, root: Ints, wrench: Floats) -> Floats:
-    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,)."""
+    """(nv,) generalised force of the floor on the planted corners that together push the root by `wrench` (6,).
+
+    Args:
+        model: the compiled model.
+        data: the robot's poses.
+        soles: corners of the soles.
+        root: (6,) indices of the root in qvel.
+        wrench: (6,) on the root [N, N m].
+    """
     places = data.xpos[soles.bodies] + np.einsum("kij,kj->ki", data.xmat[soles.bodies].reshape(-1, 3, 3), soles.offsets)
     height = places[:, 2] - places[:, 2].min()
     planted = np.flatnonzero(height < PLANTED)

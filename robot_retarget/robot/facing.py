@@ -53,6 +53,13 @@ def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, give
     `links` is the robot in its reference pose, `flat` with its soles flat. Without votes, or with equal votes for both,
     the model's x axis is forward.
 
+    Args:
+        links: the links in the reference pose.
+        flat: the links with level soles.
+        legs: both legs, if found.
+        arms: both arms, if found.
+        given: (3,) heading from a map file, if given.
+
     Raises:
         MatchError: the given direction does not fit: the robot's limbs are not to the left and right of it.
     """

@@ -39,7 +39,12 @@ class Points:
 
 
 def body_frames(robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
-    """World positions (T, B, 3) [m] and rotations (T, B, 3, 3) of every body at qpos (T, nq), by MuJoCo."""
+    """World positions (T, B, 3) [m] and rotations (T, B, 3, 3) of every body at qpos (T, nq), by MuJoCo.
+
+    Args:
+        robot: the robot.
+        qpos: (T, nq) configurations.
+    """
     model, data = robot.model, mujoco.MjData(robot.model)
     positions, rotations = np.empty((len(qpos), model.nbody, 3)), np.empty((len(qpos), model.nbody, 3, 3))
     for t, q in enumerate(qpos):
@@ -50,7 +55,13 @@ def body_frames(robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
 
 
 def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
-    """World positions (T, P, 3) [m] of points at qpos (T, nq)."""
+    """World positions (T, P, 3) [m] of points at qpos (T, nq).
+
+    Args:
+        robot: the robot.
+        points: points fixed to bodies.
+        qpos: (T, nq) configurations.
+    """
     places = np.empty((len(qpos), len(points), 3))
     for first in range(0, len(qpos), BLOCK):
         block = slice(first, first + BLOCK)
@@ -61,7 +72,12 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
 
 
 def point_function(robot: Robot, points: Points) -> ca.Function:
-    """q (nq) ↦ positions (3P, stacked x y z per point) [m] and their Jacobian by v (3P, nv)."""
+    """q (nq) ↦ positions (3P, stacked x y z per point) [m] and their Jacobian by v (3P, nv).
+
+    Args:
+        robot: the robot.
+        points: points fixed to bodies.
+    """
     bodies = Bodies(robot)
     x = bodies.places(points)
     return bodies.function("points", [ca.vec(x), bodies.travel(x, carrying(robot.model)[points.bodies])])
@@ -74,7 +90,12 @@ def mass_function(robot: Robot) -> ca.Function:
 
 
 def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[Any, Any]:
-    """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q."""
+    """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q.
+
+    Args:
+        robot: the robot.
+        bodies: the robot's bodies as expressions.
+    """
     model = robot.model
     heavy = np.flatnonzero((model.body_rootid == model.body_rootid[robot.root_body]) & (model.body_mass > 0))
     shares = model.body_mass[heavy] / model.body_mass[heavy].sum()
@@ -126,7 +147,12 @@ class Bodies:
         return ca.skew(self.axes[dof]) @ e if self.anchors[dof] is not None else ca.SX(*e.shape)
 
     def travel(self, x: Any, carried: np.ndarray) -> Any:
-        """(3P, nv) the Jacobian of points (3, P) carried by dofs (P, nv), x y z one point after the other."""
+        """(3P, nv) the Jacobian of points (3, P) carried by dofs (P, nv), x y z one point after the other.
+
+        Args:
+            x: (3, P) points [m].
+            carried: (P, nv) whether a dof moves a point.
+        """
         return self._columns(self.velocity, x, carried)
 
     def turning(self, e: Any, carried: np.ndarray) -> Any:
@@ -173,14 +199,26 @@ class Bodies:
 
 
 def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
-    """q ⊕ v: (nq,) moved by the tangent vector (nv,)."""
+    """q ⊕ v: (nq,) moved by the tangent vector (nv,).
+
+    Args:
+        robot: the robot.
+        qpos: (nq,) configuration.
+        velocity: (nv,) tangent vector.
+    """
     moved = np.array(qpos)
     mujoco.mj_integratePos(robot.model, moved, velocity, 1.0)
     return moved
 
 
 def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
-    """The tangent vector (nv,) that leads from one configuration to another: start ⊕ v = end."""
+    """The tangent vector (nv,) that leads from one configuration to another: start ⊕ v = end.
+
+    Args:
+        robot: the robot.
+        start: (nq,) configuration.
+        end: (nq,) configuration.
+    """
     velocity = np.empty(robot.model.nv)
     mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
     return velocity

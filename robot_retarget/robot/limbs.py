@@ -156,6 +156,11 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     """Hip, knee and ankle of a leg, from its flexion axes: the hinges that are parallel to the hip line.
 
     Nothing where the knee is not under the hip: a robot that lies or stands on its head.
+
+    Args:
+        links: the links in the reference pose.
+        chain: the limb.
+        lateral: (3,) unit vector along the hip line.
     """
     flexions = _flexions(chain, lateral)
     if len(flexions) < 2:
@@ -190,7 +195,12 @@ def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
 
 
 def foot_links(links: Links, legs: Pair) -> list[int]:
-    """The links that carry the ankles of both legs."""
+    """The links that carry the ankles of both legs.
+
+    Args:
+        links: the links in the reference pose.
+        legs: both legs.
+    """
     found = [leg_centres(links, chain, legs.lateral).get("ankle") for chain in legs.chains]
     return [ankle.link for ankle in found if ankle is not None]
 
@@ -236,7 +246,15 @@ def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats)
 
 
 def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forward: Floats) -> Centre:
-    """The joint of the toes, or the front edge of the sole of a foot's `surface` (P, 3); the robot stands."""
+    """The joint of the toes, or the front edge of the sole of a foot's `surface` (P, 3); the robot stands.
+
+    Args:
+        standing: the links with level soles.
+        foot: link of the foot.
+        surface: (P, 3) points of the foot [m].
+        ankle: (3,) [m].
+        forward: (3,) unit vector.
+    """
     hinged = [a for child in standing.children[foot] for a in standing.axes(child)]
     if hinged:
         return Centre(hinged[0].nearest(ankle), foot, "toe joint", SURE)
@@ -252,7 +270,12 @@ def sole_cloud(surface: Floats) -> Floats:
 
 
 def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
-    """Shoulder, elbow and hand of an arm."""
+    """Shoulder, elbow and hand of an arm.
+
+    Args:
+        links: the links in the reference pose.
+        chain: the limb.
+    """
     elbow_axis, evidence, confidence = _elbow_axis(links, chain)
     if elbow_axis is None:
         return {}
@@ -334,7 +357,13 @@ def joint_names(links: Links, axes: list[Axis]) -> list[str]:
 
 
 def said(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
-    """Whether the hinge, or the body it carries when the hinge itself says nothing, is called one of the words."""
+    """Whether the hinge, or the body it carries when the hinge itself says nothing, is called one of the words.
+
+    Args:
+        links: the links in the reference pose.
+        axis: the hinge.
+        vocabulary: words in lower case.
+    """
     return bool(words(links.model.joint(axis.joint).name) & vocabulary) or bool(
         words(links.model.body(axis.link).name) & vocabulary and len(links.axes(axis.link)) == 1
     )

@@ -38,7 +38,12 @@ class Axis:
         return self.anchor + self.direction * (self.direction @ (point - self.anchor))
 
     def beside(self, point: Floats, lateral: Floats) -> Floats:
-        """The point of the line as far along `lateral`, a unit vector not across the line, as `point` is."""
+        """The point of the line as far along `lateral`, a unit vector not across the line, as `point` is.
+
+        Args:
+            point: (3,) [m].
+            lateral: (3,) unit vector.
+        """
         return self.anchor + self.direction * float(lateral @ (point - self.anchor) / (lateral @ self.direction))
 
     def distance(self, point: Floats) -> float:
@@ -54,7 +59,12 @@ def _nearest_on(axis: Axis, others: list[Axis]) -> Floats:
 
 
 def meeting_point(axes: list[Axis], near: Floats) -> Floats:
-    """The point nearest to all lines in the least squares; where that leaves freedom, the one nearest to `near`."""
+    """The point nearest to all lines in the least squares; where that leaves freedom, the one nearest to `near`.
+
+    Args:
+        axes: lines.
+        near: (3,) [m].
+    """
     projectors = [np.eye(3) - np.outer(a.direction, a.direction) for a in axes]
     normal = sum(projectors, np.zeros((3, 3)))
     pull = sum((p @ (a.anchor - near) for p, a in zip(projectors, axes, strict=True)), np.zeros(3))
@@ -160,7 +170,12 @@ class Links:
         return self.data.xpos[link].copy()
 
     def surface(self, link: int, seen: bool = False) -> Floats:
-        """Points (P, 3) on the solid geoms of a link, or on all that are `seen`; its origin when it has no geom."""
+        """Points (P, 3) on the solid geoms of a link, or on all that are `seen`; its origin when it has no geom.
+
+        Args:
+            link: id of the link.
+            seen: whether geoms that do not collide count.
+        """
         geoms = [int(g) for b in self.bodies(link) for g in np.flatnonzero(self.model.geom_bodyid == b)]
         clouds = [self.geom_points(g) for g in (geoms if seen else self.solid(geoms))]
         return np.concatenate(clouds) if clouds else self.origin(link)[None]
@@ -176,11 +191,21 @@ class Links:
         return local @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
 
     def local(self, body: int, point: Floats) -> Floats:
-        """A world point in a body's frame."""
+        """A world point in a body's frame.
+
+        Args:
+            body: id of the body.
+            point: (3,) in the world [m].
+        """
         return (point - self.data.xpos[body]) @ self.data.xmat[body].reshape(3, 3)
 
     def place(self, body: int, offset: Floats) -> Floats:
-        """Where a point of a body's frame is in the world."""
+        """Where a point of a body's frame is in the world.
+
+        Args:
+            body: id of the body.
+            offset: (3,) in the body's frame [m].
+        """
         return self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ offset
 
     def words(self, link: int) -> str:
@@ -191,7 +216,12 @@ class Links:
 
 
 def local_points(model: mujoco.MjModel, geom: int) -> Floats:
-    """Points (P, 3) that span a geom, in its own frame [m]."""
+    """Points (P, 3) that span a geom, in its own frame [m].
+
+    Args:
+        model: the compiled model.
+        geom: id of the geom.
+    """
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]  # NumPy's own integers are in no tuple of kinds
     if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]

@@ -145,6 +145,14 @@ def robot_from_model(
     `limits` adds values that an MJCF lacks, from a limits file (`catalog.read_limits`): tables `range` {joint: [lower,
     upper]} [rad], `speed` {joint: rad/s} and `torque` {joint: N m}; the key `*` applies to all joints.
 
+    Args:
+        model: the compiled model.
+        path: the model's file.
+        name: of the robot.
+        limits: tables of a limits file (`catalog.read_limits`).
+        notes: sentences about the file.
+        freed: rotation of a robot with an added free joint, w x y z.
+
     Raises:
         RobotError: no hinges, a ball joint, or a limit for an absent joint.
     """

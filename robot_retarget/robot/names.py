@@ -55,7 +55,12 @@ def humanoids(descriptions: Mapping[str, Any]) -> dict[str, str]:
 
 
 def resolved(name: str, entries: Mapping[str, str]) -> str | None:
-    """The module that a name means: its own name, its stem, with or without the maker, or the first of a family."""
+    """The module that a name means: its own name, its stem, with or without the maker, or the first of a family.
+
+    Args:
+        name: as typed.
+        entries: module → maker.
+    """
     typed = name.lower().replace("-", "_").replace(" ", "_")
     if typed in entries:
         return typed

@@ -29,6 +29,10 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     `keypoint = ["body", x, y, z]` replace keypoints (`override`). A table of all keypoints applies even if recognition
     fails.
 
+    Args:
+        robot: the robot.
+        table: keypoints by name, as in a map file.
+
     Raises:
         MatchError: recognition fails and the table lacks a keypoint, or a line is not of these forms.
     """
@@ -77,6 +81,11 @@ def _are_numbers(values: Any, count: int) -> bool:
 
 def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     """Replace keypoints by lines `keypoint = ["body", x, y, z]` of a correspondence file.
+
+    Args:
+        anatomy: the robot's keypoints.
+        robot: the robot.
+        table: keypoint → ["body", x, y, z] [m].
 
     Raises:
         MatchError: an unknown keypoint or body, or a line of another form.

@@ -23,7 +23,12 @@ def require_usable_gl() -> None:
 
 
 def unusable(backend: str, system: str) -> str:
-    """Return the reason that a value of MUJOCO_GL cannot be used on a system; empty if it can."""
+    """Return the reason that a value of MUJOCO_GL cannot be used on a system; empty if it can.
+
+    Args:
+        backend: value of MUJOCO_GL.
+        system: name of the operating system.
+    """
     if backend in (*OFF, *ON, *OTHER_SYSTEMS.get(system, ())):
         return ""
     library = LIBRARIES.get(backend) if system == "Linux" else None

@@ -56,7 +56,13 @@ def _carried(robot: Robot, qpos: Floats, body: int, offset: Floats, place: Float
 
 
 def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
-    """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward."""
+    """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward.
+
+    Args:
+        robot: the robot.
+        qpos: (nq,) configuration.
+        height: upwards [m].
+    """
     if robot.floating:
         moved = np.array(qpos)
         moved[robot.root_address + 2] += height

@@ -99,13 +99,22 @@ class Separation:
         return slope
 
     def clearance_deficit(self, distance: Floats, rest: Floats) -> Floats:
-        """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so."""
+        """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so.
+
+        Args:
+            distance: (C,) [m].
+            rest: (C,) at rest [m].
+        """
         return np.minimum(self.margin, rest) - distance
 
     def foremost(self, distance: Floats, rest: Floats) -> Ints:
         """At most `most` of many places, those with the least room to the margin, the nearest first.
 
         Contacts with equal room are kept or dropped together, so that left and right are treated alike.
+
+        Args:
+            distance: (C,) [m].
+            rest: (C,) at rest [m].
         """
         order = np.argsort(distance, kind="stable")
         if len(order) <= self.most:

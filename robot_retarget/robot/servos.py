@@ -12,6 +12,10 @@ from robot_retarget.robot.model import Robot
 def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
     """Return the robot on the servos of a map: ranges and speeds are limited to those of its goals.
 
+    Args:
+        robot: the robot.
+        servo_map: the servos that turn its joints.
+
     Raises:
         RobotError: a joint has no servo, or its range does not overlap that of its servo.
     """

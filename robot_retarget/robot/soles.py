@@ -55,7 +55,13 @@ def _flat_face(cloud: Floats) -> Floats | None:
 
 
 def sole(standing: Links, foot: int, surface: Floats) -> Points:
-    """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once."""
+    """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once.
+
+    Args:
+        standing: the links with level soles.
+        foot: link of the foot.
+        surface: (P, 3) points of the foot [m].
+    """
     azimuth = _all_around()
     ways = [[[np.cos(a) * np.cos(t), np.sin(a) * np.cos(t), -np.sin(t)] for a in azimuth] for t in SOLE_TILTS]
     flat, rim, below = sole_cloud(surface), ways[0], np.concatenate(ways[1:])
@@ -66,7 +72,12 @@ def sole(standing: Links, foot: int, surface: Floats) -> Points:
 
 
 def tread(standing: Links, foot: int) -> Points:
-    """The points of the solid surface that touch the floor when the foot stands flat: the extremes all around."""
+    """The points of the solid surface that touch the floor when the foot stands flat: the extremes all around.
+
+    Args:
+        standing: the links with level soles.
+        foot: link of the foot.
+    """
     cloud = standing.surface(foot)
     flat = cloud[cloud[:, 2] < cloud[:, 2].min() + TREAD]
     azimuth = _all_around()

@@ -124,6 +124,11 @@ def mesh_file(urdf: Path, folder: str, name: str) -> Path | None:
     """Return the file for a name in a URDF; `package://…` is searched in the folders above the URDF's.
 
     A mesh in an unsupported format is replaced by a file of the same name in a supported format next to it.
+
+    Args:
+        urdf: path of the URDF.
+        folder: its mesh folder, relative to the URDF.
+        name: name of the mesh in the URDF.
     """
     bare = name.partition("://")[2] or name
     parts = Path(bare).parts
@@ -140,6 +145,10 @@ def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
     """Turn the first body of the world that carries a joint, and give it a free joint if it is fixed to the world.
 
     Keyframes start at its pose; keyframes of a body that is free already include its rotation.
+
+    Args:
+        spec: the specification, which changes.
+        turn: rotation w x y z.
     """
     model = spec.compile()
     first, address = int(model.body_rootid[model.jnt_bodyid[0]]), int(model.jnt_qposadr[0])

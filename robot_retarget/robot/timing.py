@@ -17,6 +17,10 @@ TICK = 1e-9
 def require_same_robot(trajectory: Trajectory, robot: Robot) -> None:
     """Check that a trajectory's columns are this robot's.
 
+    Args:
+        trajectory: the trajectory.
+        robot: the robot.
+
     Raises:
         TrajectoryError: another number of joints or of coordinates, or the first joint that has another name.
     """
@@ -35,6 +39,11 @@ def sample(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
     """Configurations (N, nq) at times (N,) [s], straight between frames; quaternions by slerp, held past both ends.
 
     Neighbouring quaternions come with the same sign, so that q and −q never stand side by side.
+
+    Args:
+        trajectory: the trajectory.
+        robot: the robot.
+        times: (N,) [s].
     """
     frames = np.arange(len(trajectory)) / trajectory.fps
     at = np.clip(times, 0.0, frames[-1])
@@ -45,13 +54,24 @@ def sample(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
 
 
 def sample_hinges(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
-    """Hinge angles (N, n) [rad] as `sample` has them, without the root."""
+    """Hinge angles (N, n) [rad] as `sample` has them, without the root.
+
+    Args:
+        trajectory: the trajectory.
+        robot: the robot.
+        times: (N,) [s].
+    """
     frames = np.arange(len(trajectory)) / trajectory.fps
     return _straight(trajectory.qpos[:, robot.qpos_index], frames, np.clip(times, 0.0, frames[-1]))
 
 
 def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     """The trajectory at another frame rate, without goals; its last frame is the last that fits before the end.
+
+    Args:
+        trajectory: the trajectory.
+        robot: the robot.
+        fps: the new rate [1/s].
 
     Raises:
         UsageError: the rate is not positive.
@@ -66,7 +86,12 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
 
 
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:
-    """Velocities (T − 1, n) of the hinges from each frame to the next [rad/s]."""
+    """Velocities (T − 1, n) of the hinges from each frame to the next [rad/s].
+
+    Args:
+        trajectory: the trajectory.
+        robot: the robot.
+    """
     return np.diff(trajectory.qpos[:, robot.qpos_index], axis=0) * trajectory.fps
 
 

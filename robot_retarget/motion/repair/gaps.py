@@ -57,6 +57,12 @@ def bridged(capture: Capture, joint: int, first: int, last: int) -> Capture:
     """Interpolate the joints from `joint` on between the frame before `first` and the one after `last`.
 
     Each turns in its parent along the shortest way; without rotations its place as seen from its parent is led.
+
+    Args:
+        capture: the content of the file.
+        joint: the first joint that is interpolated.
+        first: first frame of the gap.
+        last: last frame of the gap.
     """
     skeleton = capture.skeleton
     joints = [k for k in range(len(skeleton)) if joint in skeleton.above(k)]

@@ -39,7 +39,13 @@ class NoiseRule:
 
 
 def noise_of(points: Floats, fps: float, rule: NoiseRule) -> float:
-    """Deviation σ of the noise in points (T, K, 3), of the median point; 0 where it cannot be measured."""
+    """Deviation σ of the noise in points (T, K, 3), of the median point; 0 where it cannot be measured.
+
+    Args:
+        points: (T, K, 3) [m].
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
     window = round(rule.window * fps)
     if len(points) < window + ORDER or fps < rule.lowest_rate:
         return 0.0
@@ -51,7 +57,12 @@ def noise_of(points: Floats, fps: float, rule: NoiseRule) -> float:
 
 
 def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
-    """The capture through a Butterworth low pass, both ways; with rotations every joint in its parent, bones kept."""
+    """The capture through a Butterworth low pass, both ways; with rotations every joint in its parent, bones kept.
+
+    Args:
+        capture: the content of the file.
+        rule: the low pass.
+    """
     sos = butter(2, rule.cutoff, fs=capture.fps, output="sos")
 
     def low(values: Floats) -> Floats:

@@ -25,7 +25,12 @@ class Finding:
 
 
 def sentences(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
-    """A sentence for every kind of finding and outcome, the kind with the worst one first."""
+    """A sentence for every kind of finding and outcome, the kind with the worst one first.
+
+    Args:
+        findings: of any kinds.
+        fps: frames per second [1/s].
+    """
     kinds: dict[tuple[str, str], list[Finding]] = {}
     for finding in sorted(findings, key=lambda f: -f.size):
         kinds.setdefault((finding.what, finding.done), []).append(finding)
@@ -33,7 +38,13 @@ def sentences(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
 
 
 def span(first: int, last: int, fps: float) -> str:
-    """`frame 12 (0.40 s)` or `frames 12–15 (0.40–0.50 s)`."""
+    """`frame 12 (0.40 s)` or `frames 12–15 (0.40–0.50 s)`.
+
+    Args:
+        first: first frame.
+        last: last frame.
+        fps: frames per second [1/s].
+    """
     if first == last:
         return f"frame {first} ({first / fps:.2f} s)"
     return f"frames {first}–{last} ({first / fps:.2f}–{last / fps:.2f} s)"

@@ -37,12 +37,25 @@ def excess(steps: Floats, rule: JumpRule) -> Floats:
 
 
 def body_jumps(middle: Floats, fps: float, rule: JumpRule) -> Floats:
-    """(T − 1, 3) jumps of the middle of the trunk (T, 3) [leg lengths]; 0 for steps that a body can make."""
+    """(T − 1, 3) jumps of the middle of the trunk (T, 3) [leg lengths]; 0 for steps that a body can make.
+
+    Args:
+        middle: (T, 3) middle of the trunk [leg lengths].
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
     return _beyond(middle, rule.body_threshold(fps), rule)
 
 
 def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Floats:
-    """(T − 1, K, 3) how points (T, K, 3) jump, seen from the middle of the trunk; 0 where they move by themselves."""
+    """(T − 1, K, 3) how points (T, K, 3) jump, seen from the middle of the trunk; 0 where they move by themselves.
+
+    Args:
+        points: (T, K, 3) keypoints [leg lengths].
+        middle: (T, 3) middle of the trunk [leg lengths].
+        fps: frames per second [1/s].
+        rule: thresholds.
+    """
     return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
 
 
