@@ -26,6 +26,8 @@ _LONGEST = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
 _FARTHER = 0.01
 """Loss of score per joint by which a choice is farther from the hub [-]: of equal choices the first counts."""
+_ODD = -8.0
+"""Score of odd proportions, however odd; names that agree raise it."""
 _SPREAD = 0.25
 """Standard deviation of both ratios, of their logarithms [-]."""
 SAME = 0.04
@@ -219,40 +221,74 @@ def _opposite(body: Body, one: Limb, two: Limb) -> int:
 
 def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) -> Limb | None:
     """The three joints of a chain that make the best limb."""
-    points = body.positions[:, list(chain)]
-    apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
-    mean, spread = apart.mean(axis=0), apart.std(axis=0)
-    bulges = _bulges(mean)
-    below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
-    between = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3).mean(axis=0).min(axis=1)
-    # A sword in one hand makes that chain longer, not its arm.
-    total = min(below[0], body.branch(other[0]))
+    sizes = _Sizes.of(body, chain, other)
     fits: list[tuple[tuple[int, ...], Limb]] = []
-    for a, b, c in combinations(range(len(chain)), 3):
-        upper, lower = mean[a, b], mean[b, c]
-        if min(upper, lower) < SAME * total:
+    for places in combinations(range(len(chain)), 3):
+        a, b, c = places
+        upper, lower = float(sizes.apart[a, b]), float(sizes.apart[b, c])
+        if min(upper, lower) < SAME * sizes.total:
             continue
-        named = sum(body.evidence[chain[k]].agreement(part) for k, part in zip((a, b, c), LIMBS[kind], strict=True))
-        # A body of odd proportions is one all the same where names say so.
-        score = (
-            max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, -8.0 + 2.0 * max(named, 0.0))
-            + 1.5 * min(0.0, np.log((upper + lower) / total))
-            - 4 * (bulges[a, b] + bulges[b, c])
-            - 20 * (spread[a, b] / upper + spread[b, c] / lower)
-            - 0.7 * max(0.0, 1 - below[c] / (0.2 * lower))
-            - 4 * (between[a] < SAME * (upper + lower))
-            - 2 * _collarbone(body, chain[a:b], LIMBS[kind][0])
-            + named
-            - _FARTHER * (a + b + c)
-            - sum(body.evidence[chain[k]].tip for k in (a, b, c))
-        )
-        joints = (chain[a], chain[b], chain[c])
-        fits.append(((a, b, c), Limb(joints, chain, float(upper), float(lower), float(score))))
+        agreement = _agreement(body, chain, places, kind)
+        score = sizes.score(places, kind, agreement) + agreement - _misnamed(body, chain, places, kind)
+        fits.append((places, Limb((chain[a], chain[b], chain[c]), chain, upper, lower, score)))
     if not fits:
         return None
     chosen, best = max(fits, key=lambda fit: fit[1].score)
-    others = [fit.score for places, fit in fits if mean[chosen, places].max() > SAME * best.length]
+    others = [fit.score for places, fit in fits if sizes.apart[chosen, places].max() > SAME * best.length]
     return replace(best, lead=best.score - max(others, default=-np.inf))
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Lengths along a chain of N joints, in the unit of the body."""
+
+    apart: Floats
+    """(N, N) mean distances of joints."""
+    spread: Floats
+    """(N, N) deviations of these distances over the frames."""
+    bulges: Floats
+    """(N, N) how far the joints between two others stand off their line, over its length."""
+    below: Floats
+    """(N,) lengths of the chain below a joint."""
+    beside: Floats
+    """(N,) distances to the nearest joint of the other chain."""
+    total: float
+    """Length of the limb: a sword in one hand makes that chain longer, not its arm."""
+
+    @classmethod
+    def of(cls, body: Body, chain: tuple[int, ...], other: tuple[int, ...]) -> "_Sizes":
+        points = body.positions[:, list(chain)]
+        apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
+        across = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3)
+        below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
+        mean, total = apart.mean(axis=0), min(below[0], body.branch(other[0]))
+        return cls(mean, apart.std(axis=0), _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
+
+    def score(self, places: tuple[int, int, int], kind: str, agreement: float) -> float:
+        """Two rigid straight bones of the usual ratio, from a joint off the other chain almost to the end of this one."""
+        a, b, c = places
+        upper, lower = self.apart[a, b], self.apart[b, c]
+        return float(
+            1.5 * min(0.0, np.log((upper + lower) / self.total))
+            - 4 * (self.bulges[a, b] + self.bulges[b, c])
+            - 20 * (self.spread[a, b] / upper + self.spread[b, c] / lower)
+            - 0.7 * max(0.0, 1 - self.below[c] / (0.2 * lower))
+            - 4 * (self.beside[a] < SAME * (upper + lower))
+            - _FARTHER * (a + b + c)
+            + max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * max(agreement, 0.0))
+        )
+
+
+def _agreement(body: Body, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
+    """How far the names of three joints agree with the parts of a limb."""
+    names = [body.evidence[chain[k]] for k in places]
+    return sum(name.agreement(part) for name, part in zip(names, LIMBS[kind], strict=True))
+
+
+def _misnamed(body: Body, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
+    """What the names of three joints take from their score: ends, and a collarbone in place of a shoulder."""
+    tips = sum(body.evidence[chain[k]].tip for k in places)
+    return tips + 2.0 * _collarbone(body, chain[places[0] : places[1]], LIMBS[kind][0])
 
 
 def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:

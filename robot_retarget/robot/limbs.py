@@ -166,7 +166,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     if len(flexions) < 2:
         return {}
     hip_axis, knee_axis = flexions[:2]
-    named = [a for a in chain.axes if said(links, a, KNEE_WORDS)]
+    named = [a for a in chain.axes if is_named(links, a, KNEE_WORDS)]
     evidence, confidence = "second flexion axis of the leg", LIKELY
     if named:
         evidence, confidence = (f"{evidence}, and by name", SURE) if knee_axis in named else ("by name", LIKELY)
@@ -300,7 +300,7 @@ def _elbow_axis(links: Links, chain: Chain) -> tuple[Axis | None, str, float]:
         share = float((axis.anchor - chain.start) @ limb) / max(chain.reach, 1e-9)
         return float(min(share, 1 - share))
 
-    named = [a for a in later if said(links, a, ELBOW_WORDS)]
+    named = [a for a in later if is_named(links, a, ELBOW_WORDS)]
     if named:
         best = max(named, key=crosswise)
         return best, "by name, and it bends the arm", SURE
@@ -356,7 +356,7 @@ def joint_names(links: Links, axes: list[Axis]) -> list[str]:
     return [links.model.joint(a.joint).name for a in axes]
 
 
-def said(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
+def is_named(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
     """Whether the hinge, or the body it carries when the hinge itself says nothing, is called one of the words.
 
     Args:
