@@ -118,7 +118,7 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y. Frames whose cost still falls after the last pass take more steps (`Smoothing.extra`). The function
+    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Frames whose cost still falls after the last pass take more steps (`Smoothing.extra`). The function
     returns the frames, not the path, because the frames satisfy all limits. Joint speeds hold between the frames: the
     start is slowed down to them, and no step exceeds them relative to a neighbour. The first `fixed` frames stay
     unchanged.
@@ -135,9 +135,10 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
             break
         if number in smoothing.collision_checks:
             interpenetrating |= _interpenetrating(clip, poses)
-        moved = np.array([integrate(robot, p.qpos, y) for p, y in zip(poses, dual, strict=True)])
+        relaxed = _over_relaxed(clip, poses, path)
+        moved = np.array([integrate(robot, q, y) for q, y in zip(relaxed, dual, strict=True)])
         path = _smooth_path(clip, moved, clip.smooth / rho)
-        dual += [difference(robot, s, p.qpos) for s, p in zip(path, poses, strict=True)]
+        dual += [difference(robot, s, q) for s, q in zip(path, relaxed, strict=True)]
         dual[: clip.fixed] = 0.0
         for t in moving:
             poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), interpenetrating)
@@ -158,6 +159,12 @@ def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
     hinges, paced = clip.solver.robot.qpos_index, np.array(start)
     paced[:, hinges] = within_speeds(paced[:, hinges], clip.solver.speed / clip.fps, clip.fixed)
     return list(paced)
+
+
+def _over_relaxed(clip: Clip, poses: list[Pose], path: list[Floats]) -> list[Floats]:
+    """Return the frames beyond the path: s ⊕ α (q ⊖ s)."""
+    robot, alpha = clip.solver.robot, clip.smoothing.relaxation
+    return [integrate(robot, s, alpha * difference(robot, s, p.qpos)) for s, p in zip(path, poses, strict=True)]
 
 
 def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:

@@ -30,3 +30,13 @@ def test_more_passes_lower_the_cost_of_frames_that_have_not_converged_only(graph
     assert unsettled.any()
     assert longer.cost.sum() < short.cost.sum()
     assert set(longer.status) == {Status.CONVERGED}
+
+
+def test_over_relaxed_passes_come_nearer_to_the_least_cost_and_its_smooth_path() -> None:
+    walk = rr.describe(rr.read_motion(ROOT / "samples/walk.bvh").frames(0, 90), OP3)
+    plain, relaxed = (
+        rr.solve(walk, smoothing=Smoothing(extra=0, relaxation=alpha)).solution
+        for alpha in (1.0, Smoothing().relaxation)
+    )
+    assert relaxed.cost.sum() < plain.cost.sum()
+    assert relaxed.stress["smoothness"].sum() < 0.97 * plain.stress["smoothness"].sum()
