@@ -41,7 +41,12 @@ class AddedEdge:
         return " – ".join(self.names)
 
     def profile(self, frames: int, fps: float) -> Floats:
-        """(T,) the priority over time: full within the edge's frames, quadratic in time over `FADE` around them."""
+        """(T,) the priority over time: full within the edge's frames, quadratic in time over `FADE` around them.
+
+        Args:
+            frames: number of frames |T|.
+            fps: frames per second.
+        """
         time = np.arange(frames)
         away = np.maximum(np.maximum(self.frames[0] - time, time - self.frames[1]), 0)
         return self.priority * np.square(np.clip(1 - away / (FADE * fps + 1), 0.0, 1.0))
@@ -58,6 +63,16 @@ def added_edge(
     hard: bool,
 ) -> AddedEdge:
     """Check an edge against the robot and a graph of `length` frames.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        length: number of frames of the graph.
+        ends: keypoints, points of bodies or places [m].
+        at: the distance, or its lower and upper bound [m].
+        frames: first and last; None takes all.
+        priority: π over the squared leg; None takes `SOFT`.
+        hard: whether the edge has the priority `HARD`.
 
     Raises:
         GraphError: an unknown end, an end joined to itself, an empty or unreachable interval, frames outside the clip, or
@@ -79,6 +94,13 @@ def added_edge(
 
 def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, leg: float) -> Track:
     """The track of added edges with one more; an edge of the same ends, interval and hardness takes up its frames.
+
+    Args:
+        track: the added edges so far, None without any.
+        edge: the new one.
+        frames: number of frames |T|.
+        fps: frames per second.
+        leg: length of the robot's leg [m].
 
     Raises:
         GraphError: two hard edges of the same ends contradict each other in the same frames.
@@ -104,6 +126,11 @@ def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, le
 
 def checked_end(match: Match, robot: Robot, end: End) -> End:
     """An end that the robot has, its coordinates as an array.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        end: a keypoint, a point of a body or a place [m].
 
     Raises:
         GraphError: an unknown keypoint or body, or a point without three finite coordinates.
@@ -134,6 +161,11 @@ def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
     """An upper bound of the distance between two ends in any configuration [m]; ∞ where one end is a place in the world.
 
     The bound is the length of the chain of link origins that joins both ends.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        ends: checked ends.
     """
     points = [_carrier(match, robot, end) for end in ends]
     if any(point is None for point in points):

@@ -80,6 +80,10 @@ def read_edits(path: str | Path) -> list[Edit]:
 def edited(graph: RobotGraph, edits: Iterable[Edit]) -> RobotGraph:
     """Apply edits to a graph, in order.
 
+    Args:
+        graph: of a robot.
+        edits: in the order of their application.
+
     Raises:
         GraphError: the graph refuses an edit; the message begins with its file and line.
     """
@@ -94,6 +98,10 @@ def edited(graph: RobotGraph, edits: Iterable[Edit]) -> RobotGraph:
 
 def write_edits(edits: Iterable[Edit], path: str | Path) -> Path:
     """Write edits as a file that `read_edits` reads, completely or not at all.
+
+    Args:
+        edits: in the order of their tables.
+        path: of the new file.
 
     Raises:
         OutputError: the file cannot be written.

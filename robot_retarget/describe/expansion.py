@@ -48,7 +48,12 @@ def places_of(graph: "RobotGraph") -> dict[str, Floats]:
 
 
 def between_points(track: Track, vertices: Collection[str]) -> np.ndarray:
-    """Return (E,) which edges measure the distance of two vertices."""
+    """Return (E,) which edges measure the distance of two vertices.
+
+    Args:
+        track: E edges of the kind over T frames.
+        vertices: names of points.
+    """
     return np.array([not track.axes and set(ends) <= set(vertices) for ends in track.ends], dtype=bool)
 
 

@@ -36,7 +36,13 @@ class Footholds:
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
-    """Return the footholds of the matched feet; empty for a robot with a fixed base."""
+    """Return the footholds of the matched feet; empty for a robot with a fixed base.
+
+    Args:
+        human: features of T frames.
+        match: the matched bodies.
+        robot: the robot.
+    """
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
@@ -49,7 +55,12 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
-    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base."""
+    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+    """
     known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
     return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
 
@@ -78,7 +89,14 @@ class Sole:
 
 
 def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
-    """Return the map of a foot's sole, from a whole motion."""
+    """Return the map of a foot's sole, from a whole motion.
+
+    Args:
+        human: features of T frames.
+        match: the matched bodies.
+        robot: the robot.
+        foot: `l` or `r`.
+    """
     left, right = (match.index(f"{side}_hip") for side in "lr")
     hip, corners = _hip_and_sole(robot, match, foot)
     apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
@@ -196,7 +214,12 @@ def _blended(stands: np.ndarray, offset: Floats) -> Floats:
 
 
 def nearing(stands: np.ndarray, frames: int) -> Floats:
-    """Return (T, F) 1 while feet stand, falling quadratically to 0 over this number of frames before and after."""
+    """Return (T, F) 1 while feet stand, falling quadratically to 0 over this number of frames before and after.
+
+    Args:
+        stands: (T, F) which feet stand.
+        frames: duration of the fall [frames].
+    """
     count = np.arange(len(stands))[:, None]
     before = np.where(stands, count, -np.inf)
     after = np.where(stands, count, np.inf)

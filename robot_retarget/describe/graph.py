@@ -102,7 +102,12 @@ class RobotGraph(Graph):
         return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
 
     def frames(self, first: int, last: int) -> "RobotGraph":
-        """Return the graph of frames `first` … `last` − 1."""
+        """Return the graph of frames `first` … `last` − 1.
+
+        Args:
+            first: first frame.
+            last: the frame after the last one.
+        """
         return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
 
     def at(self, frames: slice | np.ndarray) -> "RobotGraph":
@@ -160,6 +165,10 @@ def describe(
 def at_rate(motion: Motion, fps: float | None) -> Motion:
     """Return the motion at the rate `fps`; without it, at its own rate or `MOST_FPS`, whichever is lower.
 
+    Args:
+        motion: the human's.
+        fps: frames per second, or None.
+
     Raises:
         UsageError: fps out of range.
     """
@@ -181,13 +190,26 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 def graph_of(
     motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[MotionKind] = KINDS
 ) -> RobotGraph:
-    """The graph of matched bodies."""
+    """The graph of matched bodies.
+
+    Args:
+        motion: the human's.
+        robot: the robot.
+        matched: the matched bodies.
+        weights: π of every kind.
+        kinds: the kinds of edges that describe the motion.
+    """
     context = RetargetContext(features_of(motion, matched), matched, robot, weights)
     return _built(motion, context, kinds)
 
 
 def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
-    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay."""
+    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay.
+
+    Args:
+        graph: of another human.
+        human: features of as many frames.
+    """
     context = RetargetContext(human, graph.match, graph.robot, graph.weights)
     costs = {track.name for track in graph.costs}
     tracks = tuple(_retargeted(track, context) if track.name in costs else track for track in graph.tracks)

@@ -18,6 +18,10 @@ def sole_corners(anatomy: Anatomy, foot: str) -> Points:
 
     A foot that stands on a point or a line has the heading of its frame; a small rectangle along this heading replaces
     it.
+
+    Args:
+        anatomy: soles and frames of the robot.
+        foot: `l` or `r`.
     """
     body, axes = anatomy.frames[f"{foot}_foot"]
     along = anatomy.treads[foot].offsets @ axes

@@ -60,7 +60,12 @@ class SymbolicRobot:
         return self.point(sites[name].body, sites[name].offset)
 
     def point(self, body: int, offset: Floats) -> Any:
-        """Return (3,) the position of a point fixed to a body [m]."""
+        """Return (3,) the position of a point fixed to a body [m].
+
+        Args:
+            body: id of a body.
+            offset: (3,) in its frame [m].
+        """
 
         def found() -> tuple[Any, Any]:
             x = self.bodies.places(Points(np.array([body]), np.asarray(offset)))
@@ -69,7 +74,12 @@ class SymbolicRobot:
         return self._symbol(("point", body, *np.asarray(offset, dtype=float).tolist()), found)
 
     def axis(self, body: int, vector: Floats) -> Any:
-        """Return (3,) the direction of a unit vector fixed to a body."""
+        """Return (3,) the direction of a unit vector fixed to a body.
+
+        Args:
+            body: id of a body.
+            vector: (3,) unit vector in its frame.
+        """
 
         def found() -> tuple[Any, Any]:
             e = self.bodies.directions(np.array([body]), np.asarray(vector)[None])
@@ -140,7 +150,12 @@ def _without_zeros(evaluate: ca.Function, slopes: Any, drawn: Floats) -> Any:
 
 
 def drawn_configurations(robot: Robot, count: int) -> Floats:
-    """Return (count, nq) configurations drawn from the joint ranges with any root pose; every call returns the same."""
+    """Return (count, nq) configurations drawn from the joint ranges with any root pose; every call returns the same.
+
+    Args:
+        robot: the robot.
+        count: number of configurations.
+    """
     draw = np.random.default_rng(0)
     qpos = np.tile(robot.neutral(), (count, 1))
     qpos[:, robot.qpos_index] = draw.uniform(robot.lower, robot.upper, (count, len(robot.lower)))

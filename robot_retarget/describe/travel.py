@@ -79,7 +79,15 @@ def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepThresho
 
 
 def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepThresholds | None = None) -> Travel:
-    """Return the travel of a robot through configurations (T, nq)."""
+    """Return the travel of a robot through configurations (T, nq).
+
+    Args:
+        qpos: (T, nq).
+        robot: the robot.
+        match: the matched bodies.
+        fps: frames per second.
+        rule: which swings count as steps; None takes the defaults.
+    """
     chosen, feet = rule or StepThresholds(), tuple(match.anatomy.soles)
     steps = 0
     if feet:

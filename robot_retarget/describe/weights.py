@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, fields, replace
 
+from robot_retarget.dgp.adapt import NEAR
 from robot_retarget.errors import UsageError, known
 
 FAVOURS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
@@ -16,7 +17,7 @@ class Weights:
     """Distances between nearby keypoints, over the path between them ..."""
     far: float = 17.0
     """... and between distant ones; the sum over a frame, over the number of keypoints."""
-    reach: float = 0.35
+    reach: float = NEAR
     """Two keypoints at this share of the path between them are half near [-]."""
     huber_delta: float = 0.028
     """Errors of distances well above this count linearly, those below it by their square [-]."""

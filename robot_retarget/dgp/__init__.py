@@ -46,10 +46,6 @@ from robot_retarget.dgp.papers.formation import formation_rigidity as formation_
 from robot_retarget.dgp.papers.formation import solve_formation as solve_formation
 from robot_retarget.dgp.papers.ipopt import Ipopt as Ipopt
 from robot_retarget.dgp.papers.newton import Newton as Newton
-from robot_retarget.dgp.papers.nmr import Instance as Instance
-from robot_retarget.dgp.papers.nmr import Label as Label
-from robot_retarget.dgp.papers.nmr import read_nmr as read_nmr
-from robot_retarget.dgp.papers.nmr import write_nmr as write_nmr
 from robot_retarget.dgp.papers.rigidity import admits as admits
 from robot_retarget.dgp.papers.rigidity import congruent as congruent
 from robot_retarget.dgp.papers.rigidity import globally_rigid as globally_rigid

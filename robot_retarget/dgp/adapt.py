@@ -21,6 +21,9 @@ from robot_retarget.dgp.skeletal import SkeletalStructure, transfer_directions
 from robot_retarget.dgp.track import Track
 from robot_retarget.errors import GraphError, UsageError, known
 
+NEAR = 0.35
+"""Two points at this share of the path between them are half near [-]: hands in a clap are nearer, stretched limbs farther."""
+
 
 @dataclass(frozen=True)
 class Blend:
@@ -29,7 +32,7 @@ class Blend:
     near = exp(−(D̄/reach)²), δ = near · τ^(2) D̄ + (1 − near) · δ_directions, π → π (base + gain · near).
     """
 
-    reach: float = 0.35
+    reach: float = NEAR
     base: float = 0.2
     gain: float = 20.0
 
@@ -46,12 +49,23 @@ def paths(parents: ArrayLike) -> NDArray[np.bool_]:
 
 
 def path_weights(parents: ArrayLike, lengths: ArrayLike) -> Floats:
-    """τ (V, V), the length of the path between every two joints [m]."""
+    """τ (V, V), the length of the path between every two joints [m].
+
+    Args:
+        parents: (V,) index of each joint's parent, −1 at the root.
+        lengths: (V,) distance of each joint to its parent [m].
+    """
     return paths(parents) @ np.asarray(lengths, dtype=np.float64)
 
 
 def normalised_distances(positions: ArrayLike, parents: ArrayLike, lengths: ArrayLike) -> Floats:
-    """D̄ (…, V, V) of postures (…, V, K), with 0 on the diagonal."""
+    """D̄ (…, V, V) of postures (…, V, K), with 0 on the diagonal.
+
+    Args:
+        positions: (…, V, K) [m].
+        parents: (V,) index of each joint's parent, −1 at the root.
+        lengths: (V,) distance of each joint to its parent [m].
+    """
     x = np.asarray(positions, dtype=np.float64)
     tau = path_weights(parents, lengths)
     distance = np.linalg.norm(x[..., :, None, :] - x[..., None, :, :], axis=-1)

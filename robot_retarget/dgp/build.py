@@ -143,7 +143,14 @@ def measured(
 
 
 def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
-    """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`."""
+    """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`.
+
+    Args:
+        motion: a motion with a skeleton, or positions (T, V, K) [m].
+        names: names of objects, or None.
+        postures: whether to add every pair of every frame.
+        traces: τ, 0 omits traces.
+    """
     if isinstance(motion, Animated):
         graph, x = empty(motion.skeleton.names, motion.positions)
         parents = np.asarray(motion.skeleton.parents, dtype=np.int64)

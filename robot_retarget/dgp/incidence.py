@@ -39,7 +39,12 @@ class Incidence:
         return r + k[:, None] * w, k
 
     def gather(self, forces: Floats, k: Floats | None) -> Floats:
-        """Return Aᵀ f + Sᵀ (k ∘ f), (N, K, B): the sums of the edges' pulls f (E, K, B) at each vertex."""
+        """Return Aᵀ f + Sᵀ (k ∘ f), (N, K, B): the sums of the edges' pulls f (E, K, B) at each vertex.
+
+        Args:
+            forces: f (E, K, B).
+            k: (E, B) steps ahead, None where every edge is Euclidean.
+        """
         flat = forces.reshape(len(forces), -1)
         total = self.ends_t @ flat
         if k is not None:

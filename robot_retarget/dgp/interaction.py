@@ -59,7 +59,13 @@ class Interaction:
 
 
 def steps_ahead(separation_step: Floats, step_step: Floats, options: Interaction) -> Floats:
-    """k from c·w and w·w; non-negative, an integer unless the options ask for the continuous relaxation."""
+    """k from c·w and w·w; non-negative, an integer unless the options ask for the continuous relaxation.
+
+    Args:
+        separation_step: c·w of any shape [m²].
+        step_step: w·w of the same shape [m²].
+        options: horizon, dead band and relaxation.
+    """
     band = options.dead_band**2
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         best = -separation_step / step_step
@@ -134,7 +140,13 @@ def _fill(before: Floats, now: Floats, options: Interaction, distance: Floats, a
 def pair_interaction(
     separation: Floats, relative_step: Floats, options: Interaction | None = None
 ) -> tuple[Floats, Floats]:
-    """D and α of pairs given by c (…, K) [m] and w (…, K) [m]; α is real under the continuous relaxation."""
+    """D and α of pairs given by c (…, K) [m] and w (…, K) [m]; α is real under the continuous relaxation.
+
+    Args:
+        separation: c (…, K) [m].
+        relative_step: w (…, K) [m].
+        options: parameters; None takes the defaults.
+    """
     options = options or Interaction()
     product, square = (separation * relative_step).sum(-1), (relative_step**2).sum(-1)
     k = steps_ahead(product, square, options)
@@ -145,6 +157,11 @@ def pair_gradient(separation: Floats, relative_step: Floats, options: Interactio
     """∂D/∂p_v^t = α n and ∂D/∂p_v^(t−1) = (1 − α) n with n = r/‖r‖, r = c + k w; for u the signs turn.
 
     α is held (D has kinks where it switches); the gradient is 0 where D = 0.
+
+    Args:
+        separation: c (…, K) [m].
+        relative_step: w (…, K) [m].
+        options: parameters; None takes the defaults.
 
     Returns:
         (…, K) with respect to the current and to the previous position of v.

@@ -81,7 +81,13 @@ class SkeletalStructure:
 
 
 def structure_from_pose(names: Sequence[str], parents: ArrayLike, pose: ArrayLike) -> SkeletalStructure:
-    """The structure whose initial pose is χ: V → ℝ^K, (V, K) [m]."""
+    """The structure whose initial pose is χ: V → ℝ^K, (V, K) [m].
+
+    Args:
+        names: (V,) of joints.
+        parents: (V,) index of each joint's parent, −1 at the root.
+        pose: (V, K) [m].
+    """
     up, x = np.asarray(parents, dtype=np.int64), np.array(pose, dtype=np.float64)
     displacements = x - np.where((up >= 0)[:, None], x[np.maximum(up, 0)], 0.0)
     return SkeletalStructure(tuple(names), up, displacements)

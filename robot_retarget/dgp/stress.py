@@ -31,7 +31,14 @@ class Intervals:
 
 
 def value_and_gradient(inc: Incidence, bounds: Intervals, objective: Objective, x: Floats) -> tuple[Floats, Floats]:
-    """σ (B,) and ∂σ/∂x (N, K, B) at x (N, K, B); a coincident pair pulls nowhere."""
+    """σ (B,) and ∂σ/∂x (N, K, B) at x (N, K, B); a coincident pair pulls nowhere.
+
+    Args:
+        inc: operator of the edges.
+        bounds: their intervals and priorities.
+        objective: one of `Objective`.
+        x: (N, K, B) [m].
+    """
     r, k = inc.differences(x)
     distance = lengths(r)
     target = bounds.nearest(distance)
@@ -68,6 +75,10 @@ def rows(x: Floats) -> Floats:
 def distances(graph: PointGraph, realization: ArrayLike) -> Floats:
     """d (E,) of every edge [m], Euclidean or interaction as its kind says.
 
+    Args:
+        graph: the instance.
+        realization: (T, V, K), or (V, K) for one frame [m].
+
     Raises:
         GraphError: the realization does not fit the graph.
     """
@@ -76,13 +87,23 @@ def distances(graph: PointGraph, realization: ArrayLike) -> Floats:
 
 
 def errors(graph: PointGraph, realization: ArrayLike) -> Floats:
-    """e = d − y (E,) of every edge [m]: negative where the pair is too close."""
+    """e = d − y (E,) of every edge [m]: negative where the pair is too close.
+
+    Args:
+        graph: the instance.
+        realization: (T, V, K), or (V, K) for one frame [m].
+    """
     d = distances(graph, realization)
     return d - np.clip(d, graph.edges.lower, graph.edges.upper)
 
 
 def relative_errors(graph: PointGraph, realization: ArrayLike) -> Floats:
-    """|e| / max(y, floor) (E,); its mean is the MDE, its greatest value the LDE."""
+    """|e| / max(y, floor) (E,); its mean is the MDE, its greatest value the LDE.
+
+    Args:
+        graph: the instance.
+        realization: (T, V, K), or (V, K) for one frame [m].
+    """
     d = distances(graph, realization)
     y = np.clip(d, graph.edges.lower, graph.edges.upper)
     return np.abs(d - y) / np.maximum(y, FLOOR)
@@ -90,6 +111,11 @@ def relative_errors(graph: PointGraph, realization: ArrayLike) -> Floats:
 
 def stress(graph: PointGraph, realization: ArrayLike, objective: Objective = Objective.SQUARED) -> float:
     """σ(x) of the chosen objective; `SQUARED` and `HALF_SQUARED` in [m²], the relative ones without unit.
+
+    Args:
+        graph: the instance.
+        realization: (T, V, K), or (V, K) for one frame [m].
+        objective: one of `Objective`.
 
     Raises:
         GraphError: the realization does not fit the graph.
@@ -99,7 +125,13 @@ def stress(graph: PointGraph, realization: ArrayLike, objective: Objective = Obj
 
 
 def gradient(graph: PointGraph, realization: ArrayLike, objective: Objective = Objective.SQUARED) -> Floats:
-    """∂σ/∂x (T, V, K): for HALF_SQUARED Σ_v π (1 − δ/‖x_u − x_v‖)(x_u − x_v) at u; a subgradient for RELATIVE."""
+    """∂σ/∂x (T, V, K): for HALF_SQUARED Σ_v π (1 − δ/‖x_u − x_v‖)(x_u − x_v) at u; a subgradient for RELATIVE.
+
+    Args:
+        graph: the instance.
+        realization: (T, V, K), or (V, K) for one frame [m].
+        objective: one of `Objective`.
+    """
     checked = graph.checked(realization)
     _, slope = value_and_gradient(operator(graph), intervals_of(graph.edges), objective, rows(checked))
     return slope[:, :, 0].reshape(checked.shape)

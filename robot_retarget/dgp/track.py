@@ -153,7 +153,12 @@ class Track:
         return f"{self.name} {a} – {b}{axis}"
 
     def joins(self, a: str, b: str) -> np.ndarray:
-        """Return (E,) which edges join two ends, in either order."""
+        """Return (E,) which edges join two ends, in either order.
+
+        Args:
+            a: name of an end.
+            b: name of the other end.
+        """
         return np.array([set(ends) == {a, b} for ends in self.ends], dtype=bool)
 
     def at(self, frames: slice | Sequence[int] | np.ndarray) -> "Track":
@@ -197,7 +202,12 @@ class Track:
         return replace(self, **bounds)
 
     def weighed(self, factor: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
-        """Return the track with π of some edges multiplied by a factor."""
+        """Return the track with π of some edges multiplied by a factor.
+
+        Args:
+            factor: broadcast to (T, edges) [-].
+            edges: a mask or indices of columns.
+        """
         priority = np.array(self.priority)
         priority[:, edges] *= factor
         return replace(self, priority=priority)
@@ -213,7 +223,17 @@ def exact(
     axes: Sequence[str] = (),
     huber_delta: float = np.inf,
 ) -> Track:
-    """Edges that targets for one value each (T, E)."""
+    """Edges that targets for one value each (T, E).
+
+    Args:
+        kind: of the edges.
+        ends: (E,) names of both ends.
+        target: (T, E) in the unit of the measure.
+        priority: π, broadcast to (T, E).
+        scale: (E,) or a scalar, in the unit of the measure.
+        axes: (E,) axes of coordinates; empty for distances.
+        huber_delta: Huber scale of the errors [-].
+    """
     return Track(
         kind,
         tuple(ends),
@@ -229,7 +249,15 @@ def exact(
 def limit(
     kind: EdgeKind, ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
 ) -> Track:
-    """Return edges with the same interval at every frame, of an inequality or a bound, without priority."""
+    """Return edges with the same interval at every frame, of an inequality or a bound, without priority.
+
+    Args:
+        kind: of the edges.
+        ends: (E,) names of both ends.
+        lower: (E,) or a scalar, in the unit of the measure.
+        upper: as `lower`.
+        frames: number of frames |T|.
+    """
     shape = (frames, len(ends))
     low, high = np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
     return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
@@ -243,6 +271,10 @@ def joined(parts: Sequence[Track]) -> Track:
 
 def beside(first: Track, second: Track) -> Track:
     """Return the edges of two tracks of one kind over the same frames.
+
+    Args:
+        first: E edges over T frames.
+        second: further edges over the same frames.
 
     Raises:
         GraphError: the tracks are of different kinds or Huber scales.

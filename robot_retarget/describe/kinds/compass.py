@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.describe.kinds.kind import AXES, FRAME, RetargetContext, Role, coordinates
+from robot_retarget.describe.kinds.kind import AXES, FRAME, SHORTEST, RetargetContext, Role, coordinates
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.track import Track
 from robot_retarget.human.features import HumanFeatures
@@ -63,7 +63,7 @@ class CompassKind:
         match, w = context.match, context.weights
         for k, keypoint in enumerate(match.keypoints):
             weight = w.bones.get(keypoint.split("_")[-1], 0.0)
-            if match.parents[k] >= 0 and weight and match.robot_bones[k] > 1e-6:
+            if match.parents[k] >= 0 and weight and match.robot_bones[k] > SHORTEST:
                 yield keypoint, match.keypoints[int(match.parents[k])], weight
         for part, weight in (("hip", w.hips), ("shoulder", w.shoulders)):
             if {f"l_{part}", f"r_{part}"} <= set(match.keypoints) and weight:

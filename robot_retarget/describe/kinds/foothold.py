@@ -41,7 +41,14 @@ class FootholdKind:
         return self.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
-        """Return edges to given footholds."""
+        """Return edges to given footholds.
+
+        Args:
+            footholds: of F feet over T frames.
+            leg: length of the robot's leg [m].
+            weights: π of swings and landings.
+            across: π across the floor of soles that stand.
+        """
         ends = [
             (f"{foot} sole {corner}", "foothold") for foot in footholds.feet for corner in CORNER_NAMES for _ in AXES
         ]

@@ -22,6 +22,8 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 
 AXES = ("x", "y", "z")
+SHORTEST = 1e-6
+"""A bone or path up to this length counts as none: its ends coincide on the robot [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,12 @@ class Symbolic(Protocol):
     """A kind with a measure of one frame that CasADi differentiates; a cost or an inequality."""
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
-        """(E,) values of the edges, an expression of the robot's points, axes and joints."""
+        """(E,) values of the edges, an expression of the robot's points, axes and joints.
+
+        Args:
+            track: E edges of the kind over T frames.
+            body: symbols of the robot.
+        """
         ...
 
 
@@ -62,7 +69,12 @@ class Grounded(Protocol):
     """An inequality that raising the root restores: points over the floor."""
 
     def depth(self, track: Track, values: Floats) -> float:
-        """Return the depth of the lowest point under the floor, from the values (E,) of the edges [m]."""
+        """Return the depth of the lowest point under the floor, from the values (E,) of the edges [m].
+
+        Args:
+            track: E edges of the kind over T frames.
+            values: (E,) heights [m].
+        """
         ...
 
 
@@ -129,7 +141,12 @@ class Numeric(Protocol):
     """A cost whose measure CasADi cannot express."""
 
     def evaluator(self, track: Track, robot: Robot) -> Evaluator:
-        """Return the measure of a track's edges."""
+        """Return the measure of a track's edges.
+
+        Args:
+            track: E edges of the kind over T frames.
+            robot: the robot.
+        """
         ...
 
 
@@ -150,11 +167,21 @@ class Proximity(Protocol):
         ...
 
     def clearance_deficit(self, distance: Floats, rest: Floats) -> Floats:
-        """Return (C,) lower bound minus distance [m]."""
+        """Return (C,) lower bound minus distance [m].
+
+        Args:
+            distance: (C,) [m].
+            rest: (C,) the distance that each pair may keep [m].
+        """
         ...
 
     def foremost(self, distance: Floats, rest: Floats) -> Ints:
-        """Return indices of the `most` distances with the least room to their bound."""
+        """Return indices of the `most` distances with the least room to their bound.
+
+        Args:
+            distance: (C,) [m].
+            rest: (C,) the distance that each pair may keep [m].
+        """
         ...
 
     def depth(self, qpos: Floats) -> float:
@@ -171,7 +198,14 @@ class Nearby(Protocol):
     """An inequality between surfaces, evaluated numerically for pairs near each other."""
 
     def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Proximity:
-        """Return the distances of a track's pairs nearer than `reach` [m]."""
+        """Return the distances of a track's pairs nearer than `reach` [m].
+
+        Args:
+            track: E edges of the kind over T frames.
+            robot: the robot.
+            match: the matched bodies.
+            reach: pairs farther apart have no rows [m].
+        """
         ...
 
 
@@ -200,7 +234,14 @@ class CausalKind(Protocol):
 def coordinates(
     kind: MotionKind, edges: InstantTargets | None, human: HumanFeatures, scale: float = 1.0
 ) -> Track | None:
-    """The track of edges with the targets x, y and z of vectors; None where there are none."""
+    """The track of edges with the targets x, y and z of vectors; None where there are none.
+
+    Args:
+        kind: of the edges.
+        edges: the constant part of the targets, or None.
+        human: features of T frames.
+        scale: makes errors dimensionless [m].
+    """
     if edges is None:
         return None
     target, priority = edges.targets(human)
@@ -243,7 +284,13 @@ class StandKind(Protocol):
     """A cost that shapes a balanced stand; other costs are absent there."""
 
     def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
-        """Return the targets of one frame, from the values (1, E) in the standing pose."""
+        """Return the targets of one frame, from the values (1, E) in the standing pose.
+
+        Args:
+            track: E edges of the kind over T frames.
+            measured: (1, E) measures in the standing pose.
+            playback: the K frames, and the priorities of a stand.
+        """
         ...
 
 
@@ -256,7 +303,13 @@ class TwoPassKind(Protocol):
         ...
 
     def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
-        """Return the targets from the measures (T, E) on the coarse path; its first frames are `fixed`."""
+        """Return the targets from the measures (T, E) on the coarse path; its first frames are `fixed`.
+
+        Args:
+            track: E edges of the kind over T frames.
+            measured: (T, E) measures on the coarse path.
+            fixed: number of frames at the start that keep their targets.
+        """
         ...
 
 

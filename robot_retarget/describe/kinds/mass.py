@@ -26,7 +26,13 @@ class MassKind:
         return None
 
     def track(self, spots: Floats, leg: float, priority: float = OVER) -> Track:
-        """Edges to spots (T, 2) on the floor [m]."""
+        """Edges to spots (T, 2) on the floor [m].
+
+        Args:
+            spots: (T, 2) [m].
+            leg: length of the robot's leg [m].
+            priority: π over the squared leg [-].
+        """
         return exact(self, [("centre of mass", "support")] * 2, spots, priority, leg, axes=("x", "y"))
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.kinds.kind import FRAME, SHORTEST, RetargetContext, Role
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.adapt import path_weights
@@ -57,7 +57,7 @@ class PostureKind:
         i, j = np.triu_indices(len(match.keypoints), 1)
         tau = path_weights(match.parents, match.robot_bones)[i, j]
         bone = (match.parents[j] == i) | (match.parents[i] == j)
-        keep = (tau > 1e-6) & ~bone
+        keep = (tau > SHORTEST) & ~bone
         i, j, tau = i[keep], j[keep], tau[keep]
         ends = [(match.keypoints[a], match.keypoints[b]) for a, b in zip(i, j, strict=True)]
         return _Pairs(ends, i, j, tau, context.weights, len(match.keypoints) / max(len(i), 1))

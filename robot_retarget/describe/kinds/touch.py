@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.describe.kinds.kind import FRAME, SHORTEST, RetargetContext, Role
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.adapt import path_weights
@@ -76,7 +76,7 @@ class TouchKind:
             return None
         i, j = np.array(pairs).T
         ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
-        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], 1e-6)
+        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
         return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
@@ -84,7 +84,12 @@ class TouchKind:
         return distances(track, body)
 
     def reach(self, a: str, b: str) -> float:
-        """Return the touch distance of two keypoints, over the path between them; 0 for parts that cannot touch [-]."""
+        """Return the touch distance of two keypoints, over the path between them; 0 for parts that cannot touch [-].
+
+        Args:
+            a: a keypoint.
+            b: the other keypoint.
+        """
         if {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]:
             return self.feet
         for hand, part in ((a, b), (b, a)):

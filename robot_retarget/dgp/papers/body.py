@@ -49,7 +49,12 @@ def table_one_body() -> SkeletalStructure:
 
 
 def resized(body: SkeletalStructure, factors: dict[str, float]) -> SkeletalStructure:
-    """The body with the bones above some joints scaled."""
+    """The body with the bones above some joints scaled.
+
+    Args:
+        body: (S, χ).
+        factors: factor of the bone above each named joint [-].
+    """
     return body.scaled([factors.get(name, 1.0) for name in body.names])
 
 

@@ -85,6 +85,10 @@ def discretization_order(graph: PointGraph) -> Ints:
 def branch_and_prune(graph: PointGraph, options: Branching | None = None) -> Realizations:
     """Search the tree of a posture (T = {1}) depth first.
 
+    Args:
+        graph: an instance of one frame.
+        options: parameters; None takes the defaults.
+
     Raises:
         GraphError: the instance is not discretizable, or has more than one frame.
     """
@@ -109,6 +113,10 @@ def branch_and_prune(graph: PointGraph, options: Branching | None = None) -> Rea
 
 def nearest_realization(realizations: Realizations, previous: Floats) -> Floats:
     """Return the realization nearest to an earlier posture (V, K), moved rigidly onto it: an animation, frame by frame.
+
+    Args:
+        realizations: the result of the search.
+        previous: (V, K) [m].
 
     Raises:
         GraphError: no realization exists.

@@ -81,7 +81,12 @@ class Lifted:
 
 
 def taken(bounds: Intervals, columns: NDArray[np.int64] | slice) -> Intervals:
-    """Return the intervals of some realizations."""
+    """Return the intervals of some realizations.
+
+    Args:
+        bounds: (E, B) or (E, 1).
+        columns: which of the B realizations.
+    """
     if bounds.lower.shape[1] == 1:  # shared by every column
         return bounds
     return replace(
@@ -90,7 +95,12 @@ def taken(bounds: Intervals, columns: NDArray[np.int64] | slice) -> Intervals:
 
 
 def box_of(graph: PointGraph, x: Floats) -> tuple[Floats, Floats]:
-    """The box of every coordinate (T, V, K), closed on the start where the vertex is fixed."""
+    """The box of every coordinate (T, V, K), closed on the start where the vertex is fixed.
+
+    Args:
+        graph: the instance.
+        x: (T, V, K) coordinates [m].
+    """
     held = graph.fixed[:, :, None]
     return np.where(held, x, graph.box_lower), np.where(held, x, graph.box_upper)
 
@@ -114,6 +124,11 @@ def by_frame(graph: PointGraph) -> tuple[PointGraph, Intervals]:
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Slices of at most `size` that cover `range(count)`."""
+    """Slices of at most `size` that cover `range(count)`.
+
+    Args:
+        count: number of columns.
+        size: largest number in a block.
+    """
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))

@@ -11,6 +11,12 @@ def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float =
 
     Points in a box of 0.9 m: each measures its two predecessors exactly and the third, as well as every point nearer
     than `reach`, to within `width` [m]. About four distances per sensor, hardly more than rigidity needs.
+
+    Args:
+        count: number of sensors.
+        seed: of the random numbers.
+        reach: pairs nearer than this are measured [m].
+        width: width of an interval [m].
     """
     rng = np.random.default_rng(seed)
     graph = frame_edges(tuple(f"s{sensor}" for sensor in range(count)), 0.9 * rng.uniform(0, 1, (count, 3)))
@@ -24,6 +30,10 @@ def sensor_network(count: int, seed: int, *, reach: float = 0.18, width: float =
 
 def stiff_mesh(seed: int, error: float = 0.02) -> tuple[PointGraph, PointGraph]:
     """A closed mesh of triangles (an uneven octahedron of 0.1–0.14 m) whose three diagonals are measured with errors.
+
+    Args:
+        seed: of the random numbers.
+        error: largest relative error of a measured diagonal [-].
 
     Returns:
         The instance with the diagonals (the "6th distances" of [MucherinoOmer2019, §4.4]) as intervals that hold the

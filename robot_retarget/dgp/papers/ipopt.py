@@ -35,8 +35,6 @@ class Ipopt:
     max_iterations: int = 1000
     rounds: int = 10
     """How often the steps ahead of interaction edges are renewed at most; they are constants of each round."""
-    warm: bool = False
-    """Keep the barrier small because the start is nearly a solution."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,12 @@ class Program:
 def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objective) -> Minimum:
     """Minimise the stress of the soft edges from a start (T, V, K) among the realizations that meet the hard ones.
 
+    Args:
+        graph: the instance.
+        start: (T, V, K) [m].
+        options: parameters; None takes the defaults.
+        objective: one of `Objective`.
+
     Raises:
         GraphError: `RELATIVE` meets a soft interval edge.
     """
@@ -73,7 +77,14 @@ def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objec
 
 
 def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objective: Objective) -> Program:
-    """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes."""
+    """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes.
+
+    Args:
+        graph: the instance.
+        steps: (E, 1) steps ahead of interaction edges, None without any.
+        options: parameters.
+        objective: one of `Objective`.
+    """
     import casadi as ca
 
     edges, hard = graph.edges, [kind.name for kind in options.hard]
@@ -97,7 +108,13 @@ def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objec
 
 
 def run_program(program: Program, x: Floats, steps: Floats | None) -> tuple[Floats, Status, list[float]]:
-    """Solve a program from a start (T, V, K); the coordinates, the status and the objective's history."""
+    """Solve a program from a start (T, V, K); the coordinates, the status and the objective's history.
+
+    Args:
+        program: of `build_program`.
+        x: (T, V, K) coordinates [m].
+        steps: (E, 1) steps ahead of interaction edges, None without any.
+    """
     graph, slack = program.graph, program.slack
     lower, upper = box_of(graph, x)
     d = _measure(graph, x, steps)[slack]
@@ -176,7 +193,7 @@ def _steps(graph: PointGraph, x: Floats) -> Floats | None:
 
 
 def _settings(options: Ipopt) -> dict[str, Any]:
-    settings = {
+    return {
         "print_time": False,
         "expand": True,
         "ipopt.print_level": 0,
@@ -187,9 +204,6 @@ def _settings(options: Ipopt) -> dict[str, Any]:
         "ipopt.bound_relax_factor": 0.0,
         "ipopt.acceptable_iter": 0,
     }
-    if options.warm:
-        settings |= {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
-    return settings
 
 
 _STATUSES = {

@@ -23,24 +23,47 @@ _RANK = 1e-9
 
 
 def edge_lengths(positions: ArrayLike, edges: ArrayLike) -> Floats:
-    """(…, E) lengths of the edges (E, 2) in positions (…, V, K) [m]."""
+    """(…, E) lengths of the edges (E, 2) in positions (…, V, K) [m].
+
+    Args:
+        positions: (…, V, K) [m].
+        edges: (E, 2) indices of both ends in V.
+    """
     x, ends = np.asarray(positions, dtype=np.float64), _edges(edges, np.shape(positions)[-2])
     return np.sqrt(((x[..., ends[:, 0], :] - x[..., ends[:, 1], :]) ** 2).sum(axis=-1))
 
 
 def isometric(first: ArrayLike, second: ArrayLike, edges: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether two realizations give every edge the same length [MucherinoOmer2019, Definition 1]."""
+    """Whether two realizations give every edge the same length [MucherinoOmer2019, Definition 1].
+
+    Args:
+        first: (…, V, K) [m].
+        second: (…, V, K) [m].
+        edges: (E, 2) indices of both ends in V.
+        tolerance: largest difference of a length [m].
+    """
     return bool(np.abs(edge_lengths(first, edges) - edge_lengths(second, edges)).max(initial=0.0) <= tolerance)
 
 
 def congruent(first: ArrayLike, second: ArrayLike, tolerance: float = 1e-9) -> bool:
-    """Whether two realizations give every pair the same distance; mirror images are congruent."""
+    """Whether two realizations give every pair the same distance; mirror images are congruent.
+
+    Args:
+        first: (…, V, K) [m].
+        second: (…, V, K) [m].
+        tolerance: largest difference of a length [m].
+    """
     count = np.shape(first)[-2]
     return isometric(first, second, np.stack(np.triu_indices(count, 1), axis=1), tolerance)
 
 
 def rigidity_matrix(positions: ArrayLike, edges: ArrayLike) -> Floats:
-    """R (…, E, V·K): row e is ½ ∂‖x_i − x_j‖²/∂x, that is x_i − x_j at i and its opposite at j."""
+    """R (…, E, V·K): row e is ½ ∂‖x_i − x_j‖²/∂x, that is x_i − x_j at i and its opposite at j.
+
+    Args:
+        positions: (…, V, K) [m].
+        edges: (E, 2) indices of both ends in V.
+    """
     x = np.asarray(positions, dtype=np.float64)
     count, axes = x.shape[-2:]
     ends = _edges(edges, count)
@@ -53,29 +76,57 @@ def rigidity_matrix(positions: ArrayLike, edges: ArrayLike) -> Floats:
 
 
 def rigid_rank(count: int, dimension: int) -> int:
-    """The rank of R of a rigid framework: K n − K(K+1)/2, or every pair where n ≤ K."""
+    """The rank of R of a rigid framework: K n − K(K+1)/2, or every pair where n ≤ K.
+
+    Args:
+        count: number of vertices n.
+        dimension: K.
+    """
     if count <= dimension:
         return count * (count - 1) // 2
     return dimension * count - dimension * (dimension + 1) // 2
 
 
 def rank(positions: ArrayLike, edges: ArrayLike) -> int:
-    """Rank of the rigidity matrix at given positions (V, K)."""
+    """Rank of the rigidity matrix at given positions (V, K).
+
+    Args:
+        positions: (V, K) [m].
+        edges: (E, 2) indices of both ends in V.
+    """
     return _rank(rigidity_matrix(positions, edges))
 
 
 def generic_rank(edges: ArrayLike, count: int, dimension: int) -> int:
-    """Rank of the rigidity matrix at almost every position."""
+    """Rank of the rigidity matrix at almost every position.
+
+    Args:
+        edges: (E, 2) indices of both ends in V.
+        count: number of vertices n.
+        dimension: K.
+    """
     return rank(_generic(count, dimension), edges)
 
 
 def locally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
-    """Whether a generic framework of these edges has no continuous deformation."""
+    """Whether a generic framework of these edges has no continuous deformation.
+
+    Args:
+        edges: (E, 2) indices of both ends in V.
+        count: number of vertices n.
+        dimension: K.
+    """
     return generic_rank(edges, count, dimension) == rigid_rank(count, dimension)
 
 
 def stress_matrix_rank(edges: ArrayLike, count: int, dimension: int) -> int:
-    """Rank of a generic equilibrium stress matrix Ω; 0 where the edges carry no stress."""
+    """Rank of a generic equilibrium stress matrix Ω; 0 where the edges carry no stress.
+
+    Args:
+        edges: (E, 2) indices of both ends in V.
+        count: number of vertices n.
+        dimension: K.
+    """
     x, ends = _generic(count, dimension), _edges(edges, count)
     left, values, _ = np.linalg.svd(rigidity_matrix(x, ends), full_matrices=True)
     free = left[:, _counted(values) :]
@@ -88,7 +139,13 @@ def stress_matrix_rank(edges: ArrayLike, count: int, dimension: int) -> int:
 
 
 def globally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
-    """Whether a generic realization is the only one up to congruence: rigid in the sense of Definition 2."""
+    """Whether a generic realization is the only one up to congruence: rigid in the sense of Definition 2.
+
+    Args:
+        edges: (E, 2) indices of both ends in V.
+        count: number of vertices n.
+        dimension: K.
+    """
     pairs = {tuple(sorted(edge)) for edge in _edges(edges, count).tolist()}
     if count <= dimension + 1:
         return len(pairs) == count * (count - 1) // 2
@@ -98,7 +155,13 @@ def globally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
 
 
 def admits(graph: PointGraph, structure: SkeletalStructure, tolerance: float = 1e-9) -> bool:
-    """Whether G admits (S, χ), [MucherinoOmer2019, Definition 3]: in every frame S ⊆ G_t with δ = ‖χ(u) − χ(v)‖."""
+    """Whether G admits (S, χ), [MucherinoOmer2019, Definition 3]: in every frame S ⊆ G_t with δ = ‖χ(u) − χ(v)‖.
+
+    Args:
+        graph: the instance.
+        structure: (S, χ).
+        tolerance: largest difference of a length [m].
+    """
     if not set(structure.names) <= set(graph.vertices):
         return False
     places = np.array([graph.vertices.index(name) for name in structure.names])

@@ -73,7 +73,13 @@ def clock(frames: int = 50) -> Scene:
 
 
 def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> Scene:
-    """Fig. 4: two people side by side, an obstacle in the middle of their way (a little off the line of symmetry)."""
+    """Fig. 4: two people side by side, an obstacle in the middle of their way (a little off the line of symmetry).
+
+    Args:
+        frames: number of frames |T|.
+        gap: distance of the two people [m].
+        offset: of the obstacle from the line of symmetry [m].
+    """
     tracks = [_line((0, 0.5 + side), (1, 0.5 + side), frames) for side in (gap / 2, -gap / 2)]
     rock = np.full((frames, 2), (0.5, 0.5 + offset))
     pairs = (("a", "rock"), ("b", "rock"))
@@ -81,7 +87,12 @@ def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> S
 
 
 def together(scene: Scene, priority: float = RAISED) -> PointGraph:
-    """Fig. 4c: one bone between the two pedestrians in every frame, as long as in the animation."""
+    """Fig. 4c: one bone between the two pedestrians in every frame, as long as in the animation.
+
+    Args:
+        scene: of `pedestrians`.
+        priority: π of the bone.
+    """
     graph, x = empty(scene.names, scene.animation)
     return bone_edges(graph, structure_from_pose(("a", "b"), [-1, 0], x[0, :2]), priority)
 
@@ -119,6 +130,10 @@ def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Scene:
 
     Played on a body with other bones this is angle transfer. The feet and hips stand still; hands may touch each
     other but not the head.
+
+    Args:
+        structure: a body with the joints of `figure`.
+        frames: number of frames |T|.
     """
     turn = np.radians([angle for *_, angle in _FIGURE])
     rho = np.linspace(0.0, 1.0, frames)[:, None] * turn
@@ -128,7 +143,12 @@ def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Scene:
 
 
 def shortened_arms(structure: SkeletalStructure, factor: float = 0.8) -> SkeletalStructure:
-    """Fig. 5b, c: the same body with upper arms 20 % shorter."""
+    """Fig. 5b, c: the same body with upper arms 20 % shorter.
+
+    Args:
+        structure: a body with the joints of `figure`.
+        factor: of the upper arms [-].
+    """
     return structure.scaled([factor if name in ("l_elbow", "r_elbow") else 1.0 for name in structure.names])
 
 

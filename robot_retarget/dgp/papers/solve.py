@@ -61,6 +61,12 @@ def solve_frames(
 ) -> PointSolution:
     """The same for a graph whose edges stay within a frame: T independent problems, solved side by side.
 
+    Args:
+        graph: the instance.
+        start: (T, V, K) [m].
+        options: parameters; None takes the defaults.
+        objective: one of `Objective`.
+
     Raises:
         GraphError: an edge joins two frames, or is measured across two.
     """
@@ -84,6 +90,12 @@ def multistart(
     objective: Objective = Objective.SQUARED,
 ) -> PointSolution:
     """The solution of least stress over several starts, searched side by side.
+
+    Args:
+        graph: the instance.
+        starts: (T, V, K) each [m].
+        options: parameters; None takes the defaults.
+        objective: one of `Objective`.
 
     Raises:
         UsageError: there is no start.

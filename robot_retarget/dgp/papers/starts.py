@@ -15,7 +15,13 @@ _PRESSING = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)
 
 
 def random_starts(graph: PointGraph, count: int, seed: int = 0) -> Floats:
-    """Return (count, T, V, K) points in a box with about one point per mean target distance [m]."""
+    """Return (count, T, V, K) points in a box with about one point per mean target distance [m].
+
+    Args:
+        graph: the instance.
+        count: number of starts.
+        seed: of the random numbers.
+    """
     middle = _middle(graph)
     spacing = float(middle.mean()) if len(middle) else 1.0
     size = spacing * (graph.frames * len(graph.vertices)) ** (1.0 / graph.dimension) / 2.0
@@ -28,6 +34,12 @@ def lifted_starts(graph: PointGraph, count: int, seed: int = 0, extra: int = 2) 
 
     Sparse instances have many local minima; most of them disappear with room to pass around each other. The weight of
     the coordinates beyond K dimensions rises from 0 to 0.3. A solver continues from these points.
+
+    Args:
+        graph: the instance.
+        count: number of starts.
+        seed: of the random numbers.
+        extra: number of additional dimensions.
     """
     flat = random_starts(graph, count, seed)
     tall = graph.dimension + extra
