@@ -180,14 +180,14 @@ def test_takes_stand_side_by_side(tmp_path: Path) -> None:
 
 
 def outside(browser: Tab) -> int:
-    """Number of corners of the robots' shapes, at both ends of the motion, that the camera does not see."""
+    """Number of corners (a fifth of them) of the robots' shapes, at both ends of the motion, that the camera does not see."""
     return browser.run(
         "viewer.panel.onreset(); let count = 0; const camera = viewer.stage.camera;"
         "for (const time of [0, viewer.player.duration]) { viewer.player.seek(time); camera.updateMatrixWorld();"
         "  for (const cast of viewer.casts) { cast.updateMatrixWorld(true);"
         "    for (const mesh of cast.parts.robot.children) { const { position } = mesh.geometry.attributes, point = cast.position.clone();"
-        "      for (let k = 0; k < position.count; k++) {"
-        "        mesh.localToWorld(point.fromBufferAttribute(position, k)).project(camera);"
+        "      for (let k = 0; k < position.count; k += 5) {"
+        "        point.fromBufferAttribute(position, k).applyMatrix4(mesh.matrixWorld).project(camera);"
         "        count += Math.abs(point.x) > 1 || Math.abs(point.y) > 1; } } } } return count"
     )
 
@@ -235,7 +235,7 @@ def test_a_view_is_saved_as_a_picture_and_the_motion_as_a_film(opened: Tab) -> N
         "window.made = {}; viewer.player.seek(1); viewer.exported.picture().then(blob => window.made.picture = blob)"
     )
     opened.until("return window.made.picture?.type === 'image/png' && window.made.picture.size > 10000")
-    opened.run("viewer.player.setSpeed(2); viewer.exported.film().then(blob => window.made.film = blob)")
+    opened.run("viewer.player.setSpeed(4); viewer.exported.film().then(blob => window.made.film = blob)")
     opened.until("return window.made.film?.type.startsWith('video/') && window.made.film.size > 1000")
     assert opened.run("return viewer.player.loop && !viewer.player.playing")
     opened.run("viewer.player.setSpeed(1)")
