@@ -2,7 +2,7 @@
 
 Pushes ahead and back fit the pitch joints of the legs, pushes to the sides the roll joints. A set of gains scores the mean over motions and directions of
 
-    (J_min + J_mean) / (J⁰_min + J⁰_mean)          J, J⁰: largest survived impulses with and without feedback, over the drawn worlds
+    min(AIM, (J_min + J_mean) / (J⁰_min + J⁰_mean))          J, J⁰: largest survived impulses with and without feedback, over the drawn worlds
 
 and nothing if the standing robot oscillates. Worlds are those of the verdict, with the delay of a slow loop. `stand` is the first pose of the first
 clip, held. The search is differential evolution around the gains of the map. The result is the [balance] table; `-o` writes the whole map.
@@ -36,6 +36,8 @@ from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
+AIM = 1.5
+"""A larger gain in one direction counts no more: it must not pay for a loss in another [-]."""
 DELAY = (0.01, 0.04)
 """Drawn delays of the goals [s]: the loop over a bus, and twice as slow."""
 PLANES = {"pitch": (1, ("fore", "aft")), "roll": (0, ("left", "right"))}
@@ -117,7 +119,7 @@ def fitted(task: Task, plane: str, rounds: int, population: int) -> Robot:
         tried = with_gains(robot, pairs, gains)
         if task.oscillates(plant_of(tried, "free")):
             return 0.0
-        score = float((task.impulses(tried, ways, feedback=True) / without).mean())
+        score = float(np.minimum(task.impulses(tried, ways, feedback=True) / without, AIM).mean())
         print(f"{plane} {score:.3f} {np.round(gains, 3).tolist()}", flush=True)
         return -score
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emulated import emulated
+from emulated import emulated, until
 from made_trajectories import hold
 from scipy.spatial.transform import Rotation
 
@@ -57,7 +57,7 @@ def test_registers_have_the_makers_units_and_signs() -> None:
 @pytest.mark.parametrize("options", [(), ("--physics",)], ids=["on a table", "held by its trunk"])
 def test_the_emulated_board_answers_a_level_robot(options: tuple[str, ...], tmp_path: Path) -> None:
     with emulated(tmp_path, "op3", *options) as robot, Bus(robot.port, OP3_MAP.baud) as bus:
-        assert bus.ping(IMU.id) is not None
+        until(lambda: bus.ping(IMU.id) is not None)
         readings = []
         for _ in range(20):
             time.sleep(DT)
