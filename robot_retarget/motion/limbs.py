@@ -26,12 +26,18 @@ _LONGEST = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
 _FARTHER = 0.01
 """Loss of score per joint by which a choice is farther from the hub [-]: of equal choices the first counts."""
+_REACHING = 1.5
+"""Weight of the logarithm of the share of the chain that the limb reaches over [-]."""
+_ENDING = 0.7
+"""Loss of score of a limb that ends where its chain ends, without a hand or foot [-]."""
 _ODD = -8.0
 """Score of odd proportions, however odd; names that agree raise it."""
 _SPREAD = 0.25
 """Standard deviation of both ratios, of their logarithms [-]."""
 SAME = 0.04
 """Joints nearer than this share of a limb are at one place [-]."""
+SHORT = 0.2
+"""Chains shorter than this share of a limb are no limb, no head on a trunk, and no hand below a wrist [-]."""
 _BOTH = 4.0
 """Score of a body for having arms in addition to legs."""
 
@@ -184,7 +190,7 @@ def _stump(body: Body, pair: Pair, other: Pair) -> bool:
     """A third branch at the pair's hub, shorter than its limbs and not on the way to the other pair: a head."""
     way = set(body.skeleton.above(other.hub))
     return any(
-        child not in pair.chains and child not in way and 0.1 * pair.length < body.branch(child)
+        child not in pair.chains and child not in way and SHORT * pair.length < body.branch(child)
         for child in body.children[pair.hub]
     )
 
@@ -192,7 +198,7 @@ def _stump(body: Body, pair: Pair, other: Pair) -> bool:
 def _pairs(body: Body, kind: str) -> list[Pair]:
     """Candidates for the legs or the arms, the best ones first."""
     pairs = []
-    long = 0.35 * _second_longest(body)
+    long = SHORT * _second_longest(body)
     for hub, children in enumerate(body.children):
         branches = [child for child in children if body.branch(child) > long]
         for left, right in combinations(branches, 2):
@@ -269,10 +275,10 @@ class _Sizes:
         a, b, c = places
         upper, lower = self.apart[a, b], self.apart[b, c]
         return float(
-            1.5 * min(0.0, np.log((upper + lower) / self.total))
+            _REACHING * min(0.0, np.log((upper + lower) / self.total))
             - 4 * (self.bulges[a, b] + self.bulges[b, c])
             - 20 * (self.spread[a, b] / upper + self.spread[b, c] / lower)
-            - 0.7 * max(0.0, 1 - self.below[c] / (0.2 * lower))
+            - _ENDING * max(0.0, 1 - self.below[c] / (SHORT * lower))
             - 4 * (self.beside[a] < SAME * (upper + lower))
             - _FARTHER * (a + b + c)
             + max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * max(agreement, 0.0))

@@ -37,8 +37,6 @@ class UpAxisRule:
     height (per leg length) and begins at 0, a flight is a free fall, the pelvis does not climb further than a person."""
     weak: float = 1.5
     """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
-    unsteady: float = 0.5
-    """Changes of the lowest point's height beyond this count no further."""
     near: float = 0.2
     """Height within which the lowest point of a clip begins at 0."""
     airborne: float = 0.15
@@ -97,7 +95,7 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     keypoints = recognition.place(positions)
     evidence = {
         "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
-        "steady lowest point": -rule.strong * _unsteady(positions, leg, rule),
+        "steady lowest point": -rule.strong * _unsteady(positions, leg),
         "floor at height 0": rule.strong * _floor_at_zero(positions, leg, rule),
         "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
         "rest pose": rule.weak
@@ -130,8 +128,8 @@ def _lowest(positions: Floats) -> Floats:
     return np.concatenate([positions.min(axis=1), -positions.max(axis=1)], axis=1)
 
 
-def _unsteady(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:
-    return np.minimum(_lowest(positions).std(axis=0) / leg, rule.unsteady)
+def _unsteady(positions: Floats, leg: float) -> Floats:
+    return _lowest(positions).std(axis=0) / leg
 
 
 def _floor_at_zero(positions: Floats, leg: float, rule: UpAxisRule) -> Floats:

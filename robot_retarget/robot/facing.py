@@ -30,7 +30,7 @@ class Vote:
     criterion: str
     sign: int
     """+1 for the candidate direction, −1 for the opposite, 0 for an abstention."""
-    weight: int = 1
+    weight: int
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, acro
     votes = [Vote("names", _names(links, [pair for pair in (legs, arms) if pair]), 2)]
     if legs:
         votes += [
-            Vote("feet", _feet(links, flat, legs, across)),
-            Vote("toes", _toes(links, legs, across)),
+            Vote("feet", _feet(links, flat, legs, across), 1),
+            Vote("toes", _toes(links, legs, across), 1),
             Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BEND), 2),
-            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BEND)),
+            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BEND), 1),
         ]
     if arms:
-        votes.append(Vote("elbows", _elbows(links, arms, across)))
+        votes.append(Vote("elbows", _elbows(links, arms, across), 1))
     return votes
 
 

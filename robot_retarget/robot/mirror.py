@@ -8,9 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import ALIGNED, Floats, Ints
 from robot_retarget.robot.model import Robot
-
-NEAR = 0.03
-"""Hinges whose mirrored lines lie this near, over the robot's height, and whose mirrored axes are aligned, are counterparts; of several the nearest."""
+from robot_retarget.robot.symmetrize import SLIGHT
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ def mirror_of(robot: Robot, left: Floats) -> Mirror:
     gap, turn = (place @ plane)[:, None] - place, -(axis @ plane) @ axis.T
     along = np.abs((gap * axis).sum(axis=2)) / size
     across = np.linalg.norm(gap - (gap * axis).sum(axis=2, keepdims=True) * axis, axis=2) / size
-    fit = np.where((across < NEAR) & (np.abs(turn) > ALIGNED), across + along, np.inf)
+    fit = np.where((across < SLIGHT) & (np.abs(turn) > ALIGNED), across + along, np.inf)
     best, rows = fit.argmin(axis=1), np.arange(len(fit))
     found = np.isfinite(fit[rows, best]) & (best[best] == rows)
     own = data.xmat[robot.root_body].reshape(3, 3).T @ left

@@ -12,7 +12,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 
 SLIGHT = 0.02
-"""Sides that differ by less than this share of the body, or of the foot, are symmetrized [-]."""
+"""Sides that differ by less than this share of the body, or of the foot, are symmetrized, and hinges whose mirrored lines
+do are counterparts [-]."""
 
 
 def other_side(keypoint: str) -> str:
