@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import ALIGNED, Floats, unit
 from robot_retarget.errors import MatchError
-from robot_retarget.motion.limbs import Body, Pair
+from robot_retarget.motion.limbs import LimbPair, PosedSkeleton
 
 ARM_TO_LEG = (0.35, 1.3)
 TRUNK_TO_LEG = (0.25, 1.4)
@@ -12,7 +12,7 @@ FOUR_LEGGED_ARM = 0.85
 """Arms of at least this share of the legs can be forelegs; a human on hands and knees has 0.5 … 0.75."""
 
 
-def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
+def refuse_other_than_human(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> None:
     """Check proportions and posture.
 
     Args:
@@ -43,7 +43,7 @@ def refuse_other_than_human(body: Body, legs: Pair, arms: Pair) -> None:
         )
 
 
-def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
+def four_legged(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> float:
     """Share of the frames in which arms and legs are parallel and the trunk lies across them.
 
     Args:
@@ -56,7 +56,7 @@ def four_legged(body: Body, legs: Pair, arms: Pair) -> float:
     return float(np.mean((_cosine(leg, arm) > ALIGNED) & (np.abs(_cosine(leg, shoulders - hips)) < ALIGNED)))
 
 
-def _tail(body: Body, joint: int) -> bool:
+def _tail(body: PosedSkeleton, joint: int) -> bool:
     return "tail" in body.evidence[joint].parts
 
 

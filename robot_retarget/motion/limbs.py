@@ -43,7 +43,7 @@ _BOTH = 4.0
 
 
 @dataclass(frozen=True)
-class Body:
+class PosedSkeleton:
     """A skeleton in its poses, with what recognition asks again and again."""
 
     skeleton: Skeleton
@@ -57,7 +57,7 @@ class Body:
     evidence: tuple[NameEvidence, ...]
 
     @classmethod
-    def of(cls, skeleton: Skeleton, positions: Floats) -> "Body":
+    def of(cls, skeleton: Skeleton, positions: Floats) -> "PosedSkeleton":
         picked = np.unique(np.linspace(0, len(positions) - 1, FRAMES).round().astype(int))
         poses = np.asarray(positions, dtype=float)[picked]
         parents = skeleton.parents
@@ -108,7 +108,7 @@ class Body:
         """Whether a joint and all below it are called heels."""
         return "heel" in self.evidence[joint].parts and all(map(self._only_heel, self.children[joint]))
 
-    def at(self, pair: "Pair", which: int) -> Floats:
+    def at(self, pair: "LimbPair", which: int) -> Floats:
         """(F, 2, 3) of the first (0), middle (1) or last (2) joints of two limbs.
 
         Args:
@@ -140,7 +140,7 @@ class Limb:
 
 
 @dataclass(frozen=True)
-class Pair:
+class LimbPair:
     """Two limbs that hang from one joint."""
 
     hub: int
@@ -160,16 +160,16 @@ class Pair:
     def chains(self) -> set[int]:
         return set(self.sides[0].chain) | set(self.sides[1].chain)
 
-    def below(self, body: Body) -> set[int]:
+    def below(self, body: PosedSkeleton) -> set[int]:
         """Every joint of the two branches, fingers and props too."""
         starts = {limb.chain[0] for limb in self.sides}
         return {joint for joint in range(len(body.children)) if starts & set(body.skeleton.above(joint))}
 
 
-def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
+def find_limbs(body: PosedSkeleton) -> tuple[LimbPair | None, LimbPair | None]:
     """The best legs and arms; None for a missing pair."""
     legs, arms = _pairs(body, "leg"), _pairs(body, "arm")
-    options: list[tuple[float, Pair | None, Pair | None]] = [(leg.score, leg, None) for leg in legs]
+    options: list[tuple[float, LimbPair | None, LimbPair | None]] = [(leg.score, leg, None) for leg in legs]
     options += [
         (leg.score + arm.score + _BOTH + _relation(body, leg, arm), leg, arm)
         for leg in legs
@@ -180,13 +180,13 @@ def find_limbs(body: Body) -> tuple[Pair | None, Pair | None]:
     return leg, arm
 
 
-def _relation(body: Body, leg: Pair, arm: Pair) -> float:
+def _relation(body: PosedSkeleton, leg: LimbPair, arm: LimbPair) -> float:
     """Legs are longer than arms, and the head is at the arms' end of the trunk."""
     size = -0.5 * (np.log(arm.length / leg.length / _ARM_TO_LEG) / _SPREAD) ** 2
     return max(size, -12.0) + 2.0 * (_stump(body, arm, leg) - _stump(body, leg, arm))
 
 
-def _stump(body: Body, pair: Pair, other: Pair) -> bool:
+def _stump(body: PosedSkeleton, pair: LimbPair, other: LimbPair) -> bool:
     """A third branch at the pair's hub, shorter than its limbs and not on the way to the other pair: a head."""
     way = set(body.skeleton.above(other.hub))
     return any(
@@ -195,7 +195,7 @@ def _stump(body: Body, pair: Pair, other: Pair) -> bool:
     )
 
 
-def _pairs(body: Body, kind: str) -> list[Pair]:
+def _pairs(body: PosedSkeleton, kind: str) -> list[LimbPair]:
     """Candidates for the legs or the arms, the best ones first."""
     pairs = []
     long = SHORT * _second_longest(body)
@@ -209,23 +209,23 @@ def _pairs(body: Body, kind: str) -> list[Pair]:
             if one is not None and two is not None:
                 uneven = abs(np.log(one.upper / two.upper)) + abs(np.log(one.lower / two.lower))
                 score = one.score + two.score - 6 * uneven + 0.5 * _opposite(body, one, two)
-                pairs.append(Pair(hub, (one, two), float(score)))
+                pairs.append(LimbPair(hub, (one, two), float(score)))
     return sorted(pairs, key=lambda pair: -pair.score)[:6]
 
 
-def _second_longest(body: Body) -> float:
+def _second_longest(body: PosedSkeleton) -> float:
     """The longest branch with a longer sibling: an arm or a leg, also below wrappers of the skeleton's root."""
     beside = [sorted(map(body.branch, children))[-2] for children in body.children if len(children) > 1]
     return max(beside, default=0.0)
 
 
-def _opposite(body: Body, one: Limb, two: Limb) -> int:
+def _opposite(body: PosedSkeleton, one: Limb, two: Limb) -> int:
     """How many of the three joints are named after opposite sides, less those named after the same one."""
     sides = [(body.evidence[a].side, body.evidence[b].side) for a, b in zip(one.joints, two.joints, strict=True)]
     return sum((a != b) - (a == b) for a, b in sides if a and b)
 
 
-def _fit(body: Body, chain: tuple[int, ...], other: tuple[int, ...], kind: str) -> Limb | None:
+def _fit(body: PosedSkeleton, chain: tuple[int, ...], other: tuple[int, ...], kind: str) -> Limb | None:
     """The three joints of a chain that make the best limb."""
     sizes = _Sizes.of(body, chain, other)
     fits: list[tuple[tuple[int, ...], Limb]] = []
@@ -262,7 +262,7 @@ class _Sizes:
     """Length of the limb: a sword in one hand makes that chain longer, not its arm."""
 
     @classmethod
-    def of(cls, body: Body, chain: tuple[int, ...], other: tuple[int, ...]) -> "_Sizes":
+    def of(cls, body: PosedSkeleton, chain: tuple[int, ...], other: tuple[int, ...]) -> "_Sizes":
         points = body.positions[:, list(chain)]
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
         across = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3)
@@ -285,19 +285,19 @@ class _Sizes:
         )
 
 
-def _agreement(body: Body, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
+def _agreement(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
     """How far the names of three joints agree with the parts of a limb."""
     names = [body.evidence[chain[k]] for k in places]
     return sum(name.agreement(part) for name, part in zip(names, LIMBS[kind], strict=True))
 
 
-def _misnamed(body: Body, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
+def _misnamed(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
     """What the names of three joints take from their score: ends, and a collarbone in place of a shoulder."""
     tips = sum(body.evidence[chain[k]].tip for k in places)
     return tips + 2.0 * _collarbone(body, chain[places[0] : places[1]], LIMBS[kind][0])
 
 
-def _collarbone(body: Body, chain: tuple[int, ...], part: str) -> bool:
+def _collarbone(body: PosedSkeleton, chain: tuple[int, ...], part: str) -> bool:
     """Whether the first of some joints may be called a clavicle and a later one is called a shoulder."""
     evidence = [body.evidence[joint] for joint in chain]
     return "clavicle" in evidence[0].parts and any(name.agreement(part) > 0 for name in evidence[1:])

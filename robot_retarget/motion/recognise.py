@@ -14,7 +14,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, known
 from robot_retarget.keypoints import KEYPOINTS, SIDES
 from robot_retarget.motion.human_check import refuse_other_than_human
-from robot_retarget.motion.limbs import LIMBS, Body, Limb, Pair, find_limbs
+from robot_retarget.motion.limbs import LIMBS, Limb, LimbPair, PosedSkeleton, find_limbs
 from robot_retarget.motion.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.trunk import find_trunk
@@ -78,7 +78,7 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
     Raises:
         MatchError: the body is not human, or two legs and two arms cannot be found; says why.
     """
-    body = Body.of(skeleton, positions)
+    body = PosedSkeleton.of(skeleton, positions)
     legs, arms = find_limbs(body)
     if legs is None or arms is None:
         found = "no two legs found" if legs is None else "one pair of limbs found, not two legs and two arms,"
@@ -145,7 +145,7 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
     return replace(recognition, marks={k: marks[k] for k in KEYPOINTS if k in marks})
 
 
-def _sided(body: Body, legs: Pair, arms: Pair) -> "_Sided":
+def _sided(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> "_Sided":
     """Legs and arms with the left one first; names and knees together outvote the feet, else geometry the names."""
     seen, said = votes(body, legs, arms), named_leftness(body, legs)
     bent = seen.knees + seen.elbows
@@ -174,31 +174,33 @@ def _sided(body: Body, legs: Pair, arms: Pair) -> "_Sided":
 class _Sided:
     """Limbs with the left one first, the certainty of the sides, whether toes were found, and notes."""
 
-    legs: Pair
-    arms: Pair
+    legs: LimbPair
+    arms: LimbPair
     certainty: float
     toes: bool
     notes: tuple[str, ...]
 
 
-def _turned(pair: Pair) -> Pair:
+def _turned(pair: LimbPair) -> LimbPair:
     return replace(pair, sides=(pair.sides[1], pair.sides[0]))
 
 
-def _pelvis(body: Body, legs: Pair) -> Mark:
+def _pelvis(body: PosedSkeleton, legs: LimbPair) -> Mark:
     hips = tuple(limb.joints[0] for limb in legs.sides)
     marks = [_mark(body, "hip", joint, "", 1.0) for joint in hips]
     names = " and ".join(repr(body.skeleton.names[joint]) for joint in hips)
     return Mark(hips, min(mark.confidence for mark in marks), f"{names}: the middle of the hips")
 
 
-def _limb_marks(body: Body, side: str, limb: Limb, kind: str, certainty: float, lead: float) -> dict[str, Mark]:
+def _limb_marks(
+    body: PosedSkeleton, side: str, limb: Limb, kind: str, certainty: float, lead: float
+) -> dict[str, Mark]:
     part, ratio = LIMBS[kind], limb.upper / limb.lower
     why = f"one of two {kind}s of {len(limb.chain)} joints, upper bone {ratio:.2f} of the lower"
     return {f"{side}_{p}": _mark(body, p, j, why, certainty, lead) for p, j in zip(part, limb.joints, strict=True)}
 
 
-def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, Mark]:
+def _toe_mark(body: PosedSkeleton, side: str, leg: Limb, certainty: float) -> dict[str, Mark]:
     joints = body.toes(leg)
     if not joints:
         return {}
@@ -211,7 +213,7 @@ def _toe_mark(body: Body, side: str, leg: Limb, certainty: float) -> dict[str, M
     return {f"{side}_toe": replace(mark, confidence=max(mark.confidence, SILENT * certainty)) if end else mark}
 
 
-def _mark(body: Body, part: str, joint: int, why: str, certainty: float, lead: float = np.inf) -> Mark:
+def _mark(body: PosedSkeleton, part: str, joint: int, why: str, certainty: float, lead: float = np.inf) -> Mark:
     """A joint found by tree and geometry, by a lead over the next best place, and by its name.
 
     How sure: c (1 − (1 − a)(1 − s)) with the agreement a of the name, the sureness s of tree and geometry alone and the

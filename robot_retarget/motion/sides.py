@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.motion.limbs import Body, Limb, Pair
+from robot_retarget.motion.limbs import Limb, LimbPair, PosedSkeleton
 
 SURE = 0.3
 """Certainty from which geometry overrules names."""
@@ -34,7 +34,7 @@ class Votes:
         return float(np.tanh(8 * (self.feet * feet + self.knees + self.elbows)))
 
 
-def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
+def votes(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> Votes:
     """How the first of two legs stands to where feet point, knees bend and elbows do not.
 
     Args:
@@ -55,7 +55,7 @@ def votes(body: Body, legs: Pair, arms: Pair) -> Votes:
     )
 
 
-def named_leftness(body: Body, pair: Pair) -> int:
+def named_leftness(body: PosedSkeleton, pair: LimbPair) -> int:
     """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown.
 
     Args:
@@ -67,7 +67,7 @@ def named_leftness(body: Body, pair: Pair) -> int:
     return int(np.sign(first - second))
 
 
-def same_side_first(body: Body, legs: Pair, arms: Pair) -> bool:
+def same_side_first(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> bool:
     """Whether the first arm is on the side of the first leg.
 
     Args:
@@ -79,7 +79,7 @@ def same_side_first(body: Body, legs: Pair, arms: Pair) -> bool:
     return float(np.einsum("fi,fi->f", *lines).mean()) >= 0
 
 
-def _bend(body: Body, limb: Limb) -> Floats:
+def _bend(body: PosedSkeleton, limb: Limb) -> Floats:
     """(F, 3) from the middle of a limb's ends to its middle joint."""
     first, middle, last = (body.positions[:, joint] for joint in limb.joints)
     return middle - (first + last) / 2

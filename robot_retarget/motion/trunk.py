@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import unit
-from robot_retarget.motion.limbs import SAME, Body, Pair
+from robot_retarget.motion.limbs import SAME, LimbPair, PosedSkeleton
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""
@@ -25,7 +25,7 @@ class Found:
     lead: float = np.inf
 
 
-def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
+def find_trunk(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> dict[str, Found]:
     """The joints of chest, neck and head that this body has.
 
     Args:
@@ -50,7 +50,7 @@ def find_trunk(body: Body, legs: Pair, arms: Pair) -> dict[str, Found]:
     return found
 
 
-def _neck(body: Body, legs: Pair, head: int, height: np.ndarray, chest: int | None) -> int | None:
+def _neck(body: PosedSkeleton, legs: LimbPair, head: int, height: np.ndarray, chest: int | None) -> int | None:
     """The joint below a head that is still over the chest."""
     below = (k for k in body.skeleton.above(head)[1:] if body.distance(k, head) > SAME * legs.length)
     neck = next(below, None)
@@ -58,14 +58,14 @@ def _neck(body: Body, legs: Pair, head: int, height: np.ndarray, chest: int | No
     return neck if over else None
 
 
-def _heights(body: Body, legs: Pair, arms: Pair) -> np.ndarray:
+def _heights(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> np.ndarray:
     """(J,) height of every joint over the shoulders along the trunk, in leg lengths."""
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     up = unit(shoulders - hips)
     return np.einsum("fji,fi->fj", body.positions - shoulders[:, None], up).mean(axis=0) / legs.length
 
 
-def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None:
+def _chest(body: PosedSkeleton, legs: LimbPair, arms: LimbPair, height: np.ndarray) -> int | None:
     """The arms' hub, or the first spine joint below where the arms hang from the neck or from above the shoulders.
 
     A hub that is level with the shoulders is the chest if its name speaks of the spine (`Thorax`) and no other joint of
@@ -84,7 +84,9 @@ def _chest(body: Body, legs: Pair, arms: Pair, height: np.ndarray) -> int | None
     return None
 
 
-def _heads(body: Body, legs: Pair, arms: Pair, height: np.ndarray, chest: int | None) -> dict[int, float]:
+def _heads(
+    body: PosedSkeleton, legs: LimbPair, arms: LimbPair, height: np.ndarray, chest: int | None
+) -> dict[int, float]:
     """Scores of the joints off the limbs that are called a head, or stand over a neck where a head is."""
     limbs = legs.below(body) | arms.below(body)
     trunk = set(body.skeleton.above(arms.hub))

@@ -11,7 +11,16 @@ import numpy as np
 
 from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.errors import MatchError
-from robot_retarget.robot.limbs import LEFT_WORDS, RIGHT_WORDS, Chain, Pair, arm_centres, leg_centres, sole_cloud, words
+from robot_retarget.robot.limbs import (
+    LEFT_WORDS,
+    RIGHT_WORDS,
+    Chain,
+    MirroredLimbs,
+    arm_centres,
+    leg_centres,
+    sole_cloud,
+    words,
+)
 from robot_retarget.robot.links import Axis, Links
 
 AHEAD = 0.05
@@ -41,13 +50,15 @@ class Facing:
     left: Floats
     notes: tuple[str, ...]
 
-    def of(self, pair: Pair) -> dict[str, Chain]:
+    def of(self, pair: MirroredLimbs) -> dict[str, Chain]:
         """Return the left and the right of two limbs."""
         first_is_left = (pair.chains[0].end - pair.chains[1].end) @ self.left > 0
         return dict(zip("lr" if first_is_left else "rl", pair.chains, strict=True))
 
 
-def facing(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, given: Floats | None = None) -> Facing:
+def facing(
+    links: Links, flat: Links, legs: MirroredLimbs | None, arms: MirroredLimbs | None, given: Floats | None = None
+) -> Facing:
     """Return forward by the votes of feet, toes, knees, elbows, a keyframe and names, or by the given direction (3,).
 
     `links` is the robot in its reference pose, `flat` with its soles flat. Without votes, or with equal votes for both,
@@ -87,7 +98,9 @@ def _sign_of(given: Floats, across: Floats) -> int:
     return int(np.sign(cosine))
 
 
-def _votes(links: Links, flat: Links, legs: Pair | None, arms: Pair | None, across: Floats) -> list[Vote]:
+def _votes(
+    links: Links, flat: Links, legs: MirroredLimbs | None, arms: MirroredLimbs | None, across: Floats
+) -> list[Vote]:
     votes = [Vote("names", _names(links, [pair for pair in (legs, arms) if pair]), 2)]
     if legs:
         votes += [
@@ -131,7 +144,7 @@ def _beyond(value: float, margin: float) -> int:
     return int(np.sign(value)) if abs(value) > margin else 0
 
 
-def _names(links: Links, pairs: list[Pair]) -> int:
+def _names(links: Links, pairs: list[MirroredLimbs]) -> int:
     """Return the vote of names: +1 if the first chain of limbs, on the candidate left, has a left name."""
     lateral = pairs[0].lateral
     said = 0
@@ -152,7 +165,7 @@ def _handedness(links: Links, chain: Chain) -> int:
     return total
 
 
-def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
+def _feet(links: Links, flat: Links, legs: MirroredLimbs, across: Floats) -> int:
     """Return the vote of soles, toes included: forward is the direction in which they reach further from the ankles."""
     ahead, length = 0.0, 0.0
     for chain in legs.chains:
@@ -165,7 +178,7 @@ def _feet(links: Links, flat: Links, legs: Pair, across: Floats) -> int:
     return _beyond(ahead / max(length, 1e-9), AHEAD)
 
 
-def _toes(links: Links, legs: Pair, across: Floats) -> int:
+def _toes(links: Links, legs: MirroredLimbs, across: Floats) -> int:
     """Return the vote of toes: forward is the direction from the ankles to the hinges of toes."""
     ahead = 0.0
     for chain in legs.chains:
@@ -176,7 +189,7 @@ def _toes(links: Links, legs: Pair, across: Floats) -> int:
     return _beyond(ahead / 2, AHEAD)
 
 
-def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
+def _folded(links: Links, legs: MirroredLimbs, across: Floats, angles: Floats) -> float:
     """Return the angle by which hinge angles (n,) from the reference pose fold the shins back, mean of legs [rad]."""
     folded = 0.0
     for chain in legs.chains:
@@ -187,7 +200,7 @@ def _folded(links: Links, legs: Pair, across: Floats, angles: Floats) -> float:
     return folded / 2
 
 
-def _elbows(links: Links, arms: Pair, across: Floats) -> int:
+def _elbows(links: Links, arms: MirroredLimbs, across: Floats) -> int:
     """Return the vote of elbows, which move the hands forward."""
     forward = 0.0
     for chain in arms.chains:

@@ -51,7 +51,7 @@ class Chain:
 
 
 @dataclass(frozen=True)
-class Pair:
+class MirroredLimbs:
     """Two limbs that mirror each other, and the link that carries both."""
 
     carrier: int
@@ -89,7 +89,7 @@ class Pair:
         return int(np.sign(sum(bool(text & ARM_WORDS) - bool(text & _LEG_WORDS) for text in texts)))
 
 
-def mirrored_pairs(links: Links) -> list[Pair]:
+def mirrored_pairs(links: Links) -> list[MirroredLimbs]:
     """Every pair of leaves whose chains mirror each other in a vertical plane, other than the fingers of one hand."""
     pairs = []
     for a, b in itertools.combinations(links.leaves, 2):
@@ -101,7 +101,7 @@ def mirrored_pairs(links: Links) -> list[Pair]:
     return pairs
 
 
-def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> Pair | None:
+def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) -> MirroredLimbs | None:
     """Return two chains that mirror each other; each ends in the middle of its surface.
 
     Some models use shapes drawn for one side on both sides. To find such pairs by their hinges, the chains then end at
@@ -117,7 +117,7 @@ def _mirrored(links: Links, carrier: int, tails: tuple[list[int], list[int]]) ->
         one, other = (Chain(tuple(t), a, end) for t, a, end in zip(tails, axes, ends, strict=True))
         miss = _miss(one, other)
         if miss < SAME:
-            return Pair(carrier, (one, other), miss)
+            return MirroredLimbs(carrier, (one, other), miss)
     return None
 
 
@@ -194,7 +194,7 @@ def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
     return parallel if hip is None or along[hip] < CANTED else [chain.axes[hip], *parallel]
 
 
-def foot_links(links: Links, legs: Pair) -> list[int]:
+def foot_links(links: Links, legs: MirroredLimbs) -> list[int]:
     """The links that carry the ankles of both legs.
 
     Args:

@@ -18,7 +18,7 @@ from robot_retarget.robot.hands import hand_axes
 from robot_retarget.robot.limbs import (
     GRASP_WORDS,
     SAME,
-    Pair,
+    MirroredLimbs,
     arm_centres,
     box_middle,
     foot_links,
@@ -80,7 +80,7 @@ def _anatomy(robot: Robot, forward: Floats | None) -> Anatomy:
     return assemble((links, flat), limbs | _trunk(links, legs, arms, limbs), sides)
 
 
-def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
+def _legs(links: Links, pairs: list[MirroredLimbs]) -> MirroredLimbs | None:
     """Return the lowest pair with three hinges or more per chain, among the legs by name or by the trunk."""
     limbs = {link for pair in pairs for link in pair.links}
     trunk = np.concatenate([links.surface(x)[:, 2] for x in links.ids if x not in limbs])
@@ -93,13 +93,13 @@ def _legs(links: Links, pairs: list[Pair]) -> Pair | None:
     return max((p for p in candidates if p.lowest < lowest + SAME * reach), key=lambda p: p.chains[0].reach)
 
 
-def _hang(pair: Pair, trunk: Floats) -> int:
+def _hang(pair: MirroredLimbs, trunk: Floats) -> int:
     """Return −1 for legs, which start on the lower half of the trunk, heights (P,) [m], or end far below it; +1 for arms."""
     low = pair.height < trunk.min() + np.ptp(trunk) / 2
     return -1 if low or pair.lowest < trunk.min() - pair.chains[0].reach / 2 else 1
 
 
-def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
+def _arms(links: Links, pairs: list[MirroredLimbs], legs: MirroredLimbs | None) -> MirroredLimbs | None:
     """Return the pair of the longest chains that start above the legs."""
     taken = legs.links if legs else set[int]()
     free = [p for p in pairs if p.called(links) >= 0 and not taken & p.links]
@@ -108,7 +108,7 @@ def _arms(links: Links, pairs: list[Pair], legs: Pair | None) -> Pair | None:
     return max(free, key=lambda p: (round(p.chains[0].reach, 3), len(p.chains[0].axes)), default=None)
 
 
-def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair | None) -> None:
+def _refuse_quadruped(robot: Robot, links: Links, pairs: list[MirroredLimbs], arms: MirroredLimbs | None) -> None:
     standing = [p for p in pairs if len(p.chains[0].axes) >= 3 and p.called(links) <= 0]
     lowest = min(standing, key=lambda p: p.lowest, default=None)
     if lowest is None:
@@ -127,7 +127,7 @@ def _refuse_quadruped(robot: Robot, links: Links, pairs: list[Pair], arms: Pair 
         )
 
 
-def _refuse_arms_on_a_table(robot: Robot, arms: Pair) -> None:
+def _refuse_arms_on_a_table(robot: Robot, arms: MirroredLimbs) -> None:
     """Refuse two arms on the world that are too far apart for a trunk between them."""
     apart = float(np.linalg.norm(arms.chains[0].start - arms.chains[1].start))
     if arms.carrier == 0 and apart > max(chain.reach for chain in arms.chains):
@@ -171,7 +171,9 @@ def _doubted(links: Links, keypoint: str, site: KeypointSite) -> KeypointSite:
     return replace(site, confidence=min(site.confidence, UNSURE), evidence=f"{site.evidence}, on a finger or gripper")
 
 
-def _limbs(links: Links, sides: Facing, legs: Pair | None, arms: Pair | None) -> dict[str, KeypointSite]:
+def _limbs(
+    links: Links, sides: Facing, legs: MirroredLimbs | None, arms: MirroredLimbs | None
+) -> dict[str, KeypointSite]:
     found: dict[str, KeypointSite] = {}
     for side, chain in (sides.of(legs) if legs else {}).items():
         centres = leg_centres(links, chain, sides.left)
@@ -197,7 +199,7 @@ def _site(links: Links, link: int, point: Floats, confidence: float, evidence: s
 
 
 def _trunk(
-    links: Links, legs: Pair | None, arms: Pair | None, limbs: dict[str, KeypointSite]
+    links: Links, legs: MirroredLimbs | None, arms: MirroredLimbs | None, limbs: dict[str, KeypointSite]
 ) -> dict[str, KeypointSite]:
     """Return the pelvis between the hips, the chest slightly below the shoulders, and neck and head above."""
     lower = legs.carrier if legs else links.root

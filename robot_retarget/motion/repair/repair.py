@@ -9,7 +9,7 @@ from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
-from robot_retarget.motion.repair.sentences import Finding, sentences
+from robot_retarget.motion.repair.sentences import Defect, sentences
 from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.motion.repair.steps import JumpRule, body_jumps, limb_jumps
 from robot_retarget.motion.stature import leg_length
@@ -84,7 +84,7 @@ def _settled(
     return (capture.part(slice(start, stop)) if rule.mend else capture), tuple(notes)
 
 
-def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
+def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Defect]]:
     """Put the body back after every jump that the whole trunk makes; where its pose changes too, another take begins."""
     points = recognition.place(capture.positions) / leg
     trunk = points[:, _trunk_columns(recognition)]
@@ -108,7 +108,7 @@ def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: Repair
     return replace(capture, positions=positions), findings
 
 
-def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Finding]]:
+def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Defect]]:
     """With limbs led across the gaps in which they were lost."""
     points, at = recognition.place(capture.positions) / leg, recognition.keypoints.index
     middle = points[:, _trunk_columns(recognition)].mean(axis=1)
@@ -161,5 +161,5 @@ def _trunk_columns(recognition: Recognition) -> list[int]:
     return [k for k, keypoint in enumerate(recognition.keypoints) if keypoint in TRUNK]
 
 
-def _found(what: str, frame: int, size: float, done: str) -> Finding:
-    return Finding(what, frame, frame, size, f"{size:.2f} leg lengths", done)
+def _found(what: str, frame: int, size: float, done: str) -> Defect:
+    return Defect(what, frame, frame, size, f"{size:.2f} leg lengths", done)

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 LISTED = 3
-"""Findings of a kind that are listed one by one; further ones are counted."""
+"""Defects of a kind that are listed one by one; further ones are counted."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class Defect:
     """Something wrong with a stretch of a capture."""
 
     what: str
@@ -24,14 +24,14 @@ class Finding:
     """The repair, or the action that the user should take."""
 
 
-def sentences(findings: Iterable[Finding], fps: float) -> tuple[str, ...]:
+def sentences(findings: Iterable[Defect], fps: float) -> tuple[str, ...]:
     """A sentence for every kind of finding and outcome, the kind with the worst one first.
 
     Args:
         findings: of any kinds.
         fps: frames per second [1/s].
     """
-    kinds: dict[tuple[str, str], list[Finding]] = {}
+    kinds: dict[tuple[str, str], list[Defect]] = {}
     for finding in sorted(findings, key=lambda f: -f.size):
         kinds.setdefault((finding.what, finding.done), []).append(finding)
     return tuple(_sentence(what, done, found, fps) for (what, done), found in kinds.items())
@@ -50,7 +50,7 @@ def span(first: int, last: int, fps: float) -> str:
     return f"frames {first}–{last} ({first / fps:.2f}–{last / fps:.2f} s)"
 
 
-def _sentence(what: str, done: str, found: Sequence[Finding], fps: float) -> str:
+def _sentence(what: str, done: str, found: Sequence[Defect], fps: float) -> str:
     places = ", ".join(f"{span(f.first, f.last, fps)}{f', {f.measure}' if f.measure else ''}" for f in found[:LISTED])
     more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
     return f"{what} at {places}{more}: {done}."
