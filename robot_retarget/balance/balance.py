@@ -11,12 +11,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.beside import parted
-from robot_retarget.balance.outline import Clip
+from robot_retarget.balance.foot_spacing import parted
+from robot_retarget.balance.footstep_limits import carried, within_reach
 from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
+from robot_retarget.balance.playback_plan import Clip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
-from robot_retarget.balance.steps import carried, within_reach
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.describe.graph import RobotGraph, graph_from

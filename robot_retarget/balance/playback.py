@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.outline import Clip, Outline, outlined
 from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.playback_plan import Clip, Outline, outlined
 from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
 from robot_retarget.balance.zmp import Plan, Steadiness
 from robot_retarget.describe.graph import RobotGraph

@@ -27,9 +27,7 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
             pose = min(
                 pose, solver.solve_frame(before, all_targets.at(t), past=past, box=box), key=lambda end: end.cost
             )
-        if pose.clearance_deficit > 0:
-            pose = solver.backtrack_to_clearance(before, pose)
-        poses.append(solver.raise_above_floor(pose))
+        poses.append(solver.repaired(before, pose))
         before = poses[-1].qpos
         count.one()
     return poses

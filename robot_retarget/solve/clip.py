@@ -145,8 +145,8 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
             if number < smoothing.passes:
                 count.one()
     proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
-    held = _apart(clip, _held(clip, poses, proximal), proximal)
-    return [solver.raise_above_floor(pose) for pose in held]
+    met = _separated(clip, _hard_edges_met(clip, poses, proximal), proximal)
+    return [solver.raise_above_floor(pose) for pose in met]
 
 
 def _moving(poses: list[Pose], fixed: int) -> list[int]:
@@ -168,7 +168,7 @@ def _over_relaxed(clip: Clip, poses: list[Pose], path: list[Floats]) -> list[Flo
 
 
 def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
-    """A frame after one more step: within reach of its neighbours, and links apart on the way to them where they interpenetrating."""
+    """A frame after one more step: within reach of its neighbours, with links apart between frames that interpenetrate."""
     solver = clip.solver
     after = solver.solve_frame(
         poses[t],
@@ -177,7 +177,7 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpen
         past=Past(poses[t - 1].qpos, 1 / clip.fps) if t else None,
         iterations=1,
         tolerance=clip.smoothing.tolerance,
-        box=solver.reachable(_beside(poses, t), 1 / clip.fps),
+        box=solver.reachable(_neighbours(poses, t), 1 / clip.fps),
         between=_between(clip, poses, t, interpenetrating),
     )
     moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
@@ -194,7 +194,7 @@ def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
     return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
 
 
-def _beside(poses: list[Pose], t: int) -> list[Floats]:
+def _neighbours(poses: list[Pose], t: int) -> list[Floats]:
     """Return the configurations before and after a frame."""
     return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
@@ -212,7 +212,7 @@ def _interpenetrating(clip: Clip, poses: list[Pose]) -> set[int]:
     return {t for t, deep in depth.items() if deep > solver.options.overlap}
 
 
-def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+def _hard_edges_met(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
     """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few."""
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
@@ -222,14 +222,14 @@ def _held(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]
             if solver.problem.missed(poses[t].qpos, clip.all_targets.at(t)) > LOOSE
         ]
         for t in missing:
-            box = solver.reachable(_beside(poses, t), 1 / clip.fps)
+            box = solver.reachable(_neighbours(poses, t), 1 / clip.fps)
             poses[t] = solver.solve_frame(poses[t], clip.all_targets.at(t), proximal=proximal[t], box=box)
         if not missing:
             break
     return poses
 
 
-def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+def _separated(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
     """Return the poses with links apart, at frames and between them, if such poses are found.
 
     If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with separation rows on
@@ -251,7 +251,7 @@ def _apart(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose
 
 def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
     """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
-    solver, box = clip.solver, clip.solver.reachable(_beside(poses, t), 1 / clip.fps)
+    solver, box = clip.solver, clip.solver.reachable(_neighbours(poses, t), 1 / clip.fps)
     ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)
     again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, box=box, between=ways)
     if solver.overlapping(again.qpos):

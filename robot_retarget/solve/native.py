@@ -64,7 +64,7 @@ def _private(path: Path) -> Path:
 
 def _sound(library: Path) -> bool:
     """Whether a library exists unchanged: the user owns it, and it matches the checksum in the file next to it."""
-    checksum = _beside(library)
+    checksum = _checksum_file(library)
     if not all(path.exists() and _ours(path) for path in (library, checksum)):
         return False
     return checksum.read_bytes() == _checksum(library.read_bytes(), library).encode()
@@ -81,7 +81,7 @@ def _user() -> int:
     return getattr(os, "geteuid", int)()
 
 
-def _beside(library: Path) -> Path:
+def _checksum_file(library: Path) -> Path:
     """Return the file that holds a library's checksum."""
     return library.with_suffix(".so.sha256")
 
@@ -104,5 +104,5 @@ def _compile(function: ca.Function, compiler: str, library: Path) -> None:
     with replacing(library, mode=PRIVATE) as scratch:
         command = [compiler, *FLAGS, "-x", "c", "-", "-o", str(scratch), "-lm"]
         subprocess.run(command, input=code.dump().encode(), check=True, capture_output=True, timeout=PATIENCE)
-        with replacing(_beside(library), mode=PRIVATE) as line:
+        with replacing(_checksum_file(library), mode=PRIVATE) as line:
             line.write_text(_checksum(scratch.read_bytes(), library), encoding="ascii")

@@ -31,7 +31,7 @@ class Options:
     """Cost of the squared deficit beyond that, over the squared leg."""
     overlap: float = 5e-4
     """Deeper interpenetration of links is not accepted [m]."""
-    sunk: float = 1e-4
+    floor_tolerance: float = 1e-4
     """A start that violates an inequality by more takes its first steps at any cost [m]."""
 
 
@@ -102,9 +102,9 @@ class Smoothing:
     relaxation: float = 1.6
     """α, over-relaxation of the frames towards the multipliers [-]; 1.5 … 1.8 saves a third of the passes."""
     tolerance: float = 1e-5
-    """A pass leaves a frame alone that it could better by a smaller share of its cost [-]."""
+    """A pass leaves a frame unchanged if its best step lowers the cost by a smaller share [-]."""
     collision_checks: tuple[int, ...] = (2, 4, 6)
-    """Before these passes links are looked for that pass through each other between frames."""
+    """Numbers of the passes before which links that pass through each other between frames are detected."""
     extra: int = 16
     """Maximum number of further passes over the frames that have not converged."""
     converged: float = 0.01

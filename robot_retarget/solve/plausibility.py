@@ -63,7 +63,7 @@ def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
     Args:
         qpos: (T, nq), a configuration for every frame of the motion.
     """
-    wrong = [glance for glance in plausibility_checks(motion, robot, match, qpos) if glance.wrong]
+    wrong = [check for check in plausibility_checks(motion, robot, match, qpos) if check.wrong]
     if not wrong:
         return ""
     seen = "; ".join(f"{g.what} in {g.against:.0%} of the frames that show it" for g in wrong)
@@ -88,9 +88,9 @@ def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plausib
             keys = [f"{side}_{k}" for k in (ends[0], joint, ends[1])]
             if not set(keys) <= human.keys():
                 continue
-            there, here = (_fold(*(body[k] for k in keys)) for body in (human, own))
-            bend = np.linalg.norm(there, axis=1)
-            along = (here * unit(there)).sum(axis=1) / np.maximum(bend, BENT)
+            wanted, actual = (_fold(*(body[k] for k in keys)) for body in (human, own))
+            bend = np.linalg.norm(wanted, axis=1)
+            along = (actual * unit(wanted)).sum(axis=1) / np.maximum(bend, BENT)
             cause = (
                 f"Front and back, or left and right, of one of the two are likely taken wrong: `forward = [x, y, z]` in "
                 f'[robot], or `{side}_{joint} = "Joint"` in [human] of a map file (--map) mends it'
@@ -107,9 +107,11 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plaus
     """The head is over the pelvis, or under it, as the human's is."""
     top = next((k for k in ("head", "neck", "chest") if k in human), None)
     if top and "pelvis" in human:
-        there, here = (unit(body[top] - body["pelvis"]) for body in (human, own))
+        wanted, actual = (unit(body[top] - body["pelvis"]) for body in (human, own))
         cause = "The motion's up axis is likely taken wrong: `--up` says which one it is"
-        yield _glance(f"its {top} is where the human's feet are", there, here, np.ones(len(there), bool), cause)
+        yield _directions_check(
+            f"its {top} is where the human's feet are", wanted, actual, np.ones(len(wanted), bool), cause
+        )
 
 
 def _sides(
@@ -125,15 +127,15 @@ def _sides(
         keys = [f"{side}_{pair}" for side in "lr"]
         if segment in match.anatomy.frames and set(keys) <= human.keys():
             body, axes = match.anatomy.frames[segment]
-            there, here = unit(human[keys[0]] - human[keys[1]]), rotations[:, body] @ axes[:, 1]
-            shown = (np.abs(there[:, 2]) < LEVEL) & (np.abs(here[:, 2]) < LEVEL)
-            yield _glance(f"its {segment} faces the other way", there, here, shown, cause)
+            wanted, actual = unit(human[keys[0]] - human[keys[1]]), rotations[:, body] @ axes[:, 1]
+            shown = (np.abs(wanted[:, 2]) < LEVEL) & (np.abs(actual[:, 2]) < LEVEL)
+            yield _directions_check(f"its {segment} faces the other way", wanted, actual, shown, cause)
             if segment == "chest":
-                yield _hands(human, own, there, here, cause)
+                yield _hands(human, own, wanted, actual, cause)
 
 
 def _hands(
-    human: dict[str, Floats], own: dict[str, Floats], there: Floats, here: Floats, cause: str
+    human: dict[str, Floats], own: dict[str, Floats], wanted: Floats, actual: Floats, cause: str
 ) -> PlausibilityCheck:
     """The left hand is to the left of the right one, seen from the chests with such lefts (T, 3), or arms are crossed."""
     apart = [
@@ -141,15 +143,15 @@ def _hands(
         / np.linalg.norm(body["l_shoulder"] - body["r_shoulder"], axis=1)
         if {"l_hand", "r_hand"} <= body.keys()
         else np.zeros(len(left))
-        for body, left in ((human, there), (own, here))
+        for body, left in ((human, wanted), (own, actual))
     ]
     what = "its left hand is where the human's right one is"
     return _share(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 
-def _glance(what: str, there: Floats, here: Floats, shown: np.ndarray, cause: str) -> PlausibilityCheck:
-    """Directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
-    return _share(what, shown, (unit(there) * unit(here)).sum(axis=1) < AGAINST, cause)
+def _directions_check(what: str, wanted: Floats, actual: Floats, shown: np.ndarray, cause: str) -> PlausibilityCheck:
+    """Compare directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
+    return _share(what, shown, (unit(wanted) * unit(actual)).sum(axis=1) < AGAINST, cause)
 
 
 def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> PlausibilityCheck:

@@ -1,4 +1,4 @@
-"""The quadratic model of a frame's cost around a configuration, and the rows that bound a step from trial."""
+"""The quadratic model of a frame's cost around a configuration, and the rows that bound a step from it."""
 
 from dataclasses import dataclass, replace
 from typing import cast
@@ -58,10 +58,10 @@ class Quadratic:
     """The links near each other, at their last measurement."""
 
     def with_rows_met(self, soles: int, trial: "Quadratic", step: Floats) -> "Quadratic":
-        """The model with the rows of links that a step (nv) brought too near, as they are trial: J v ≥ row_lower + J step.
+        """Return the model with the rows of links that a step (nv) brought too near, measured after it: J v ≥ row_lower + J step.
 
-        Where the nearest places of two links change on the way, rows of the beginning alone lead into the same wall again.
-        They stand in for those of the farthest links, and demand no more than to stay: current these links are apart.
+        The nearest places of two links may change along a step, and then rows of its start allow the same step again. The
+        new rows replace those of the farthest links. They demand no more than the present distance.
         """
         hit = soles + np.flatnonzero(trial.row_lower[soles:] > 0)
         row_lower, rows = self.row_lower.copy(), self.rows.copy(order="F")
@@ -91,7 +91,7 @@ class NumericCost:
 
 
 class CostModel:
-    """The cost of one frame's problem around any configuration, and the inequality rows trial."""
+    """The cost of one frame's problem around any configuration, and its inequality rows."""
 
     def __init__(self, problem: Problem, options: Options):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
@@ -112,7 +112,7 @@ class CostModel:
         """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
 
         Args:
-            known: distances of links measured nearby; within `glance` they are extrapolated along their slopes.
+            known: distances of links measured nearby; within `Options.distance_cache_radius` they are extrapolated along their slopes.
         """
         total, gradient, normal = self.problem.model(q, targets)
         for cost in self.numeric:
@@ -125,7 +125,7 @@ class CostModel:
         near = self._near(q, known)
         clearance_deficit = self._apart(q, near, between, rows[hard:], row_lower[hard:]) if near else 0.0
         total += self.options.overlap_cost * clearance_deficit**2
-        penetrates_floor = bool(deficit.max(initial=0.0) > self.options.sunk)
+        penetrates_floor = bool(deficit.max(initial=0.0) > self.options.floor_tolerance)
         return Quadratic(total, gradient, normal, rows, row_lower, clearance_deficit, penetrates_floor, near)
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
@@ -146,7 +146,9 @@ class CostModel:
         if self.separation is None:
             return 0.0
         distance, _, rest = self.separation.near(q)
-        return self.options.overlap_cost * self._missing(self.separation.clearance_deficit(distance, rest)) ** 2
+        return (
+            self.options.overlap_cost * self._clearance_deficit(self.separation.clearance_deficit(distance, rest)) ** 2
+        )
 
     def _contacts(self, q: Floats) -> ContactRows | None:
         """Return the rows of surfaces near each other at a configuration."""
@@ -160,7 +162,7 @@ class CostModel:
         self._apart(q, near, (), rows, row_lower)
         return ContactRows(rows[:, :-1], row_lower)
 
-    def _missing(self, wanted: Floats) -> float:
+    def _clearance_deficit(self, wanted: Floats) -> float:
         """Return how much the nearest links lack beyond the tolerance, over the leg."""
         return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
 
@@ -170,7 +172,7 @@ class CostModel:
         return edges + self.options.overlap_cost * (current.clearance_deficit**2 - slack**2)
 
     def _near(self, q: Floats, known: Near | None) -> Near | None:
-        """Return the links near each other: measured here, or the known ones if measured nearby."""
+        """Return the links near each other: measured at q, or the known ones if measured nearby."""
         if self.separation is None:
             return None
         if (
@@ -188,7 +190,7 @@ class CostModel:
         count, tolerance = len(distance), self.options.tolerated * self.leg
         rows[:count, :-1], rows[:count, -1] = slope, 1.0
         row_lower[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
-        return self._missing(wanted)
+        return self._clearance_deficit(wanted)
 
     def _with_ways(self, q: Floats, near: Near, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
         """Return distances, slopes and rests at a configuration and between it and its neighbours.

@@ -43,7 +43,7 @@ class Box:
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
 
     def outside(self, angles: Floats) -> float:
-        """How far an angle is out of the box [rad]: then a step into it is taken whatever it costs, unless links meet trial."""
+        """How far an angle is out of the box [rad]: a step into it is accepted at any cost unless links meet."""
         return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
 
 
@@ -57,9 +57,9 @@ class Pose:
     """The cost before the last step, which was too small to be evaluated."""
     iterations: int
     model: Quadratic | None = None
-    """The quadratic model trial, without any proximal term: a further descent with the same targets starts from it."""
+    """The quadratic model at the end, without any proximal term: a further descent with the same targets starts from it."""
     clearance_deficit: float = 0.0
-    """How much the nearest links lacked to be apart when last looked at, over the leg."""
+    """How much the nearest links lacked to be apart at the last evaluation, over the leg."""
 
 
 class _TrustRegion:
@@ -110,7 +110,7 @@ class FrameSolver:
 
         Args:
             start: a configuration, or a pose that an earlier descent with the same targets reached (warm start).
-            between: where links are kept apart besides.
+            between: configurations at which links are kept apart too.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
         box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
@@ -121,7 +121,7 @@ class FrameSolver:
             outside_bounds = outside_bounds and box.outside(q[self.robot.qpos_index]) > 1e-6
             step, gain = self._step(q, current, region, box)
             if step is None:
-                return self._left(q, Status.BLOCKED, base, region, between)
+                return self._ended(q, Status.BLOCKED, base, region, between)
             small = float(np.abs(step[self.hinges]).max()) < UNSEEN
             if gain <= least_gain * current.cost + 1e-12 and small and not (current.penetrates_floor or outside_bounds):
                 last = integrate(self.robot, q, step)
@@ -136,14 +136,14 @@ class FrameSolver:
                 q, base, current = moved, trial, lowered
                 region.take()
             else:
-                current = self._warned(current, trial, step)
+                current = self._with_rows_met(current, trial, step)
                 region.refuse(step)
-        return self._left(q, Status.OUT_OF_ITERATIONS, base, region, between)
+        return self._ended(q, Status.OUT_OF_ITERATIONS, base, region, between)
 
     def real_time_step(
         self, start: Floats, targets: EdgeTargets, proximal: Proximal | None, box: Box, steps: int
     ) -> Pose:
-        """So many steps without a look back: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
+        """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
         q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
         for taken in range(steps):
             base = self.costs.linearize(q, targets)
@@ -155,10 +155,10 @@ class FrameSolver:
         assert base is not None
         return self._closed(Pose(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
 
-    def _left(
+    def _ended(
         self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
     ) -> Pose:
-        """A pose that may be gone on from; what is between it and its neighbours will be elsewhere by then."""
+        """Return the pose with its model as a warm start, unless the model has rows between the frame and its neighbours."""
         return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit))
 
     def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
@@ -183,8 +183,8 @@ class FrameSolver:
             return None, 0.0
         return found[:nv], self.costs.decrease(current, found[:nv], float(found[nv]) / self.leg)
 
-    def _warned(self, current: Quadratic, trial: Quadratic, step: Floats) -> Quadratic:
-        """The model, with what a refused short step has met."""
+    def _with_rows_met(self, current: Quadratic, trial: Quadratic, step: Floats) -> Quadratic:
+        """Return the model with the rows of links that a refused short step brought together."""
         met = trial.clearance_deficit > current.clearance_deficit and np.abs(step).max() < SHORT
         return current.with_rows_met(len(self.problem.inequalities), trial, step) if met else current
 
@@ -202,17 +202,21 @@ class FrameSolver:
         return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
 
     def depth(self, qpos: Floats) -> float:
-        """Return how deep links are inside each other [m], for the pairs that are kept apart."""
+        """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""
         apart = self.costs.separation
         return apart.depth(qpos) if apart else 0.0
 
     def depth_between(self, before: Floats, after: Floats) -> float:
-        """Return how deep links come inside each other between two configurations [m]."""
+        """Return the deepest overlap of two links between two configurations [m]."""
         return max(self.depth(way.at(self.robot, after)) for way in on_the_way(self.robot, before, after))
 
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than is accepted."""
         return self.depth(qpos) > self.options.overlap
+
+    def repaired(self, before: Floats, pose: Pose) -> Pose:
+        """Return the pose with its links apart and above the floor, for a pose before it (nq,)."""
+        return self.raise_above_floor(self.backtrack_to_clearance(before, pose))
 
     def backtrack_to_clearance(self, before: Floats, pose: Pose) -> Pose:
         """Return the pose moved back towards the one before (nq,) until its links are not inside each other."""
@@ -227,7 +231,7 @@ class FrameSolver:
         return next((q for q in tried if not self.overlapping(q)), before)
 
     def raise_above_floor(self, pose: Pose) -> Pose:
-        """The pose with its root raised by what curvature let it sink under the floor."""
+        """The pose with its root raised by its depth under the floor."""
         depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation
         depth = max(depth, apart.floor_penetration(pose.qpos)) if apart else depth

@@ -28,5 +28,5 @@ class Between:
 def on_the_way(robot: Robot, neighbour: Floats, q: Floats) -> tuple[Between, ...]:
     """Return even checks between a neighbour (nq,) and a frame (nq,); no hinge turns further than `TURN`."""
     hinges = robot.qpos_index
-    looks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
-    return tuple(Between(neighbour, k / (looks + 1)) for k in range(1, looks + 1))
+    checks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
+    return tuple(Between(neighbour, k / (checks + 1)) for k in range(1, checks + 1))

@@ -83,8 +83,8 @@ def _slope(solver: FrameSolver, q: Floats, edge: int) -> Floats:
 
 def _at_speed(angles: Floats, reach: Floats, t: int, joint: int, sign: float) -> bool:
     """Whether a joint's speed limit to a neighbour frame keeps it from moving further in a direction."""
-    beside = [angles[k, joint] for k in (t - 1, t + 1) if 0 <= k < len(angles)]
-    return any(sign * (angles[t, joint] - other) > (1 - 10 * AT_BOUND) * reach[joint] for other in beside)
+    neighbours = [angles[k, joint] for k in (t - 1, t + 1) if 0 <= k < len(angles)]
+    return any(sign * (angles[t, joint] - other) > (1 - 10 * AT_BOUND) * reach[joint] for other in neighbours)
 
 
 def _links(solver: FrameSolver, q: Floats, away: Floats) -> Iterator[str]:

@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter1d
 
 import robot_retarget as rr
-from robot_retarget.balance.beside import gaps, parted
-from robot_retarget.balance.outline import LIFT, SLOWEST_LIFT, Clip, timeline_of
+from robot_retarget.balance.foot_spacing import gaps, parted
 from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, Clip, timeline_of
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.swing import foothold_places

@@ -72,4 +72,4 @@ class FixedLag:
         pose = self.solver.real_time_step(
             start, first.targets, Proximal(start, np.zeros(len(offset)), self.weight), box, 1
         )
-        return self.solver.raise_above_floor(self.solver.backtrack_to_clearance(before, pose))
+        return self.solver.repaired(before, pose)

@@ -76,7 +76,7 @@ class RealTimeSolver:
         if pose.status is Status.BLOCKED:
             self.home.lead = None
             pose = self.solver.real_time_step(before, targets, proximal, self.solver.reachable([before], seconds), 1)
-        pose = self.solver.raise_above_floor(self.solver.backtrack_to_clearance(before, pose))
+        pose = self.solver.repaired(before, pose)
         self.home.look(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 

@@ -32,8 +32,8 @@ def gaps(corners: Floats) -> Floats:
     along = unit(lengths(corners))
     axes = np.concatenate([along, leftward(along)], axis=1)
     extent = np.einsum("tfci,tai->tafc", flat, axes)
-    least, most = extent.min(axis=3), extent.max(axis=3)
-    return np.maximum(least[..., 0] - most[..., 1], least[..., 1] - most[..., 0]).max(axis=1)
+    lower, upper = extent.min(axis=3), extent.max(axis=3)
+    return np.maximum(lower[..., 0] - upper[..., 1], lower[..., 1] - upper[..., 0]).max(axis=1)
 
 
 def across(corners: Floats) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.beside import GAP, gaps
+from robot_retarget.balance.foot_spacing import GAP, gaps
 from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
@@ -131,11 +131,11 @@ def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
     own = stand_places(planter)
     if planted.all() or not planted.any():
         return flattened(corners)
-    there, here = flattened(corners[planted][0]), own[planted][0]
-    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (here, there))
+    target, stand = flattened(corners[planted][0]), own[planted][0]
+    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (stand, target))
     turn = np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])
     spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-    return there.mean(axis=0) + (own - here.mean(axis=0)) @ spin.T
+    return target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
 
 
 def _places(planter: Planter, clip: Clip, ends: list[Floats], timeline: Timeline) -> Floats:
