@@ -173,7 +173,10 @@ def test_wrong_use_is_told(robot: Robot, walk: Motion, wave: Motion) -> None:
         next(rr.stream(robot, iter([(walk.positions[0], None, 0.0)])))
 
 
-MODELS = {"op3": ("squat", "wave", "clap", "hips_and_bow"), "booster_t1": ("walk", "squat", "wave", "clap", "hips_and_bow")}
+MODELS = {
+    "op3": ("squat", "wave", "clap", "hips_and_bow"),
+    "booster_t1": ("walk", "squat", "wave", "clap", "hips_and_bow"),
+}
 MODELS["unitree_g1"] = ("walk", "squat", "wave", "hips_and_bow")
 CASES = [
     pytest.param(name, clip, marks=() if name == "op3" else needs_shared)
