@@ -195,7 +195,7 @@ def test_simulate_keeps_what_play_sends_and_the_command_of_a_refusal_mends_it(tm
     dry = call(*play)
     assert dry.returncode == 0 and json.loads(dry.stdout)["duration_s"] == pytest.approx(2.4)
     slower = call(*play, "--speed", "0.5")
-    assert slower.returncode == 2 and "say --plain" in slower.stderr
+    assert slower.returncode == 2 and "add --plain" in slower.stderr
 
 
 def test_a_trajectory_as_it_is_needs_a_pass_of_its_own(tmp_path: Path) -> None:
