@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from robot_retarget.motion import Skeleton as Skeleton
     from robot_retarget.motion import read_motion as read_motion
     from robot_retarget.motion import write_bvh as write_bvh
+    from robot_retarget.pipeline import Result as Result
+    from robot_retarget.pipeline import retarget as retarget
+    from robot_retarget.pipeline import solve as solve
     from robot_retarget.robot import Robot as Robot
     from robot_retarget.robot import load_robot as load_robot
     from robot_retarget.score.score import Score as Score
@@ -40,9 +43,6 @@ if TYPE_CHECKING:
     from robot_retarget.solve.live.stream import stream as stream
     from robot_retarget.solve.solution import Solution as Solution
     from robot_retarget.trajectory import Trajectory as Trajectory
-    from robot_retarget.transfer import Result as Result
-    from robot_retarget.transfer import retarget as retarget
-    from robot_retarget.transfer import solve as solve
     from robot_retarget.view.web.page import view as view
 
 __version__ = "0.1.0"
@@ -63,9 +63,9 @@ _HOME = {
     "Solution": "solve.solution",
     "Stream": "solve.live.stream",
     "stream": "solve.live.stream",
-    "Result": "transfer",
-    "retarget": "transfer",
-    "solve": "transfer",
+    "Result": "pipeline",
+    "retarget": "pipeline",
+    "solve": "pipeline",
     "Robot": "robot",
     "load_robot": "robot",
     "Score": "score.score",

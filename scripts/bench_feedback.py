@@ -1,7 +1,7 @@
 """Measure the balance feedback: survived pushes, falls in hard worlds, faults of the sensor, and a film of a push.
 
     python scripts/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
-    python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
+    python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction
     python scripts/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
     python scripts/bench_feedback.py lag walk.npz                    # lag of the fused tilt, and the loop on the emulated bus
     python scripts/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback

@@ -46,13 +46,13 @@ LAYERS = {
     "collision": {"trajectory", "robot"},
     "servo": {"actuators", "feedback", "goals", "trajectory"},
     "summary": {"motion", "dgp", "robot", "describe", "solve"},
-    "transfer": CORE | {"collision"},
+    "pipeline": CORE | {"collision"},
     "simulate": CORE - {"motion", "dgp", "human"} | {"actuators", "feedback", "goals", "collision"},
     "score": {"trajectory", "motion", "robot", "human", "describe", "simulate"},
     "formats": {"actuators", "trajectory", "motion", "robot"},
-    "view": {"trajectory", "motion", "robot", "human", "solve", "transfer", "collision", "simulate"},
+    "view": {"trajectory", "motion", "robot", "human", "solve", "pipeline", "collision", "simulate"},
     "doctor": {"robot", "view"},
-    "batch": {"trajectory", "motion", "robot", "describe", "solve", "transfer", "score", "formats", "edit", "view"},
+    "batch": {"trajectory", "motion", "robot", "describe", "solve", "pipeline", "score", "formats", "edit", "view"},
     "live": {"actuators", "goals", "motion", "robot", "servo", "collision", "simulate", "view"},
 }
 """Every folder and module below the commands, lower ones first, and what it may import besides `BASE`."""

@@ -8,10 +8,10 @@ from made_trajectories import swing
 
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.rollout import simulate
-from robot_retarget.transfer import retarget
 
 OP3 = load_robot("op3")
 SWING = swing(OP3, "l_sho_roll", 0.4, 1.0, 0.5)

@@ -43,8 +43,8 @@ def graph(
     quiet: Quiet = False,
 ) -> None:
     """Show the edges of a motion on a robot: kinds, counts, intervals, priorities, stress."""
+    from robot_retarget.pipeline import solve as solved
     from robot_retarget.summary import describe_graph, describe_stress
-    from robot_retarget.transfer import solve as solved
 
     clip = read_clip(motion, frames, up=up)
     found = described(clip, load(robot, limits), fps, map_file, edges, favour)

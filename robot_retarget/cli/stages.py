@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
     from robot_retarget.describe.graph import RobotGraph
     from robot_retarget.motion import Motion
+    from robot_retarget.pipeline import Result
     from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import Outcome
     from robot_retarget.simulate.report import Report
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
-    from robot_retarget.transfer import Result
     from robot_retarget.view import Film, Loop, Picture, Unavailable
 
     Shown = Path | Loop | Unavailable
@@ -296,7 +296,7 @@ def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
 
 def carried_over(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":
     """The motion on the robot."""
-    from robot_retarget.transfer import solve
+    from robot_retarget.pipeline import solve
 
     graph = described(motion, robot, options.fps, options.map_file, options.edges, options.favour)
     return solve(graph, legs=options.legs, balance=options.balance, progress=progress)

@@ -21,6 +21,7 @@ from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Pacing, motion_needs, unhurried
 from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.errors import BalanceError, UsageError
+from robot_retarget.pipeline import Result
 from robot_retarget.robot import world_points
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
@@ -29,7 +30,6 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import Playback, roll_out
-from robot_retarget.transfer import Result
 
 SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 IN_ORDER = [0, 3, 1, 2]

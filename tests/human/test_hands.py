@@ -11,11 +11,11 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.match import match
 from robot_retarget.human.segments import human_frames, pointed
 from robot_retarget.motion import Motion, read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.transfer import retarget
 
 TURN = 0.5 * np.sin(np.linspace(0, 4 * np.pi, 25))
 """By which a hand turns about its forearm [rad]."""

@@ -8,6 +8,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.describe.graph import describe
 from robot_retarget.dgp.status import Status
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.kinematics import carrying, difference, integrate
@@ -17,7 +18,6 @@ from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolver, Pose
-from robot_retarget.transfer import retarget
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
 

@@ -9,6 +9,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import describe
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.separation import Separation
@@ -17,7 +18,6 @@ from robot_retarget.solve.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.sqp import FrameSolver
 from robot_retarget.solve.swept_collision import TURN, Between, on_the_way
-from robot_retarget.transfer import retarget
 
 Asked = tuple[FrameSolver, EdgeTargets]
 

@@ -6,10 +6,10 @@ import pytest
 from robot_retarget.describe.weights import FAVOURS, Weights
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.summary import describe_solution
-from robot_retarget.transfer import retarget
 
 
 def test_the_middle_is_the_weights_as_they_are() -> None:

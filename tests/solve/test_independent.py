@@ -6,11 +6,11 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import describe
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.solve import solve_graph
-from robot_retarget.transfer import retarget
 
 FPS, FRAMES, START = 30.0, 100, 40
 SOON = 15

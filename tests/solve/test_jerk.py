@@ -10,8 +10,8 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.motion import Motion
 from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.upright import upright
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import load_robot
-from robot_retarget.transfer import retarget
 
 CLIP = SHARED / "motions" / "bvh" / "soma30_derived" / "soma30_walk_then_sneak.bvh"
 

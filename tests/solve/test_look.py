@@ -12,10 +12,10 @@ from robot_retarget.arrays import unit
 from robot_retarget.describe import graph as graph_module
 from robot_retarget.errors import MatchError
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.plausibility import _hands, mismatch, plausibility_checks
-from robot_retarget.transfer import Result, retarget
 
 
 @cache

@@ -11,12 +11,12 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.describe.graph import describe
 from robot_retarget.motion import Motion, read_motion
+from robot_retarget.pipeline import retarget, solve
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.transfer import retarget, solve
 
 LEFT = np.array([0.0, 1.0, 0.0])
 

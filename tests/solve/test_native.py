@@ -14,13 +14,13 @@ import pytest
 
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.robot.kinematics import point_function
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve import solve as solve_module
 from robot_retarget.solve.native import machine_code
 from robot_retarget.solve.problem import Problem, build_problem, targets_of
-from robot_retarget.transfer import retarget
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 SMALL = """

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.graph import describe
 from robot_retarget.motion import Motion, read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import body_frames, integrate
 from robot_retarget.robot.model import robot_from_model
@@ -18,7 +19,6 @@ from robot_retarget.robot.root import place_body, raise_root
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.transfer import retarget
 
 AXES = np.eye(3)
 

@@ -12,13 +12,13 @@ from robot_retarget.dgp.status import Status
 from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import Motion, Skeleton, read_motion
 from robot_retarget.motion.recognise import Mark, Recognition
+from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import build_problem
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.summary import describe_solution
-from robot_retarget.transfer import Result, retarget
 
 
 @pytest.fixture(scope="module")

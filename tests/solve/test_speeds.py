@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import retarget
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.transfer import retarget
 
 
 def rough(draw: np.random.Generator, frames: int) -> np.ndarray:

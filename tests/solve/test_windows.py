@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from robot_retarget.describe.footholds import settled
 from robot_retarget.describe.soles import sole_corners
 from robot_retarget.motion import read_motion
+from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.windows import Windows
-from robot_retarget.transfer import Result, retarget
 
 SHORT = Windows(3.0)
 seconds = st.floats(0.1, 5.0)

@@ -15,8 +15,8 @@ from robot_retarget.view.web.show import told
 from robot_retarget.view.web.take import Take, human_of
 
 if TYPE_CHECKING:
+    from robot_retarget.pipeline import Result
     from robot_retarget.simulate.report import Report
-    from robot_retarget.transfer import Result
 
 ASSETS = Path(__file__).with_name("assets")
 CELL = 720
