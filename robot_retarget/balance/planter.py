@@ -54,6 +54,14 @@ class PlantOptions:
 class Planter:
     """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
 
+    robot: Robot
+    match: Match
+    options: PlantOptions
+    leg: float
+    feet: tuple[str, ...]
+    graph: RobotGraph
+    solver: FrameSolver
+
     def __init__(self, graph: RobotGraph, options: PlantOptions | None = None):
         self.robot, self.match, self.options = graph.robot, graph.match, options or PlantOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)

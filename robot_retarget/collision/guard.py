@@ -11,6 +11,7 @@ other. The guard goes back, not around: a limb whose path leads through another 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import UsageError
@@ -39,6 +40,12 @@ class GuardOptions:
 
 class SelfCollisionGuard:
     """Guards the goals of one robot; the root does not matter."""
+
+    robot: Robot
+    options: GuardOptions
+    separation: Separation
+    between: NDArray[np.bool_]
+    changed: int
 
     def __init__(self, robot: Robot, options: GuardOptions | None = None):
         """Compile the robot's collision model."""

@@ -130,6 +130,14 @@ def warnings_of(
 class Warner:
     """Causal warnings of a stream."""
 
+    robot: Robot
+    fps: float
+    options: WarnOptions
+    links: LinkDistances
+    span: int
+    step: float
+    steps: int
+
     def __init__(
         self, robot: Robot, fps: float, options: WarnOptions | None = None, links: LinkDistances | None = None
     ):

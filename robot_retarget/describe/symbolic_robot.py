@@ -39,6 +39,10 @@ class Expressions:
 class SymbolicRobot:
     """The points, axes and joints of one robot; each is a symbol until `resolved`."""
 
+    robot: Robot
+    match: Match
+    bodies: Bodies
+
     def __init__(self, robot: Robot, match: Match):
         self.robot, self.match, self.bodies = robot, match, Bodies(robot)
         self._carried = carrying(robot.model)

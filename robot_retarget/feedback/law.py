@@ -111,6 +111,11 @@ class Law:
         dt: time between two ticks [s].
     """
 
+    feedback: Feedback
+    added: Floats
+    excess: Floats
+    stopped: bool
+
     def __init__(self, feedback: Feedback, dt: float) -> None:
         self.feedback, self._dt = feedback, dt
         self._fusion = Fusion(feedback.fusion)

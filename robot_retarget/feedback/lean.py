@@ -32,6 +32,9 @@ class LeanTest:
         rate: ticks a second [1/s].
     """
 
+    goals: Floats
+    possible: bool
+
     def __init__(self, first: Floats, lean: Floats, rate: float) -> None:
         shape, self._rest = _there_and_back(rate), round(REST * rate)
         leans = np.concatenate([LEAN * shape[:, None] * lean[:, axis] for axis in range(2)])

@@ -19,6 +19,13 @@ FOLLOWED = 0.5
 class CausalFeatures:
     """Features of one performer."""
 
+    calibration: Calibration
+    contacts: CausalContacts
+    leg: float
+    per_tau: Floats
+    moved: Floats
+    leaps: int
+
     def __init__(self, calibration: Calibration):
         self.calibration, match = calibration, calibration.match
         self.contacts, self.leg = CausalContacts(match, calibration.features.positions), match.human_leg

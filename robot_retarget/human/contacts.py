@@ -48,6 +48,16 @@ def contact_schedule(
 class CausalContacts:
     """Causal contact detector of a stream."""
 
+    rule: StanceRule
+    leg: float
+    spots: list[tuple[str, int]]
+    points: list[int]
+    feet: tuple[str, ...]
+    floor: Floats
+    stands: Floats
+    speed: Floats
+    since: Floats
+
     def __init__(self, match: Match, x: Floats, rule: StanceRule | None = None):
         """Start with the floor of calibration frames.
 

@@ -8,6 +8,7 @@ get no corners, because a corner inside a box has no direction out of it.
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -50,6 +51,13 @@ class Near:
 
 class Boxes:
     """Pairs of boxes that may collide, and the places at which they are near each other."""
+
+    model: Any
+    pairs: Ints
+    reach: float
+    sizes: Floats
+    boxes: Ints
+    balls: Floats
 
     def __init__(self, model: mujoco.MjModel, pairs: Ints, reach: float):
         """Watch pairs of box geoms (N, 2) within `reach` [m]."""

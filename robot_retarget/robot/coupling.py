@@ -5,6 +5,7 @@ it as a tendon of joints whose length may hardly change.
 """
 
 import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -27,6 +28,13 @@ PLAY = 0.1
 
 class Coupling:
     """The violations of a robot's equality constraints and their slopes, as MuJoCo computes them."""
+
+    turns: Floats
+    middle: Floats
+    present: bool
+    model: Any
+    data: Any
+    mobility: Floats
 
     def __init__(self, robot: Robot):
         self.turns, self.middle = _gears(robot.model)

@@ -13,6 +13,9 @@ from robot_retarget.robot.separation import Separation
 class LinkDistances:
     """Distances of the P pairs of links that may touch, of one robot; the root does not matter."""
 
+    robot: Robot
+    reach: float
+
     def __init__(self, robot: Robot, reach: float = 0.02):
         """Measure distances up to `reach` [m]; farther links are reported at `reach`."""
         self.robot, self.reach, self._separation = robot, reach, Separation(robot, reach)

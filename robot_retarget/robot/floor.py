@@ -27,6 +27,10 @@ _AROUND = np.arange(64) * np.pi / 32
 class Floor:
     """Geoms that must stay above the floor, and the points at which they are near it."""
 
+    reach: float
+    geoms: Ints
+    shapes: list[tuple[Floats, float]]
+
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
         """Watch the solid geoms of all links but the `feet` within `reach` [m], at the poses of `data`."""
         solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]

@@ -116,6 +116,9 @@ class Bodies:
     direction e by a × e; a slide moves points by a.
     """
 
+    model: Any
+    q: ca.SX
+
     def __init__(self, robot: Robot):
         self.model, self.q = robot.model, ca.SX.sym("q", robot.model.nq)
         self.axes: list[Any] = [None] * self.model.nv

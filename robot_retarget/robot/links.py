@@ -6,6 +6,7 @@ A link is a body together with everything welded to it. All positions are in the
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -73,6 +74,13 @@ def meeting_point(axes: list[Axis], near: Floats) -> Floats:
 
 class Links:
     """The link tree of a robot, in its reference pose `qpos0` unless another is given."""
+
+    robot: Robot
+    model: Any
+    data: Any
+    weld: Floats
+    root: int
+    ids: list[int]
 
     def __init__(self, robot: Robot, qpos: Floats | None = None):
         self.robot, self.model = robot, robot.model

@@ -6,6 +6,7 @@ overlap where the robot rests are left out: they overlap by construction.
 """
 
 import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -27,6 +28,23 @@ _YZX = [1, 2, 0]
 
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
+
+    plain: Any
+    model: Any
+    reach: float
+    data: Any
+    touching: Any
+    margin: float
+    most: int
+    bodies: Ints
+    trees: Floats
+    between: Floats
+    counts: Any
+    rest: Floats
+    is_box: Any
+    floor: Floor | None
+    boxes: Boxes
+    seen: Any
 
     def __init__(
         self,

@@ -64,6 +64,8 @@ class Reply(NamedTuple):
 class Port(PortHandler):
     """The SDK's port, opened exclusively and without its long fixed timeout."""
 
+    ser: serial.Serial
+
     def setupPort(self, cflag_baud: int) -> Literal[True]:
         """Open with an exclusive lock; a second owner is refused."""
         if self.is_open:
@@ -85,6 +87,9 @@ class Bus:
     Raises:
         ServoError: the port is not there, is in use, or does not know the baud rate.
     """
+
+    path: str
+    baud: int
 
     def __init__(self, path: str | Path, baud: int) -> None:
         self.path, self.baud = str(path), baud

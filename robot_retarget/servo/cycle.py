@@ -44,6 +44,11 @@ class Cycle:
     answers are on the wire. Where there is time a tick is finished at once.
     """
 
+    link: Link
+    guard: Guard
+    judge: Judge
+    record: Record
+
     def __init__(
         self, link: Link, guard: Guard, judge: Judge, record: Record, began: float, lockstep: bool = False
     ) -> None:

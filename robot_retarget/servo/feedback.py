@@ -55,6 +55,8 @@ class Balancer:
         note: receives faults of the sensor.
     """
 
+    law: Law
+
     def __init__(self, feedback: Feedback, sensor: Sensor, imu: Imu, rate: float, note: Callable[[str], None]) -> None:
         self.law = Law(feedback, 1 / rate)
         self._sensor, self._imu, self._monitor = sensor, imu, Monitor(imu, 1 / rate)

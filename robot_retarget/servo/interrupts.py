@@ -9,6 +9,9 @@ from types import FrameType
 class Interrupts:
     """How often somebody asked to stop while `listening`."""
 
+    count: int
+    terminated: bool
+
     def __init__(self) -> None:
         self.count = 0
         self.terminated = False

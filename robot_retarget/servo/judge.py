@@ -3,6 +3,7 @@
 import numpy as np
 
 from robot_retarget.actuators.control_tables import XM430_W350
+from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
@@ -20,6 +21,9 @@ ALERTED = 0x80
 
 class Judge:
     """Checks the latest readings of a link."""
+
+    link: Link
+    limits: Limits
 
     def __init__(self, link: Link) -> None:
         self.link, self.limits = link, link.map.limits

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.actuators.control_tables import VELOCITY_UNIT, WATCHDOG_UNIT, XM430_W350
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
@@ -38,6 +38,19 @@ class Goals(NamedTuple):
 
 class Link:
     """The servos of one map on a bus, as seen by the player."""
+
+    bus: Bus
+    map: ServoMap
+    scale: Scale
+    gate: Gate
+    ids: list[int]
+    fast: bool
+    present: Floats
+    error: Ints
+    voltage: Floats
+    temperature: Floats
+    torque: Bools
+    hardware: Ints
 
     def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
         self.bus, self.map, self.scale = bus, servo_map, Scale(servo_map)

@@ -34,6 +34,8 @@ class TargetStream:
     After a silence the next target is approached, not interpolated.
     """
 
+    over: Event
+
     def __init__(self) -> None:
         self._lock = Lock()
         self._from: Floats | None = None
@@ -72,6 +74,10 @@ class TargetStream:
 class Approach:
     """Approach to a moving target: start + s(u) (target − start), s of minimum jerk."""
 
+    start: Floats
+    began: float
+    duration: float
+
     def __init__(self, start: Floats, target: Floats, now: float, limits: Limits) -> None:
         self.start, self.began = start, now
         self.duration = approach_time(start, target, limits)
@@ -87,6 +93,8 @@ class Approach:
 
 class Follower:
     """Chooses the target of each tick."""
+
+    approaches: int
 
     def __init__(self, targets: TargetStream, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
         self._targets, self._guard, self._limits, self._say = targets, guard, limits, say

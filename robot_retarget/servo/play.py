@@ -45,6 +45,13 @@ class Player:
     guard: Guard | None = None
     cycle: Cycle | None = None
 
+    bus: Bus
+    map: ServoMap
+    options: Options
+    record: Record
+    say: Callable[[str], None]
+    interrupts: Interrupts
+
     def __init__(
         self,
         bus: Bus,

@@ -23,6 +23,8 @@ class Record:
     (N,) behind schedule [s]; `voltage` [V] and `temperature` [°C] (N, n), the last known; `events` texts.
     """
 
+    joints: tuple[str, ...]
+
     def __init__(self, joints: Sequence[str], most: int | None = None) -> None:
         self.joints = tuple(joints)
         self.events: list[str] = []

@@ -1,6 +1,9 @@
 """Ticks and radians of all servos at once."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.arrays import Floats, Ints
@@ -9,6 +12,14 @@ from robot_retarget.servo.outcome import FaultError
 
 class Scale:
     """Converts between joint angles and servo positions, in the order of the map."""
+
+    joints: tuple[str, ...]
+    ids: NDArray[np.uint8]
+    tick: Floats
+    low: Floats
+    high: Floats
+    lower: Any
+    upper: Any
 
     def __init__(self, servo_map: ServoMap) -> None:
         self.joints = servo_map.joints

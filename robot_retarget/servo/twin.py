@@ -10,7 +10,7 @@ import numpy as np
 from robot_retarget.actuators.balance_tables import Imu
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.errors import ServoError, known
-from robot_retarget.feedback.reading import LEVEL
+from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
 from robot_retarget.goals import RATE
 from robot_retarget.servo.window import Window
@@ -34,6 +34,11 @@ class Twin:
     Raises:
         ServoError: the model cannot be read, or has not the joints of the map.
     """
+
+    model: Any
+    data: Any
+    step: Any
+    reading: Reading
 
     def __init__(self, path: str | Path, servo_map: ServoMap, support: float = SUPPORT) -> None:
         self.model = _without_actuators(path)

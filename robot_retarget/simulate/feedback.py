@@ -102,6 +102,8 @@ class ClosedLoop:
         seed: of the sensor's noise and bias.
     """
 
+    added: Floats
+
     def __init__(self, plant: Plant, goals: Goals, imu: Imu, seed: int = 0) -> None:
         assert goals.feedback is not None
         self._plant, self._angles, self._dt = plant, goals.angles, 1 / goals.rate

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.status import Status
 from robot_retarget.robot import Anatomy, Robot
@@ -54,6 +54,15 @@ def coarse_path(
 
 class Candidates:
     """Poses found until now, per moment."""
+
+    solver: FrameSolver
+    graph: RobotGraph
+    all_targets: ClipTargets
+    search: Search
+    frames: Floats
+    times: Floats
+    hinges: Ints
+    first: int
 
     def __init__(
         self, solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: np.ndarray, search: Search

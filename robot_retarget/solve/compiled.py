@@ -1,6 +1,7 @@
 """CasADi functions called through their buffers: no conversion, and no allocation except for the results."""
 
 from threading import Thread
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,6 +16,12 @@ Hessian."""
 
 class Compiled:
     """A CasADi function of dense arrays. A call costs only the arithmetic: a fifth of a plain call."""
+
+    buffer: ca.FunctionBuffer
+    trigger: Any
+    shapes: list[tuple[int, int]]
+    arguments: list[Floats]
+    results: list[Floats]
 
     def __init__(self, function: ca.Function):
         self.buffer, self.trigger = function.buffer()
@@ -39,6 +46,8 @@ class Compiled:
 
 class Upgraded:
     """A function that runs on CasADi's virtual machine until its machine code is ready; the results are the same."""
+
+    native: bool
 
     def __init__(self, function: ca.Function, native: bool):
         """Compile in the background if `native` is set."""
@@ -72,6 +81,14 @@ class QuadraticProgram:
 
     H, g and the bounds are written in place (`hessian`, `gradient`, `lower`, `upper`); they start at 0.
     """
+
+    run: Compiled
+    hessian: Floats
+    gradient: Floats
+    lower: Floats
+    upper: Floats
+    rows: Floats
+    row_lower: Floats
 
     def __init__(self, variables: int, rows: int):
         shape = {"h": ca.Sparsity.dense(variables, variables), "a": ca.Sparsity.dense(rows, variables)}

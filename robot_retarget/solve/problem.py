@@ -61,6 +61,12 @@ def targets_of(tracks: Sequence[Track]) -> ClipTargets:
 class Part:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
+    terms: "_Terms"
+    edges: slice
+    model: Upgraded
+    cost: Upgraded
+    values: Compiled
+
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
         body = SymbolicRobot(robot, match)
@@ -137,6 +143,8 @@ class Problem:
 class Inequalities:
     """Symbolic inequalities as compiled rows  J v ≥ deficit; an upper bound is a row of opposite sign."""
 
+    tracks: list[Track]
+
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track]):
         self.tracks = [t for t in tracks if t.role is Role.INEQUALITY and isinstance(t.kind, Symbolic)]
         self._nv, body = robot.model.nv, SymbolicRobot(robot, match)
@@ -194,6 +202,13 @@ def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: b
 
 class _Terms:
     """The summed cost terms, as expressions of the measures."""
+
+    edges: int
+    rows: Ints
+    scale: Floats
+    huber_delta: Floats
+    open: list[int]
+    gather: ca.DM
 
     def __init__(self, tracks: Sequence[Track], rows: Ints):
         self.edges, self.rows = len(rows), rows

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import ContactRows, Nearby, Numeric, Past, Projecting
+from robot_retarget.describe.kinds.kind import ContactRows, Evaluator, Nearby, Numeric, Past, Projecting, Proximity
 from robot_retarget.dgp.role import FRAME, STEP, Role
 from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
@@ -74,6 +74,11 @@ class Quadratic:
 class NumericCost:
     """The cost of a track with a numeric evaluator."""
 
+    name: str
+    stencil: tuple[int, ...]
+    track: Track
+    evaluate: Evaluator
+
     def __init__(self, track: Track, robot: Robot):
         self.name, self.stencil, self.track = track.name, track.stencil, track
         self.evaluate = cast(Numeric, track.kind).evaluator(track, robot)
@@ -92,6 +97,15 @@ class NumericCost:
 
 class CostModel:
     """The cost of one frame's problem around any configuration, and its inequality rows."""
+
+    problem: Problem
+    robot: Robot
+    leg: float
+    options: Options
+    numeric: list[NumericCost]
+    proximity: str
+    separation: Proximity | None
+    rows: int
 
     def __init__(self, problem: Problem, options: Options):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options

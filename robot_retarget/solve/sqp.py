@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.dgp.status import Status
+from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
@@ -81,6 +82,18 @@ class _TrustRegion:
 
 class FrameSolver:
     """Solve single frames of one problem with one compiled quadratic program."""
+
+    problem: Problem
+    options: Options
+    robot: Robot
+    hinges: Ints
+    leg: float
+    roots: Ints
+    ranges: Box
+    speed: Floats
+    costs: CostModel
+    diagonal: tuple[Ints, ...]
+    program: QuadraticProgram
 
     def __init__(self, problem: Problem, options: Options | None = None):
         self.problem, self.options, self.robot = problem, options or Options(), problem.robot

@@ -20,7 +20,7 @@ from robot_retarget.live.open import opened
 from robot_retarget.live.ports import NEWEST, Packet, TcpPort, UdpPort
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.live.protocols.floats import HEAD, MAGIC, FloatDecoder
-from robot_retarget.live.protocols.lines import LineDecoder, line_of, told
+from robot_retarget.live.protocols.lines import LineDecoder, line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import PROTOCOLS
@@ -399,7 +399,7 @@ def test_a_second_connection_is_turned_away_and_a_new_one_follows_the_first() ->
     receiver = Receiver(port, LineDecoder(faults, SKELETON), faults)
     line = lambda t: line_of(t, MOTION.positions[0])  # noqa: E731
     with socket.create_connection(port.address) as first:
-        first.sendall(told(SKELETON) + line(1.0))
+        first.sendall(skeleton_line(SKELETON) + line(1.0))
         assert receiver.newest(1.0) is not None
         with socket.create_connection(port.address) as second:
             second.sendall(line(2.0))

@@ -18,7 +18,7 @@ from shared_files import ROOT
 
 from robot_retarget.actuators.map import load_map
 from robot_retarget.live.loop import Loop
-from robot_retarget.live.protocols.lines import line_of, told
+from robot_retarget.live.protocols.lines import line_of, skeleton_line
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
@@ -60,7 +60,7 @@ def free_port() -> int:
 
 def test_lines_in_are_lines_out_and_what_is_wrong_is_said_on_the_side() -> None:
     motion = clip(fps=30)
-    lines = [told(motion.skeleton), *(line_of(t / 30, motion.positions[t]) for t in range(30))]
+    lines = [skeleton_line(motion.skeleton), *(line_of(t / 30, motion.positions[t]) for t in range(30))]
     lines[10:10] = [b"nonsense\n", b'{"time": 0.1, "positions": [[1, 2, 3]]}\n']
     process = subprocess.Popen(
         [*COMMAND, "--from", "json", "--json"],

@@ -3,11 +3,12 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.footholds import LANDING, sole_of
+from robot_retarget.describe.footholds import LANDING, Sole, sole_of
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.foothold import FootholdKind
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
+from robot_retarget.describe.weights import Weights
 from robot_retarget.dgp.track import HARD
 from robot_retarget.human.features import HumanFeatures
 
@@ -19,6 +20,18 @@ BLENDED = 0.3
 
 class CausalFootholds:
     """The edges of one robot's soles; F feet."""
+
+    soles: list[Sole]
+    feet: tuple[str, ...]
+    weights: Weights
+    hard: Floats
+    held: Floats
+    places: Floats
+    offset: Floats
+    landed: Floats
+    height: Floats
+    strayed: float
+    since: Floats
 
     def __init__(self, graph: RobotGraph, feet: tuple[str, ...], kind: FootholdKind):
         context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)

@@ -20,6 +20,12 @@ Targets = tuple[Floats, Floats | float]
 class CausalTargets:
     """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
 
+    lower: Floats
+    upper: Floats
+    priority: Floats
+    feet: tuple[str, ...]
+    sources: list[tuple[slice, Callable[[HumanFeatures, Floats, float], Targets]]]
+
     def __init__(self, graph: RobotGraph):
         self.lower = np.concatenate([track.lower[0] for track in graph.costs])
         self.upper = np.concatenate([track.upper[0] for track in graph.costs])

@@ -47,6 +47,9 @@ class InteractionKind:
 class ApproachEvaluator:
     """Interaction distances from the separation rows at a configuration and the step from the frame before."""
 
+    robot: Robot
+    horizon: float
+
     def __init__(self, robot: Robot, horizon: float):
         self.robot, self.horizon = robot, horizon
 

@@ -36,6 +36,9 @@ class Device:
     now: float = 0.0
     """Time of the world [s]."""
 
+    voltage: float = field(init=False)
+    expired: bool = field(init=False, default=False)
+
     def __post_init__(self) -> None:
         self.motor, self.registers = Motor(self.model), Registers(self.model)
         self.shaft = Shaft(self.registers, self.motor)

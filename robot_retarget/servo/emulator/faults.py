@@ -66,6 +66,11 @@ class Wire:
 class Faults:
     """Carries out fault sentences on a network, a world and a wire."""
 
+    network: Network
+    world: World
+    wire: Wire
+    struck: float
+
     def __init__(self, network: Network, world: World, wire: Wire) -> None:
         self.network, self.world, self.wire = network, world, wire
         self.struck = 0.0

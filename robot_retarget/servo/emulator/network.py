@@ -27,6 +27,9 @@ class Answer:
 class Network:
     """Devices that share a bus. `answer` is all a host ever sees of them."""
 
+    devices: list[Device]
+    boards: list[Board]
+
     def __init__(self, devices: Sequence[Device], boards: Sequence[Board] = ()) -> None:
         self.devices, self.boards = list(devices), list(boards)
         self.silent: set[int] = set()

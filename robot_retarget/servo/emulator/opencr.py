@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Imu
+from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading
 from robot_retarget.servo import protocol
 from robot_retarget.servo.opencr import GYRO, TABLE_END, encoded
@@ -21,6 +22,9 @@ class Board:
         imu: id and mounting.
         reading: the present one, in the root body's axes.
     """
+
+    id: int
+    signs: Floats
 
     def __init__(self, imu: Imu, reading: Callable[[], Reading]) -> None:
         self.id, self._mounting, self._reading = imu.id, imu.mounting, reading

@@ -9,6 +9,9 @@ REBOUND_FROM = 64
 class Registers:
     """Named bytes: which addresses exist, without their meaning."""
 
+    by_name: dict[str, Register]
+    at: dict[int, tuple[str, Register]]
+
     def __init__(self, model: Model) -> None:
         self.model = model
         self.by_name = model.registers

@@ -39,6 +39,9 @@ BAUD_CODES = {getattr(termios, f"B{baud}"): baud for baud in BAUDS if hasattr(te
 class Terminal:
     """A raw pseudo terminal under a stable name."""
 
+    master: int
+    path: str
+
     def __init__(self, link: Path | None) -> None:
         self.link = link
         self.master, self._slave = os.openpty()
@@ -87,6 +90,13 @@ class Terminal:
 
 class Server:
     """Runs a network and its world behind a pseudo terminal until it is stopped."""
+
+    network: Network
+    world: World
+    pace: Pace
+    strict: bool
+    wire: Wire
+    faults: Faults
 
     def __init__(
         self,

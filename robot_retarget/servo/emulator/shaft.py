@@ -4,6 +4,7 @@ from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
 from robot_retarget.servo.emulator.motor import Motor
+from robot_retarget.servo.emulator.profile import Profile
 from robot_retarget.servo.emulator.registers import Registers
 
 IN_POSITION = 20
@@ -14,6 +15,11 @@ FOLLOWING_ERROR = 100
 
 class Shaft:
     """The motor's encoder as the registers show it, and the profile from the last goal."""
+
+    registers: Registers
+    motor: Motor
+    path: Profile
+    since: float
 
     def __init__(self, registers: Registers, motor: Motor) -> None:
         self.registers, self.motor = registers, motor

@@ -39,6 +39,11 @@ class Plant(Protocol):
 class World:
     """Steps all devices along the clock."""
 
+    devices: list[Device]
+    step: float
+    time: float
+    lost: float
+
     def __init__(self, devices: Sequence[Device], plant: Plant | None = None, supply: float | None = None) -> None:
         self.devices = list(devices)
         self.plant = plant

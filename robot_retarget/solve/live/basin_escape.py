@@ -55,6 +55,11 @@ class Lead:
 class BasinEscape:
     """Seeks the home pose of a stream, and leads over to it."""
 
+    solver: FrameSolver
+    options: RealTime
+    steps: int
+    waited: float
+
     def __init__(self, solver: FrameSolver, options: RealTime):
         self.solver, self.options = solver, options
         self.pose: Pose | None = None

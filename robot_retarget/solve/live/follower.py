@@ -11,7 +11,7 @@ from robot_retarget.describe.causal.targets import CausalTargets
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.kinds.temporal import SmoothnessKind
-from robot_retarget.describe.path import root_scaling_of
+from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.soles import CORNERS, sole_corners
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
 from robot_retarget.dgp.status import Status
@@ -26,7 +26,7 @@ from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.lag import FixedLag, Solved
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
-from robot_retarget.solve.problem import EdgeTargets, build_problem
+from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
 from robot_retarget.solve.sqp import FrameSolver, Pose
 
 FIRST = 1 / 30
@@ -48,6 +48,15 @@ class StreamPose:
 
 class Follower:
     """One calibrated performer and one robot."""
+
+    graph: RobotGraph
+    all_targets: CausalTargets
+    human: CausalFeatures
+    root_scaling: RootScaling
+    problem: Problem
+    solver: RealTimeSolver
+    lag: FixedLag | None
+    corners: Compiled
 
     def __init__(self, graph: RobotGraph, options: RealTime, lag: int, native: bool):
         match = graph.match

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import EdgeTargets
@@ -31,6 +32,12 @@ class Solved:
 
 class FixedLag:
     """Return poses `lag` frames late."""
+
+    solver: FrameSolver
+    lag: int
+    robot: Robot
+    weight: Floats
+    stiffness: Floats
 
     def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, inertia: Floats, smoothing: Smoothing):
         """Set the lag in frames, the smoothing weights and the solver.

@@ -14,6 +14,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.dgp.role import CAUSAL_DIFFERENCE
 from robot_retarget.dgp.status import Status
+from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.basin_escape import BasinEscape
@@ -25,6 +26,15 @@ from robot_retarget.solve.sqp import Box, FrameSolver, Pose
 
 class RealTimeSolver:
     """A pose that follows its targets; it remembers the pose before and its velocity."""
+
+    solver: FrameSolver
+    robot: Robot
+    options: RealTime
+    inertia: Floats
+    root: Floats
+    home: BasinEscape
+    velocity: Floats
+    pace: float
 
     def __init__(self, solver: FrameSolver, options: RealTime):
         """Follow with one solver; its tracks define the inertia."""

@@ -32,6 +32,12 @@ class Stream:
     motion.
     """
 
+    robot: Robot
+    skeleton: Skeleton
+    options: RealTime
+    weights: Weights | None
+    native: bool
+
     def __init__(
         self,
         robot: Robot,

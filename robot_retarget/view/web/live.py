@@ -17,6 +17,8 @@ from robot_retarget.view.web.take import Take
 class LiveRobot:
     """The latest pose, shared with waiting pages. Older poses are dropped."""
 
+    viewer: Viewer
+
     def __init__(self, robot: Robot) -> None:
         self._robot, self._shapes = robot, shapes_of(robot)
         self._count, self._told = 0, b""

@@ -103,6 +103,8 @@ Judge = Callable[[Trajectory], Report]
 class Desk:
     """Answers requests for the page, for touch-ups and for verdicts on them, one at a time."""
 
+    page: bytes
+
     def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False, judge: Judge | None = None):
         self._viewer, self._editor, self._judge, self._lock = viewer, editor, judge, Lock()
         self.page = viewer.page_with(editor is not None, live).encode()
