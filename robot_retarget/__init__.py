@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from robot_retarget.trajectory import Trajectory as Trajectory
     from robot_retarget.view.web.page import view as view
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "describe": "describe.graph",

@@ -30,7 +30,7 @@ BASE = {
 """Modules that know nothing of motions and robots; every layer may import them."""
 CORE = {"trajectory", "motion", "dgp", "robot", "human", "describe", "solve", "balance"}
 LAYERS = {
-    **{module: set[str]() for module in BASE},
+    **{module: set[str]() for module in sorted(BASE)},
     "actuators": set(),
     "feedback": {"actuators"},
     "goals": {"feedback"},
