@@ -54,7 +54,7 @@ PARTS: Places = {
     "kinematics and normal equations": [(Compiled, "__call__")],
     "separation of links": [(Separation, "near")],
     PROGRAM: [(QuadraticProgram, "solve")],
-    "closed chains, gears": [(Coupling, "__call__"), (Coupling, "closed")],
+    "closed chains, gears": [(Coupling, "__call__"), (Coupling, "close_chains")],
     "configurations q ⊕ v, q ⊖ p": MOVES,
     "Python around the quadratic model": [
         (CostModel, "linearize"),

@@ -4,7 +4,6 @@ import json
 import resource
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import typer
 from shared_files import ROOT, SHARED, needs_shared
 from typer.testing import CliRunner
 
+import robot_retarget
 from robot_retarget.cli import app
 
 WAVE = ROOT / "samples/wave.bvh"
@@ -63,7 +63,7 @@ def test_a_servo_robot_gets_a_stand_before_and_after_unless_balance_is_off(tmp_p
 
 def test_the_version_is_that_of_the_package() -> None:
     done = run("--version")
-    assert done.returncode == 0 and done.stdout == f"{version('humanoid-retarget')}\n" and not done.stderr
+    assert done.returncode == 0 and done.stdout == f"{robot_retarget.__version__}\n" and not done.stderr
 
 
 def test_info_prints_the_map_of_a_motion_and_of_a_robot() -> None:

@@ -34,7 +34,9 @@ class UpAxisRule:
 
     strong: float = 4.0
     """Of evidence that fails in one clip of fifty: the head is over the ankles, the lowest point of the body keeps its
-    height (per leg length) and begins at 0, a flight is a free fall, the pelvis does not climb further than a person."""
+    height (per leg length), a flight is a free fall, the pelvis does not climb further than a person."""
+    floor: float = 3.5
+    """Of a lowest point that begins at 0; less than the posture, as points may be relative to the pelvis."""
     weak: float = 1.5
     """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
     near: float = 0.2
@@ -96,7 +98,7 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     evidence = {
         "posture": rule.strong * _signed(_stance(recognition, keypoints).mean(axis=0)),
         "steady lowest point": -rule.strong * _unsteady(positions, leg),
-        "floor at height 0": rule.strong * _floor_at_zero(positions, leg, rule),
+        "floor at height 0": rule.floor * _floor_at_zero(positions, leg, rule),
         "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
         "rest pose": rule.weak
         * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
