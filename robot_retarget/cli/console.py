@@ -172,10 +172,10 @@ PLAYED = {
     "largest_current_a": ("largest current of a servo", "A"),
     "hottest_c": ("hottest servo at the end", "°C"),
     "rate_hz": ("goals sent", "a second"),
-    "jitter_p99_ms": ("unevenness of 99 in 100 ticks, less than", "ms"),
-    "late_p99_ms": ("delay of 99 in 100 ticks, less than", "ms"),
-    "skipped_ticks": ("ticks left out", ""),
-    "lost_replies": ("answers that did not come", ""),
+    "jitter_p99_ms": ("tick jitter (p99)", "ms"),
+    "late_p99_ms": ("tick delay (p99)", "ms"),
+    "skipped_ticks": ("skipped ticks", ""),
+    "lost_replies": ("lost servo replies", ""),
 }
 """Figures of a playback that a person reads: words and unit."""
 
