@@ -128,7 +128,7 @@ def solve(
 
     Args:
         options: tolerances and margins of a frame.
-        search: number of starts and candidates.
+        search: starts, and the moments at which poses are sought.
         smoothing: passes over the whole clip; `Smoothing(passes=0)` solves frame by frame.
         legs: with balance, `follow` tracks the human's legs and `stand` keeps both feet in place. `auto` follows if the
             result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.

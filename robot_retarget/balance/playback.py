@@ -100,7 +100,7 @@ def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: 
         stretch = stretched(stretch, outline.timeline, shift_needs(late, outline.timeline, chosen), chosen)
         _require_pace(stretch, slowest)
         outline = outlined(planter, clip, stretch, how)
-        count.one(len(outline.wished))
+        count.one(len(outline.targets))
     found = played(planter, clip, outline, count)
     for _ in range(chosen.rounds):
         loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
@@ -134,8 +134,8 @@ def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: b
     playback = planter.playback(timeline.share[:, None], outline.places, timeline.planted)
     tracks = planter.targets(clip.graph, timeline.at, outline.stands, playback, outline.plan.centre)
     solver_clip = clip_of(planter.solver, tracks, Smoothing(), clip.fps)
-    count.expect(round(ROUNDS * len(outline.wished) * ((0 if near else IN_TURN) + Smoothing().passes)))
-    start = list(outline.wished) if near else _in_turn(planter, outline, solver_clip, count)
+    count.expect(round(ROUNDS * len(outline.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
+    start = list(outline.targets) if near else _in_turn(planter, outline, solver_clip, count)
     poses = clip_passes(solver_clip, start, count)
     qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK)
@@ -164,7 +164,7 @@ def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count)
     """
     robot, found, correction = planter.robot, [], np.zeros(planter.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
-    for k, targets in enumerate(outline.wished):
+    for k, targets in enumerate(outline.targets):
         starts = [np.where(carried, correction, 0.0)]
         if np.abs(correction - starts[0]).max() > ASIDE:
             starts.append(correction)

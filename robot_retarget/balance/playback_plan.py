@@ -54,7 +54,7 @@ class Outline:
     """The targets of every frame of a playback, and the plan of the centre of mass."""
 
     timeline: Timeline
-    wished: Floats
+    targets: Floats
     """(K, nq)."""
     places: Floats
     """(K, F, 4, 3) of the soles [m]."""
@@ -76,13 +76,15 @@ def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> 
     ends = [_end_places(planter, clip, t) for t in (0, -1)]
     stands = [balanced_stand(planter, places) for places in ends]
     timeline = timeline_of(planter, clip, stands, stretch)
-    wished = _wished(planter, clip, stands, timeline)
+    targets = _target_poses(planter, clip, stands, timeline)
     places = _places(planter, clip, ends, timeline)
     supports = _supports(timeline, places)
-    centre = planter.centres(wished)
+    centre = planter.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
     plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
-    return Outline(timeline, wished, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride)
+    return Outline(
+        timeline, targets, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride
+    )
 
 
 def timeline_of(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Timeline:
@@ -113,16 +115,16 @@ def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: 
     return np.concatenate([shares, np.ones(lifting)])
 
 
-def _wished(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeline) -> Floats:
+def _target_poses(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeline) -> Floats:
     """Return (K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
     robot = planter.robot
     trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
-    wished = sample(trajectory, robot, timeline.at / clip.fps)
+    targets = sample(trajectory, robot, timeline.at / clip.fps)
     middle = len(timeline.at) // 2
     for k in np.flatnonzero(timeline.share < 1):
         stand = stands[0] if k < middle else stands[1]
-        wished[k] = integrate(robot, stand, timeline.share[k] * difference(robot, stand, wished[k]))
-    return wished
+        targets[k] = integrate(robot, stand, timeline.share[k] * difference(robot, stand, targets[k]))
+    return targets
 
 
 def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:

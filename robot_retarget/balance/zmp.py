@@ -80,15 +80,15 @@ class Plan:
     """(T,) distance outside the shrunk polygons [m]."""
 
 
-def plan_centre(wished: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> Plan:
+def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> Plan:
     """Plan the path of the centre of mass.
 
     Args:
-        wished: (T, 2) target path c⁰ [m].
+        targets: (T, 2) target path c⁰ [m].
         height: (T,) height of the centre of mass over the floor [m].
         supports: T polygons.
     """
-    count = len(wished)
+    count = len(targets)
     acceleration = _second(count) * fps**2
     point = sparse.eye(count) - sparse.diags(height / GRAVITY) @ acceleration
     kinds = [sparse.eye(count), point] if how.static else [point]
@@ -97,7 +97,7 @@ def plan_centre(wished: Floats, height: Floats, supports: list[Polygon], fps: fl
     third = _third(count) * fps**3
     smooth = how.jerk * (third.T @ third) + how.pull * sparse.eye(count)
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
-    gradient = np.concatenate([-2 * how.pull * wished[:, 0], -2 * how.pull * wished[:, 1], np.zeros(count)])
+    gradient = np.concatenate([-2 * how.pull * targets[:, 0], -2 * how.pull * targets[:, 1], np.zeros(count)])
     found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
     return Plan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
 

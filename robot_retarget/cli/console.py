@@ -135,7 +135,7 @@ def show_graph(facts: dict[str, Any]) -> None:
         (name, k["edges"], k["present"], k["interval"], k["priority"], "hard" if k["hard"] else "soft")
         for name, k in facts["kinds"].items()
     ]
-    table("Kinds of edges", ("kind", "edges", "a frame", "wished", "priority", ""), rows)
+    table("Kinds of edges", ("kind", "edges", "a frame", "target", "priority", ""), rows)
     if "stress" in facts:
         _show_stress(facts)
 
@@ -146,7 +146,7 @@ def _show_stress(facts: dict[str, Any]) -> None:
     rows = [
         (e["edge"], e["wished"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
     ]
-    table("Edges that lost most", ("edge", "wished", "measured", "error", "priority", "frame"), rows)
+    table("Edges that lost most", ("edge", "target", "measured", "error", "priority", "frame"), rows)
 
 
 def show_report(report: "Report") -> None:

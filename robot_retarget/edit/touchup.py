@@ -73,11 +73,11 @@ def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
         GraphError: the graph refuses the edit.
     """
     began = time.perf_counter()
-    wished = edited(graph, [edit])
+    edited_graph = edited(graph, [edit])
     first, last = edit.values.get("frames", (0, len(graph) - 1))
-    solver = FrameSolver(build_problem(graph.robot, graph.match, wished.tracks), Options())
+    solver = FrameSolver(build_problem(graph.robot, graph.match, edited_graph.tracks), Options())
     known = [np.array(q) for q in trajectory.qpos]
-    tracks = renewed_tracks(solver, wished, known)
+    tracks = renewed_tracks(solver, edited_graph, known)
     offsets = _offsets(solver, targets_of(tracks), known, first, last)
     around = max(round(AROUND * graph.fps), _frames_needed(solver, offsets, graph.fps))
     fading = round(FADING * graph.fps)
@@ -94,11 +94,11 @@ def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
     done, window = replace(trajectory, qpos=qpos, goals=None), slice(start, stop)
-    solved = replace(wished.at(window), tracks=tuple(track.at(window) for track in tracks))
+    solved = replace(edited_graph.at(window), tracks=tuple(track.at(window) for track in tracks))
     measured = measured_by(solver.problem, solved, qpos[window])
     unmet = unmet_edges(solver, solved, measured, qpos[window])
     reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start))
-    return Mended(wished, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
+    return Mended(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
 def _offsets(

@@ -169,15 +169,15 @@ def fall_figures(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> dict
     """
     contacts = rollout.contacts.scene
     wrong = contacts.of(~np.isin(contacts.bodies[:, 1], _feet(robot, contacts)))
-    sunk = np.flatnonzero(_sunk(rollout, robot, trajectory))
-    first, low = (int(at.min(initial=len(rollout.times))) for at in (wrong.frame, sunk))
+    collapsed = np.flatnonzero(_collapsed(rollout, robot, trajectory))
+    first, low = (int(at.min(initial=len(rollout.times))) for at in (wrong.frame, collapsed))
     if min(first, low) == len(rollout.times):
         return {"fall_s": None, "fall_body": None}
     touched = robot.model.body(int(wrong.bodies[wrong.frame.argmin(), 1])).name if first <= low else None
     return {"fall_s": round(float(rollout.times[min(first, low)]), 3), "fall_body": touched}
 
 
-def _sunk(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
+def _collapsed(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> np.ndarray:
     """(N,) whether the root is at less than `SUNK` of its planned height, both above where the plan has the floor: z = 0."""
     height = robot.root_address + 2
     planned = np.interp(rollout.times, np.arange(len(trajectory)) / trajectory.fps, trajectory.qpos[:, height])

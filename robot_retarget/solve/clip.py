@@ -62,7 +62,7 @@ def clip_poses(
     count: Count,
     part: Part | None = None,
 ) -> tuple[list[Pose], RobotGraph]:
-    """Solve every window after the one before; and the graph with what was renewed (`kinds.kind.TwoPassKind`).
+    """Solve the windows in order. Returns poses and the graph with renewed tracks (`kinds.kind.TwoPassKind`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
@@ -87,7 +87,7 @@ def clip_poses(
 
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
-    """What is asked of the coarse path."""
+    """Return the tracks of the coarse path."""
     return [track.kind.coarse(track) if isinstance(track.kind, TwoPassKind) else track for track in graph.tracks]
 
 

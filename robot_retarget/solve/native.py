@@ -46,8 +46,8 @@ def machine_code(function: ca.Function) -> ca.Function | None:
 
 def _cache() -> Path:
     """Return the folder of the libraries: `$XDG_CACHE_HOME` if it is an absolute path, else `~/.cache`."""
-    wished = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    return (wished if wished.is_absolute() else Path("~/.cache").expanduser()) / "robot-retarget"
+    configured = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (configured if configured.is_absolute() else Path("~/.cache").expanduser()) / "robot-retarget"
 
 
 def _private(path: Path) -> Path:

@@ -27,7 +27,7 @@ from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
 
 @dataclass(frozen=True, eq=False)
 class EdgeTargets:
-    """What is asked of one frame: one number an edge, kind after kind."""
+    """Targets of one frame, (E,) each, in the order of kinds."""
 
     lower: Floats
     upper: Floats
@@ -36,7 +36,7 @@ class EdgeTargets:
 
 @dataclass(frozen=True, eq=False)
 class ClipTargets:
-    """What is asked of T frames, (T, E) each."""
+    """Targets of T frames, (T, E) each."""
 
     lower: Floats
     upper: Floats
@@ -73,22 +73,22 @@ class Part:
         found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in tracks])
         self.terms = _Terms(tracks, found.rows)
         self.edges = slice(first, first + self.terms.edges)
-        q, asked = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
+        q, targets = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
         at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
-        model = self._model(ca.Function("slopes", [q], [found.values, found.slopes]), at, asked)
-        alone = ca.Function("cost", [at, *asked], [ca.densify(self.terms.around(measure(at), *asked)[0])])
+        model = self._model(ca.Function("slopes", [q], [found.values, found.slopes]), at, targets)
+        alone = ca.Function("cost", [at, *targets], [ca.densify(self.terms.around(measure(at), *targets)[0])])
         self.model, self.cost = Upgraded(model.expand(), native), Upgraded(alone.expand(), native)
         self.values = dense_function("values", [at], [ca.vec(measure(at)[found.rows.tolist()])])
 
-    def _model(self, slopes: ca.Function, q: ca.MX, asked: list[ca.MX]) -> ca.Function:
+    def _model(self, slopes: ca.Function, q: ca.MX, targets: list[ca.MX]) -> ca.Function:
         """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
         values, jacobian = slopes(q)
-        cost, pull, weight = self.terms.around(values, *asked)
+        cost, pull, weight = self.terms.around(values, *targets)
         normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
-        return ca.Function("model", [q, *asked], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
+        return ca.Function("model", [q, *targets], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
 
-    def asked(self, targets: EdgeTargets) -> tuple[Floats, Floats, Floats]:
-        """What is asked of these edges."""
+    def of(self, targets: EdgeTargets) -> tuple[Floats, Floats, Floats]:
+        """Return lower bounds, upper bounds and priorities of these edges."""
         return targets.lower[self.edges], targets.upper[self.edges], targets.priority[self.edges]
 
 
@@ -121,17 +121,17 @@ class Problem:
 
     def model(self, q: Floats, targets: EdgeTargets) -> tuple[float, Floats, Floats]:
         """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
-        (cost, gradient, normal), *others = [part.model(q, *part.asked(targets)) for part in self.parts]
+        (cost, gradient, normal), *others = [part.model(q, *part.of(targets)) for part in self.parts]
         for more in others:
             cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
         return float(cost[0]), gradient, normal
 
     def cost(self, q: Floats, targets: EdgeTargets) -> float:
         """The first of these alone."""
-        return float(sum(part.cost(q, *part.asked(targets))[0][0] for part in self.parts))
+        return float(sum(part.cost(q, *part.of(targets))[0][0] for part in self.parts))
 
     def missed(self, q: Floats, targets: EdgeTargets) -> float:
-        """By how much the worst hard edge misses its interval [m]; 0 where there is none."""
+        """Return the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
         d, hard = self.values(q), targets.priority >= HARD
         return float(np.abs(d - np.clip(d, targets.lower, targets.upper))[hard].max(initial=0.0))
 

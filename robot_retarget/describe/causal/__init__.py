@@ -1,5 +1,5 @@
 """The graph of a motion in progress: the targets at a frame depend only on the frames until then.
 
-`calibration` holds what a whole clip would tell (bone lengths, floor, how joints' axes lie in segments); `human`, `contacts`
-and `footholds` go on frame by frame; `all_targets` puts together what is asked.
+`calibration` holds the constants of a performer (bone lengths, floor, axes of joints in segments). `human`, `contacts` and
+`footholds` are updated frame by frame. `targets` joins the targets of all kinds.
 """

@@ -18,7 +18,7 @@ Targets = tuple[Floats, Floats | float]
 
 
 class CausalTargets:
-    """The edges of a graph, asked frame by frame; those that no human asks for stay as they are in its first frame."""
+    """Targets of a graph, frame by frame. Edges that do not depend on the human keep the targets of the first frame."""
 
     lower: Floats
     upper: Floats

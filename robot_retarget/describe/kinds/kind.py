@@ -234,7 +234,7 @@ class CausalKind(Protocol):
 def coordinates(
     kind: MotionKind, edges: InstantTargets | None, human: HumanFeatures, scale: float = 1.0
 ) -> Track | None:
-    """The track of edges with the targets x, y and z of vectors; None where there are none.
+    """Return the track of edges with the components of vectors as targets, or None without edges.
 
     Args:
         kind: of the edges.

@@ -29,7 +29,7 @@ class PhysicsSink:
     Raises:
         UsageError: an unknown mode, or `free` for a robot without a free root.
         RobotError: its MJCF cannot be prepared.
-        ServoError: a window is wished and there is no display.
+        ServoError: a window is requested without a display.
     """
 
     data: Any

@@ -68,21 +68,21 @@ class Follower:
         self.solver = RealTimeSolver(frames, options)
         self.lag = FixedLag(frames, lag, *_smoothness(graph), Smoothing()) if lag else None
         self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.all_targets.feet])
-        self.asked: EdgeTargets | None = None
+        self.targets: EdgeTargets | None = None
         self.latest: HumanFeatures | None = None
 
     def begin(self, positions: Floats, rotations: Floats | None, time: float, standing: bool) -> StreamPose:
         """Return the first pose: the performer's, or the standing pose, which then eases into the motion."""
         human = self.human.step(positions, rotations, FIRST)
         start = self._standing(human)
-        self.asked, self.latest = self._asked(human, start, FIRST), human
-        pose = self.solver.stand(start, self.asked) if standing else self.solver.begin(start, self.asked)
+        self.targets, self.latest = self._targets_at(human, start, FIRST), human
+        pose = self.solver.stand(start, self.targets) if standing else self.solver.begin(start, self.targets)
         return self._given(pose, time, FIRST)
 
     def follow(self, positions: Floats, rotations: Floats | None, time: float, since: float) -> StreamPose:
         """Return the pose for a frame, `since` seconds after the one before."""
         self.latest = self.human.step(positions, rotations, since)
-        self.asked = self._asked(self.latest, self.solver.qpos, since)
+        self.targets = self._targets_at(self.latest, self.solver.qpos, since)
         return self._given(self._stepped(since), time, since)
 
     def rest(self, time: float, since: float) -> StreamPose:
@@ -90,9 +90,9 @@ class Follower:
         return replace(self._given(self._stepped(since), time, since), status=Status.HELD)
 
     def _stepped(self, since: float) -> Pose:
-        assert self.asked is not None and self.latest is not None
+        assert self.targets is not None and self.latest is not None
         human = self.latest
-        return self.solver.step(self.asked, since, lambda: self._standing(human))
+        return self.solver.step(self.targets, since, lambda: self._standing(human))
 
     def _standing(self, human: HumanFeatures) -> Floats:
         """Return the standing pose (nq,) with the human's pelvis position and heading."""
@@ -102,14 +102,14 @@ class Follower:
 
     def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
         """Return the pose of the stream, smoothed if there is a lag."""
-        if self.lag is None or self.asked is None:
+        if self.lag is None or self.targets is None:
             return StreamPose(pose.qpos, time, pose.status)
-        late, answered = self.lag.smoothed(Solved(pose, self.asked, time, since))
+        late, answered = self.lag.smoothed(Solved(pose, self.targets, time, since))
         return StreamPose(late.qpos, time, late.status, time - answered)
 
-    def _asked(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
-        asked = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
-        return EdgeTargets(*(np.array(each) for each in asked)) if self.lag else EdgeTargets(*asked)
+    def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
+        targets = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
+        return EdgeTargets(*(np.array(each) for each in targets)) if self.lag else EdgeTargets(*targets)
 
 
 def _smoothness(graph: RobotGraph) -> tuple[Floats, Floats]:

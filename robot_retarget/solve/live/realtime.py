@@ -51,12 +51,12 @@ class RealTimeSolver:
         """The usable share of the joints' speeds [-]."""
 
     def begin(self, start: Floats, targets: EdgeTargets) -> Pose:
-        """The first pose, from a start that does not depend on what was before."""
+        """Return the first pose, independent of earlier frames."""
         pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
         return self._kept(self.solver.raise_above_floor(pose), np.zeros_like(self.velocity))
 
     def stand(self, qpos: Floats, targets: EdgeTargets) -> Pose:
-        """The first pose, standing at rest: from there it is led to what is asked."""
+        """Return the first pose at rest in a stand; later steps move it towards the targets."""
         pose = self.solver.raise_above_floor(Pose(qpos, Status.CALIBRATING, 0.0, 0))
         self.home.at_once(pose.qpos, targets, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
@@ -68,9 +68,11 @@ class RealTimeSolver:
         return self.pose.qpos
 
     def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> Pose:
-        """The next pose, so long after the one before [s].
+        """Return the next pose.
 
         Args:
+            targets: of the frame.
+            seconds: time since the previous pose [s].
             standing: returns the standing pose (nq,) at the human's place.
         """
         options, before = self.options, self.qpos

@@ -112,7 +112,7 @@ class Stream:
                 return self._standing(time)
             watched, self._watched = self._watched, []  # where they show no human, another second is watched
             self.performer = self._calibrated(_motion_of(self.skeleton, watched))
-        if self.performer.asked is None or self._last is None:
+        if self.performer.targets is None or self._last is None:
             self._last = self.performer.begin(positions, rotations, time, standing=self._last is not None)
         else:
             self._last = self.performer.follow(positions, rotations, time, time - self._last.time)
@@ -122,7 +122,7 @@ class Stream:
         """Return the configuration without a new frame: the last targets stay, and the robot comes to rest."""
         if self._last is None:
             return self._standing(time)
-        if self.performer is None or self.performer.asked is None or time <= self._last.time:
+        if self.performer is None or self.performer.targets is None or time <= self._last.time:
             return self._last
         self._last = self.performer.rest(time, time - self._last.time)
         return self._last
