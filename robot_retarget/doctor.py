@@ -35,7 +35,7 @@ PICTURE = 64
 
 
 @dataclass(frozen=True)
-class Finding:
+class ComponentStatus:
     """One part of the machine."""
 
     part: str
@@ -46,25 +46,27 @@ class Finding:
     """The command that repairs it; empty for a part that works."""
 
 
-def examine(root: Path = Path("/")) -> list[Finding]:
+def examine(root: Path = Path("/")) -> list[ComponentStatus]:
     """Examine the machine.
 
     Args:
         root: The folder that holds `dev` and `sys`.
     """
-    parts: tuple[Callable[[], Finding], ...] = (_python, _mujoco, _rendering, _compiler, _ffmpeg)
+    parts: tuple[Callable[[], ComponentStatus], ...] = (_python, _mujoco, _rendering, _compiler, _ffmpeg)
     return [*(part() for part in parts), *extras(), *ports(root)]
 
 
-def _python() -> Finding:
+def _python() -> ComponentStatus:
     found = platform.python_version()
     if sys.version_info[:2] < OLDEST_PYTHON:
         wanted = ".".join(map(str, OLDEST_PYTHON))
-        return Finding("Python", "missing", f"{found} is older than {wanted}", f"install Python {wanted} or later")
-    return Finding("Python", "ok", f"{found} at {sys.executable}")
+        return ComponentStatus(
+            "Python", "missing", f"{found} is older than {wanted}", f"install Python {wanted} or later"
+        )
+    return ComponentStatus("Python", "ok", f"{found} at {sys.executable}")
 
 
-def _mujoco() -> Finding:
+def _mujoco() -> ComponentStatus:
     from robot_retarget.robot.versions import OLDEST, check
 
     cure = f"pip install 'mujoco>={'.'.join(map(str, OLDEST))}'"
@@ -73,48 +75,50 @@ def _mujoco() -> Finding:
         check(found)
         importlib.import_module("mujoco")
     except PackageNotFoundError:
-        return Finding("MuJoCo", "missing", "not installed", cure)
+        return ComponentStatus("MuJoCo", "missing", "not installed", cure)
     except (RobotRetargetError, ImportError, RuntimeError) as error:
-        return Finding("MuJoCo", "missing", str(error), cure)
-    return Finding("MuJoCo", "ok", found)
+        return ComponentStatus("MuJoCo", "missing", str(error), cure)
+    return ComponentStatus("MuJoCo", "ok", found)
 
 
-def _rendering() -> Finding:
+def _rendering() -> ComponentStatus:
     from robot_retarget.view.gl import open_context
     from robot_retarget.view.picture import Unavailable
 
     context = open_context(PICTURE, PICTURE)
     if isinstance(context, Unavailable):
         cure = "sudo apt install libegl1 libosmesa6; unset MUJOCO_GL"
-        return Finding("OpenGL", "optional", f"{context.reason}; pictures are drawn as stick figures", cure)
+        return ComponentStatus("OpenGL", "optional", f"{context.reason}; pictures are drawn as stick figures", cure)
     context.free()
-    return Finding("OpenGL", "ok", f"pictures are rendered by {type(context).__module__}")
+    return ComponentStatus("OpenGL", "ok", f"pictures are rendered by {type(context).__module__}")
 
 
-def _compiler() -> Finding:
+def _compiler() -> ComponentStatus:
     found = shutil.which("cc")
     if found is None:
         detail = "no cc on the path; everything runs, and solving takes several times as long"
-        return Finding("C compiler", "optional", detail, "sudo apt install gcc libc6-dev")
-    return Finding("C compiler", "ok", found)
+        return ComponentStatus("C compiler", "optional", detail, "sudo apt install gcc libc6-dev")
+    return ComponentStatus("C compiler", "ok", found)
 
 
-def _ffmpeg() -> Finding:
+def _ffmpeg() -> ComponentStatus:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
-        return Finding("ffmpeg", "ok", get_ffmpeg_exe())
+        return ComponentStatus("ffmpeg", "ok", get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
-        return Finding("ffmpeg", "optional", f"{error}; films cannot be made", install_line("video"))
+        return ComponentStatus("ffmpeg", "optional", f"{error}; films cannot be made", install_line("video"))
 
 
-def extras() -> Iterator[Finding]:
+def extras() -> Iterator[ComponentStatus]:
     """Whether each extra is installed, by the modules of its distributions."""
     wanted: dict[str, list[str]] = {extra: [] for extra in EXTRAS}
     try:
         names = requires(DISTRIBUTION) or []
     except PackageNotFoundError:
-        yield Finding("extras", "optional", f"unknown: {DISTRIBUTION} runs without being installed", "pip install -e .")
+        yield ComponentStatus(
+            "extras", "optional", f"unknown: {DISTRIBUTION} runs without being installed", "pip install -e ."
+        )
         return
     for line in names:
         name, extra = re.match(r"[\w-]+", line), re.search(r"extra == ['\"](\w+)['\"]", line)
@@ -123,35 +127,37 @@ def extras() -> Iterator[Finding]:
     for extra, distributions in wanted.items():
         lost = [name for name in distributions if find_spec(MODULES.get(name, name.replace("-", "_"))) is None]
         if lost:
-            yield Finding(f"extra {extra}", "optional", f"without {', '.join(lost)}", install_line(extra))
+            yield ComponentStatus(f"extra {extra}", "optional", f"without {', '.join(lost)}", install_line(extra))
         else:
-            yield Finding(f"extra {extra}", "ok", ", ".join(distributions))
+            yield ComponentStatus(f"extra {extra}", "ok", ", ".join(distributions))
 
 
-def ports(root: Path) -> Iterator[Finding]:
+def ports(root: Path) -> Iterator[ComponentStatus]:
     """Serial ports: whether the user may open them, and the latency timers of their adapters."""
     found = [port for pattern in PORTS for port in sorted((root / "dev").glob(pattern))]
     if not found:
-        yield Finding("serial port", "optional", "no USB adapter is plugged in; `servos emulate` needs none")
+        yield ComponentStatus("serial port", "optional", "no USB adapter is plugged in; `servos emulate` needs none")
     for port in found:
         if os.access(port, os.R_OK | os.W_OK):
-            yield Finding(f"port {port.name}", "ok", "may be read and written")
+            yield ComponentStatus(f"port {port.name}", "ok", "may be read and written")
         else:
             cure = f'sudo usermod -aG {_group(port)} "$USER", then log in again'
-            yield Finding(f"port {port.name}", "missing", "may not be opened by this user", cure)
+            yield ComponentStatus(f"port {port.name}", "missing", "may not be opened by this user", cure)
         yield from _latency(root / TIMERS / port.name / "latency_timer", port.name)
 
 
-def _latency(timer: Path, port: str) -> Iterator[Finding]:
+def _latency(timer: Path, port: str) -> Iterator[ComponentStatus]:
     try:
         milliseconds = int(timer.read_text())
     except (OSError, ValueError):
         return  # adapters of other makers have none
     if milliseconds <= LATENCY_MS:
-        yield Finding(f"latency of {port}", "ok", f"{milliseconds} ms")
+        yield ComponentStatus(f"latency of {port}", "ok", f"{milliseconds} ms")
     else:
         cure = f"echo {LATENCY_MS} | sudo tee {timer}"
-        yield Finding(f"latency of {port}", "missing", f"{milliseconds} ms allow {500 // milliseconds} ticks/s", cure)
+        yield ComponentStatus(
+            f"latency of {port}", "missing", f"{milliseconds} ms allow {500 // milliseconds} ticks/s", cure
+        )
 
 
 def _group(port: Path) -> str:

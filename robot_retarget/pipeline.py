@@ -21,7 +21,7 @@ from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, one_after_another
 from robot_retarget.robot import Robot
-from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
@@ -117,7 +117,7 @@ def _unfinished(status: Sequence[Status]) -> float:
 def solve(
     graph: RobotGraph,
     *,
-    options: Options | None = None,
+    options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     legs: str = "auto",
@@ -168,7 +168,7 @@ def retarget(
     overrides: str | Path | None = None,
     weights: Weights | None = None,
     favour: str = "balanced",
-    options: Options | None = None,
+    options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     legs: str = "auto",

@@ -14,7 +14,7 @@ from retarget_figures import Figures, figures, mean
 import robot_retarget as rr
 from robot_retarget.describe.weights import Weights
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.solve import solve_graph
 
 
@@ -23,7 +23,7 @@ class Variant:
     """The solver with something left out."""
 
     weights: Weights = field(default_factory=Weights)
-    options: Options = field(default_factory=Options)
+    options: SolveOptions = field(default_factory=SolveOptions)
     smoothing: Smoothing = field(default_factory=Smoothing)
     search: Search = field(default_factory=Search)
     without: str = ""
@@ -46,7 +46,7 @@ MECHANISMS: dict[str, Variant] = {
     "everything": Variant(),
     "no drawn starts": Variant(search=Search(starts=0)),
     "no looks between frames": Variant(smoothing=Smoothing(collision_checks=())),
-    "links measured at every step": Variant(options=Options(distance_cache_radius=0.0)),
+    "links measured at every step": Variant(options=SolveOptions(distance_cache_radius=0.0)),
     "half the passes": Variant(smoothing=Smoothing(passes=4)),
 }
 """What the solver does beside descending: what leaving it out does to the figures."""

@@ -30,7 +30,7 @@ from robot_retarget.feedback.reading import Reading
 from robot_retarget.feedback.sensor import VirtualImu, calibrated
 from robot_retarget.goals import RATE
 from robot_retarget.servo.emulated import emulator_process
-from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.simulate.compensate import compensated
@@ -139,13 +139,13 @@ def outcome_with(fault: Fault, servo_map: ServoMap, judged: Trajectory) -> tuple
     with TemporaryDirectory() as folder, emulator_process(real, "--physics", *fault.options) as port:
         log = Path(folder) / "play.npz"
         try:
-            ended = play(plan, patient, port, Options(end_pose=False), log)
+            ended = play(plan, patient, port, PlaybackOptions(end_pose=False), log)
         except ServoError as error:
             return f"refused: {str(error).partition(' (')[0]}", ""
         with np.load(log) as ticks:
             playing = ticks["phase"] == list(ticks["phases"]).index("play")
             added = np.abs(ticks["goal"] - ticks["motion"])[playing].max(initial=0.0) if playing.any() else None
-    if ended.ended is not Ended.FINISHED:
+    if ended.ended is not PlaybackEnd.FINISHED:
         return f"stopped: {ended.reason}", "" if added is None else f"{added:.3f}"
     return "; ".join(["survived", *ended.warnings]), f"{added:.3f}"
 
@@ -177,7 +177,7 @@ def lag(plant: Plant, stand: Trajectory) -> None:
     row = table("loop", *names)
     for name, played in (("without sensor", replace(plan, feedback=None)), ("with sensor", plan)):
         with emulator_process(servo_map, "--baud", str(servo_map.baud)) as port:
-            ended = play(played, servo_map, port, Options(end_pose=False, test_lean=False))
+            ended = play(played, servo_map, port, PlaybackOptions(end_pose=False, test_lean=False))
         row(name, *(ended.figures.get(figure) for figure in names))
 
 

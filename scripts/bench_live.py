@@ -19,8 +19,8 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
 from robot_retarget.goals import RATE
-from robot_retarget.live.faults import Faults
-from robot_retarget.live.loop import Loop, Pose
+from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.loop import LivePose, Loop
 from robot_retarget.live.ports import UdpPort
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Receiver
@@ -42,7 +42,7 @@ class Watch:
         self.latencies: list[float] = []
         self.loop: Loop | None = None
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         offset, loop = self.decoder.clock.offset, self.loop
         now = time.monotonic()
         if offset is None or loop is None or loop.last is None or loop.resting or now - self.began < WARM:
@@ -52,7 +52,7 @@ class Watch:
 
 def measured(robot: rr.Robot, motion: rr.Motion, speed: float, seconds: float) -> tuple[Loop, Watch, Receiver]:
     """A run of so long [s]."""
-    faults = Faults(print)
+    faults = FaultCounter(print)
     port, decoder = UdpPort(HOST, 0, faults), VmcDecoder(faults)
     receiver, began = Receiver(port, decoder, faults), time.monotonic()
     watch = Watch(decoder, began)
@@ -70,7 +70,7 @@ def measured(robot: rr.Robot, motion: rr.Motion, speed: float, seconds: float) -
 
 def played(robot: rr.Robot, motion: rr.Motion, seconds: float) -> None:
     """Follow the sender on an emulated robot with physics, and print what its servos were sent."""
-    servo_map, faults = load_map(robot.name), Faults(print)
+    servo_map, faults = load_map(robot.name), FaultCounter(print)
     port, decoder = UdpPort(HOST, 0, faults), VmcDecoder(faults)
     receiver, sink = Receiver(port, decoder, faults), ServoSink(robot, servo_map)
     target = f"vmc://{HOST}:{port.address[1]}"

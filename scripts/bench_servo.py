@@ -27,8 +27,8 @@ from robot_retarget.servo.check import check
 from robot_retarget.servo.clock import on_time, wide_awake
 from robot_retarget.servo.emulator.pace import TURNAROUND
 from robot_retarget.servo.link import READING, Link
-from robot_retarget.servo.outcome import Options
-from robot_retarget.servo.plan import Plan
+from robot_retarget.servo.outcome import PlaybackOptions
+from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 
 BAUDS = (1_000_000, 2_000_000, 3_000_000, 4_000_000)
@@ -64,7 +64,9 @@ def play_evenly(
     times = np.arange(0, seconds, 0.02)[:, None]
     waves = 0.1 * np.sin(2 * np.pi * 0.5 * times) * np.ones(len(servo_map.servos))
     before, began = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
-    outcome = play(Plan(waves, 50.0).resampled(rate), servo_map, port, Options(end_pose=False, fast=fast), log)
+    outcome = play(
+        ServoPlan(waves, 50.0).resampled(rate), servo_map, port, PlaybackOptions(end_pose=False, fast=fast), log
+    )
     used, took = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter() - began
     busy = (used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime) / took
     with np.load(log) as rows:

@@ -8,7 +8,7 @@ from functools import cache
 from numbers import Integral
 from typing import NamedTuple
 
-from robot_retarget.actuators.motors import MOTORS, Motor, motor_named
+from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
 from robot_retarget.errors import ServoError
 
 TICKS_PER_TURN = 4096
@@ -163,7 +163,7 @@ class Model:
     """First firmware that knows the fast reads, or None."""
 
     @property
-    def motor(self) -> Motor:
+    def motor(self) -> MotorModel:
         """What turns inside."""
         return MOTORS[self.name]
 

@@ -14,7 +14,7 @@ CONTINUOUS_SHARE = 0.2
 
 
 @dataclass(frozen=True)
-class Motor:
+class MotorModel:
     """A servo's motor with its gears, at the output shaft, and the gains it leaves the factory with."""
 
     name: str
@@ -53,26 +53,26 @@ class Motor:
 MOTORS = {
     motor.name: motor
     for motor in (
-        Motor("XM430-W350", 4.1, 2.3, 4.82),
-        Motor("XM430-W210", 3.0, 2.3, 8.06),
-        Motor("XH430-W350", 3.4, 1.3, 3.14),
-        Motor("XH430-W210", 2.5, 1.3, 5.24),
-        Motor("XM540-W270", 10.6, 4.4, 3.14),
-        Motor("XM540-W150", 7.3, 4.4, 5.55),
-        Motor("XL430-W250", 1.5, 1.4, 6.39, p_gain=640, d_gain=4000),
-        Motor("XC430-W150", 1.6, 1.4, 11.1),
-        Motor("XC430-W240", 1.9, 1.4, 7.33),
-        Motor("2XL430-W250", 1.4, 1.3, 5.97, voltage=11.1),
-        Motor("2XC430-W250", 1.8, 1.4, 6.7, p_gain=700),
-        Motor("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0, p_divisor=256),
-        Motor("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0, p_divisor=256),
-        Motor("XC330-T288", 0.92, 0.8, 6.8, voltage=11.1, p_gain=900),
-        Motor("XC330-M288", 0.93, 1.8, 8.5, voltage=5.0),
+        MotorModel("XM430-W350", 4.1, 2.3, 4.82),
+        MotorModel("XM430-W210", 3.0, 2.3, 8.06),
+        MotorModel("XH430-W350", 3.4, 1.3, 3.14),
+        MotorModel("XH430-W210", 2.5, 1.3, 5.24),
+        MotorModel("XM540-W270", 10.6, 4.4, 3.14),
+        MotorModel("XM540-W150", 7.3, 4.4, 5.55),
+        MotorModel("XL430-W250", 1.5, 1.4, 6.39, p_gain=640, d_gain=4000),
+        MotorModel("XC430-W150", 1.6, 1.4, 11.1),
+        MotorModel("XC430-W240", 1.9, 1.4, 7.33),
+        MotorModel("2XL430-W250", 1.4, 1.3, 5.97, voltage=11.1),
+        MotorModel("2XC430-W250", 1.8, 1.4, 6.7, p_gain=700),
+        MotorModel("XL330-M077", 0.215, 1.47, 40.1, voltage=5.0, p_divisor=256),
+        MotorModel("XL330-M288", 0.52, 1.47, 10.8, voltage=5.0, p_divisor=256),
+        MotorModel("XC330-T288", 0.92, 0.8, 6.8, voltage=11.1, p_gain=900),
+        MotorModel("XC330-M288", 0.93, 1.8, 8.5, voltage=5.0),
     )
 }
 
 
-def motor_named(name: str) -> Motor:
+def motor_named(name: str) -> MotorModel:
     """A motor by the name printed on the servo; a trailing -R or -T (its connector) is ignored.
 
     Raises:

@@ -15,7 +15,7 @@ from robot_retarget.balance.foot_spacing import parted
 from robot_retarget.balance.footstep_limits import carried, within_reach
 from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
-from robot_retarget.balance.playback_plan import Clip
+from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.zmp import Steadiness
@@ -123,16 +123,18 @@ def _played_as(
     return found, played, replace(solution, trajectory=replace(solution.trajectory, source_time=times))
 
 
-def _standing(planter: Planter, draft: Floats) -> Clip:
+def _standing(planter: Planter, draft: Floats) -> PlaybackClip:
     """Return a clip with both feet in the balanced stand at all frames."""
     graph, places = planter.graph, stand_places(planter)
     human, turns = in_place(graph.human, graph.match)
     posed, count = posed_in_place(planter, draft, turns, balanced_stand(planter, places)), len(draft)
     still = graph_from(graph, human)
-    return Clip(still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), graph.fps)
+    return PlaybackClip(
+        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), graph.fps
+    )
 
 
-def _stepping(planter: Planter, draft: Floats) -> Clip:
+def _stepping(planter: Planter, draft: Floats) -> PlaybackClip:
     """Return the draft with steps within the robot's reach; its body follows them.
 
     Raises:
@@ -145,10 +147,10 @@ def _stepping(planter: Planter, draft: Floats) -> Clip:
     corners = parted(corners, own)
     kept = kept_down(planted, corners, planter.leg, fps)
     if kept.all():
-        return Clip(graph, draft, corners, kept, fps)
+        return PlaybackClip(graph, draft, corners, kept, fps)
     placed = within_reach(kept, corners, own, planter.leg)
     root = slice(planter.robot.root_address, planter.robot.root_address + 2)
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
     stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)
-    return Clip(graph, posed, placed, kept, fps, stride)
+    return PlaybackClip(graph, posed, placed, kept, fps, stride)

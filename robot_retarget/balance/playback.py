@@ -6,9 +6,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.planter import Planter
-from robot_retarget.balance.playback_plan import Clip, Outline, outlined
+from robot_retarget.balance.playback_plan import Outline, PlaybackClip, outlined
 from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
-from robot_retarget.balance.zmp import Plan, Steadiness
+from robot_retarget.balance.zmp import Steadiness, ZmpPlan
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.track import Track
 from robot_retarget.errors import BalanceError
@@ -17,10 +17,9 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
-from robot_retarget.solve.clip import Clip as SolverClip
-from robot_retarget.solve.clip import clip_of, clip_passes
+from robot_retarget.solve.clip import ClipProblem, clip_of, clip_passes
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.sqp import Pose
+from robot_retarget.solve.sqp import FrameSolution
 from robot_retarget.trajectory import Trajectory
 
 QUICK = 0.04
@@ -41,14 +40,14 @@ ROUNDS = 1.5
 class Balanced:
     """A planned playback in balance."""
 
-    poses: tuple[Pose, ...]
+    poses: tuple[FrameSolution, ...]
     """K frames."""
     tracks: tuple[Track, ...]
     """The targets of the frames."""
     timeline: Timeline
     places: Floats
     """(K, F, 4, 3) places of the soles [m]."""
-    plan: Plan
+    plan: ZmpPlan
     slowdown: float
     """Duration within the clip over the clip's own."""
     stride: float
@@ -84,7 +83,7 @@ def expected_steps(graph: RobotGraph) -> int:
     return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
 
 
-def paced(planter: Planter, clip: Clip, how: Steadiness, count: Count, slowest: float) -> Balanced:
+def paced(planter: Planter, clip: PlaybackClip, how: Steadiness, count: Count, slowest: float) -> Balanced:
     """Return the clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs time.
 
     Raises:
@@ -128,7 +127,7 @@ def _require_pace(stretch: Floats, slowest: float) -> None:
         raise BalanceError(f"stepping would take over {slowest:g} times as long as the human")
 
 
-def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: bool = False) -> Balanced:
+def played(planter: Planter, clip: PlaybackClip, outline: Outline, count: Count, near: bool = False) -> Balanced:
     """Return the configurations that follow an outline; `near` for configurations that have been planted before."""
     timeline, robot = outline.timeline, planter.robot
     playback = planter.playback(timeline.share[:, None], outline.places, timeline.planted)
@@ -156,7 +155,7 @@ def played(planter: Planter, clip: Clip, outline: Outline, count: Count, near: b
     )
 
 
-def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count) -> list[Floats]:
+def _in_turn(planter: Planter, outline: Outline, clip: ClipProblem, count: Count) -> list[Floats]:
     """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
 
     Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it
@@ -181,7 +180,7 @@ def _in_turn(planter: Planter, outline: Outline, clip: SolverClip, count: Count)
     return found
 
 
-def _on_clip(robot: Robot, found: Balanced, clip: Clip) -> Floats:
+def _on_clip(robot: Robot, found: Balanced, clip: PlaybackClip) -> Floats:
     """Return (T, nq) configurations of a playback at the clip's own frames."""
     inside = np.flatnonzero(found.timeline.share >= 1)
     inside = inside[np.unique(found.timeline.at[inside], return_index=True)[1]]

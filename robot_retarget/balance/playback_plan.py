@@ -10,7 +10,7 @@ from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Timeline
-from robot_retarget.balance.zmp import Plan, Polygon, Steadiness, plan_centre, support
+from robot_retarget.balance.zmp import Polygon, Steadiness, ZmpPlan, plan_centre, support
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.soles import flattened
 from robot_retarget.robot.kinematics import difference, integrate
@@ -33,7 +33,7 @@ ARC = 0.1
 
 
 @dataclass(frozen=True)
-class Clip:
+class PlaybackClip:
     """A clip to be played: T frames."""
 
     graph: RobotGraph
@@ -61,7 +61,7 @@ class Outline:
     stands: tuple[Floats, Floats]
     """The configurations (nq,) of the first and the last stand."""
     supports: list[Polygon]
-    plan: Plan
+    plan: ZmpPlan
     slowdown: float
     stride: float
 
@@ -71,7 +71,7 @@ class Outline:
         return np.array([p.margin(p.middle) for p in self.supports])
 
 
-def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> Outline:
+def outlined(planter: Planter, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> Outline:
     """Lay the clip out in time and plan its balance; frame t lasts stretch_t (T − 1,) times as long."""
     ends = [_end_places(planter, clip, t) for t in (0, -1)]
     stands = [balanced_stand(planter, places) for places in ends]
@@ -87,7 +87,7 @@ def outlined(planter: Planter, clip: Clip, stretch: Floats, how: Steadiness) -> 
     )
 
 
-def timeline_of(planter: Planter, clip: Clip, stands: list[Floats], stretch: Floats) -> Timeline:
+def timeline_of(planter: Planter, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
     """Lay the clip between its two stands, frame by frame of the playback."""
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
@@ -104,7 +104,7 @@ def timeline_of(planter: Planter, clip: Clip, stands: list[Floats], stretch: Flo
     return Timeline(at, share, planted, fps)
 
 
-def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: int) -> Floats:
+def _lead_shares(planter: Planter, stand: Floats, clip: PlaybackClip, frame: int, lift: int) -> Floats:
     """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
     index = planter.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
@@ -115,7 +115,7 @@ def _lead_shares(planter: Planter, stand: Floats, clip: Clip, frame: int, lift: 
     return np.concatenate([shares, np.ones(lifting)])
 
 
-def _target_poses(planter: Planter, clip: Clip, stands: list[Floats], timeline: Timeline) -> Floats:
+def _target_poses(planter: Planter, clip: PlaybackClip, stands: list[Floats], timeline: Timeline) -> Floats:
     """Return (K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
     robot = planter.robot
     trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
@@ -127,7 +127,7 @@ def _target_poses(planter: Planter, clip: Clip, stands: list[Floats], timeline: 
     return targets
 
 
-def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
+def _end_places(planter: Planter, clip: PlaybackClip, frame: int) -> Floats:
     """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
     corners, planted = clip.corners[frame], clip.planted[frame]
     own = stand_places(planter)
@@ -140,7 +140,7 @@ def _end_places(planter: Planter, clip: Clip, frame: int) -> Floats:
     return target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
 
 
-def _places(planter: Planter, clip: Clip, ends: list[Floats], timeline: Timeline) -> Floats:
+def _places(planter: Planter, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
     """Return (K, F, 4, 3) places of the soles."""
     before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
     part = (timeline.at - before)[:, None, None, None]

@@ -71,7 +71,7 @@ def support(corners: Floats) -> Polygon:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ZmpPlan:
     """A planned path."""
 
     centre: Floats
@@ -80,7 +80,7 @@ class Plan:
     """(T,) distance outside the shrunk polygons [m]."""
 
 
-def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> Plan:
+def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> ZmpPlan:
     """Plan the path of the centre of mass.
 
     Args:
@@ -99,7 +99,7 @@ def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: f
     hessian = 2 * sparse.block_diag([smooth, smooth, how.penalty * sparse.eye(count)], format="csc")
     gradient = np.concatenate([-2 * how.pull * targets[:, 0], -2 * how.pull * targets[:, 1], np.zeros(count)])
     found = _solve(hessian, gradient, sparse.vstack(rows, format="csc"), np.concatenate(least))
-    return Plan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
+    return ZmpPlan(found[: 2 * count].reshape(2, count).T, np.maximum(found[2 * count :], 0.0))
 
 
 def _inside(supports: list[Polygon], take: Any) -> tuple[Any, Floats]:

@@ -20,7 +20,7 @@ SIDE_TABLES = ("manifest.csv", "metadata.csv", "licences.csv")
 
 
 @dataclass(frozen=True)
-class Clip:
+class MotionFile:
     """One motion file."""
 
     path: Path
@@ -32,7 +32,7 @@ class Clip:
 
 def find_clips(
     folders: Iterable[Path], include: tuple[str, ...] = (), exclude: tuple[str, ...] = (), out: Path | None = None
-) -> list[Clip]:
+) -> list[MotionFile]:
     """All clips below the folders, sorted by name.
 
     Two files that differ in their suffix only keep it in their names: `walk.bvh`, `walk.npz`.
@@ -58,7 +58,7 @@ def find_clips(
     return sorted(_named(found), key=lambda clip: clip.name)
 
 
-def _named(found: list[tuple[Path, Path]]) -> Iterator[Clip]:
+def _named(found: list[tuple[Path, Path]]) -> Iterator[MotionFile]:
     bare = Counter(_name(root, path) for root, path in found)
     tables = {root: dict(_side_table(root)) for root in {root for root, _ in found}}
     taken: dict[str, Path] = {}
@@ -72,7 +72,7 @@ def _named(found: list[tuple[Path, Path]]) -> Iterator[Clip]:
             )
         taken[name] = path
         licence, source = _side_file(path) or tables[root].get(path.relative_to(root).as_posix(), ("", ""))
-        yield Clip(path, name, licence, source)
+        yield MotionFile(path, name, licence, source)
 
 
 def _name(root: Path, path: Path) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_retarget.batch.pool import POLL, THREADS, Report, Stopping
 from robot_retarget.batch.settings import Allowance
-from robot_retarget.batch.task import CRASHED, MEMORY, TIMEOUT, Outcome, Task, perform
+from robot_retarget.batch.task import CRASHED, MEMORY, TIMEOUT, Task, TaskResult, perform
 from robot_retarget.errors import UsageError, install_line
 
 
@@ -58,7 +58,7 @@ def _drive(
                 report(_marked(task, TIMEOUT, f"took longer than {allowance.seconds:g} s"))
 
 
-def _outcome(ray: Any, reference: Any, task: Task) -> Outcome:
+def _outcome(ray: Any, reference: Any, task: Task) -> TaskResult:
     """The outcome of a task, or the mark of what ended it."""
     try:
         return ray.get(reference)
@@ -68,8 +68,8 @@ def _outcome(ray: Any, reference: Any, task: Task) -> Outcome:
         return _marked(task, CRASHED, _first_line(error))
 
 
-def _marked(task: Task, state: str, message: str) -> Outcome:
-    return Outcome(task.clip, task.robot_name, task.digest, state, message)
+def _marked(task: Task, state: str, message: str) -> TaskResult:
+    return TaskResult(task.clip, task.robot_name, task.digest, state, message)
 
 
 def _first_line(error: Exception) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot_retarget.batch.manifest import Manifest
-from robot_retarget.batch.run import Plan
+from robot_retarget.batch.run import RunPlan
 from robot_retarget.errors import RobotRetargetError
 
 SAMPLED = 12
@@ -31,7 +31,7 @@ class Estimate:
         return self.core_seconds / jobs / 3600
 
 
-def estimate(plan: Plan, manifest: Manifest) -> Estimate:
+def estimate(plan: RunPlan, manifest: Manifest) -> Estimate:
     """Estimate a plan from a sample of its clips and from the times in the manifest."""
     paths = sorted({task.path for task in plan.tasks})
     chosen = (

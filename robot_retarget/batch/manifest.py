@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.batch.task import Outcome
+from robot_retarget.batch.task import TaskResult
 from robot_retarget.errors import OutputError
 from robot_retarget.files import replacing
 
@@ -97,7 +97,7 @@ class Manifest:
         values[COLUMNS.index("signature")] = json.dumps(row.signature)
         self._write(f"INSERT OR REPLACE INTO results VALUES ({', '.join('?' * len(COLUMNS))})", values)
 
-    def time(self, outcome: Outcome) -> None:
+    def time(self, outcome: TaskResult) -> None:
         """Write how long a task took and how much memory its process had."""
         values = (outcome.robot, outcome.clip, outcome.seconds, outcome.peak_mb)
         self._write("INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)", values)

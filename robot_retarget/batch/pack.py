@@ -11,7 +11,7 @@ from robot_retarget.batch.settings import Job
 from robot_retarget.batch.task import DONE, robot_of
 from robot_retarget.errors import UsageError
 from robot_retarget.files import folder, replacing
-from robot_retarget.formats import FORMATS, Options
+from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
 from robot_retarget.trajectory import load_trajectory
 from robot_retarget.unpack import save_npz
@@ -36,7 +36,9 @@ def pack_all(rows: Sequence[Row], job: Job, format: str) -> str:
         for row in done:
             trajectory = load_trajectory(job.out / row.robot / f"{row.clip}.npz")
             kind = FORMATS[format]
-            motions.append((row.clip, robot_motion(trajectory, robot, Options(), kind.fps, kind.ordered, kind.name)))
+            motions.append(
+                (row.clip, robot_motion(trajectory, robot, FormatOptions(), kind.fps, kind.ordered, kind.name))
+            )
         target = folder(job.out / FOLDER) / f"{robot.name}-{format}{FORMATS[format].suffix}"
         with replacing(target) as scratch:
             PACKED[format](motions, scratch)

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import robot_retarget
 from robot_retarget.batch.settings import Allowance
-from robot_retarget.batch.task import CRASHED, MEMORY, TIMEOUT, Outcome, Task
+from robot_retarget.batch.task import CRASHED, MEMORY, TIMEOUT, Task, TaskResult
 
 POLL = 0.1
 """Limits are looked at this often [s]."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 GIB = 2**30
 
-Report = Callable[[Outcome], None]
+Report = Callable[[TaskResult], None]
 Stopping = Callable[[], bool]
 
 
@@ -71,7 +71,7 @@ class _Worker:
         with suppress(OSError):  # `outcome` detects a dead worker
             self.pipe.send(task)
 
-    def outcome(self, allowance: Allowance) -> Outcome | None:
+    def outcome(self, allowance: Allowance) -> TaskResult | None:
         """The outcome of the task, once it ended or went over a limit."""
         assert self.task is not None
         task = self.task
@@ -95,12 +95,12 @@ class _Worker:
         self._process.wait()
         self.pipe.close()
 
-    def _ended(self, task: Task, state: str, message: str) -> Outcome:
+    def _ended(self, task: Task, state: str, message: str) -> TaskResult:
         seconds = round(time.monotonic() - self._began, 3)
         self.end()
         self.task = None
         self._start()
-        return Outcome(task.clip, task.robot_name, task.digest, state, message, seconds=seconds)
+        return TaskResult(task.clip, task.robot_name, task.digest, state, message, seconds=seconds)
 
     def _start(self) -> None:
         self.pipe, theirs = Pipe()

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from robot_retarget.batch.clips import Clip, find_clips
+from robot_retarget.batch.clips import MotionFile, find_clips
 from robot_retarget.batch.manifest import NAME, Manifest, Row
 from robot_retarget.batch.pool import Report, Stopping
 from robot_retarget.batch.settings import Allowance, Job, sha256_of
-from robot_retarget.batch.task import DONE, UNWRITABLE, Outcome, Task, robot_of
+from robot_retarget.batch.task import DONE, UNWRITABLE, Task, TaskResult, robot_of
 from robot_retarget.errors import OutputError, UsageError
 from robot_retarget.files import folder
 
@@ -25,11 +25,11 @@ SCRATCH = re.compile(r"\..+-[a-z0-9_]{8}(\..*)?")
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunPlan:
     """The tasks of a run."""
 
     tasks: tuple[Task, ...]
-    clips: dict[str, Clip]
+    clips: dict[str, MotionFile]
     """By name."""
     kept: int
     """Finished rows of the run."""
@@ -43,7 +43,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Ended:
+class RunSummary:
     """How a run ended."""
 
     states: Counter[str]
@@ -75,7 +75,7 @@ def occupied(out: Path) -> Iterator[Path]:
         yield target
 
 
-def plan_of(job: Job, manifest: Manifest) -> Plan:
+def plan_of(job: Job, manifest: Manifest) -> RunPlan:
     """The tasks of a run that are not done, in the order of clips, then robots.
 
     Raises:
@@ -101,10 +101,12 @@ def plan_of(job: Job, manifest: Manifest) -> Plan:
                 tasks.append(task)
                 outdated += row is not None and row.digest != digest
     total = len(clips) * len(robots)
-    return Plan(tuple(tasks), {clip.name: clip for clip in clips}, total - len(tasks), outdated)
+    return RunPlan(tuple(tasks), {clip.name: clip for clip in clips}, total - len(tasks), outdated)
 
 
-def perform_all(plan: Plan, manifest: Manifest, job: Job, engine: Engine, report: Report, stopping: Stopping) -> Ended:
+def perform_all(
+    plan: RunPlan, manifest: Manifest, job: Job, engine: Engine, report: Report, stopping: Stopping
+) -> RunSummary:
     """Perform the tasks of a plan and keep every outcome in the manifest.
 
     Raises:
@@ -112,7 +114,7 @@ def perform_all(plan: Plan, manifest: Manifest, job: Job, engine: Engine, report
     """
     trouble = list[str]()
 
-    def keep(outcome: Outcome) -> None:
+    def keep(outcome: TaskResult) -> None:
         if outcome.state == UNWRITABLE:
             trouble.append(outcome.message)
             return
@@ -128,7 +130,7 @@ def perform_all(plan: Plan, manifest: Manifest, job: Job, engine: Engine, report
     keys = {(robot_of(name, job.settings.limits).name, clip) for clip in plan.clips for name in job.robots}
     rows = [row for row in manifest.rows() if row.key in keys]
     failures = tuple(row for row in rows if row.state != DONE)
-    return Ended(Counter(row.state for row in rows), failures, len(rows) < len(keys))
+    return RunSummary(Counter(row.state for row in rows), failures, len(rows) < len(keys))
 
 
 def _hashed(path: Path, manifest: Manifest) -> str:
@@ -147,6 +149,6 @@ def _again(row: Row, task: Task, retry: tuple[str, ...]) -> bool:
     return row.state in retry if row.state != DONE else not task.output.is_file()
 
 
-def _row(outcome: Outcome, clip: Clip) -> Row:
+def _row(outcome: TaskResult, clip: MotionFile) -> Row:
     common = {name: getattr(outcome, name) for name in Row.__dataclass_fields__ if hasattr(outcome, name)}
     return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)

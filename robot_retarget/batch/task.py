@@ -50,7 +50,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskResult:
     """The result of a task."""
 
     clip: str
@@ -70,7 +70,7 @@ class Outcome:
     """Peak memory of its process [MB]."""
 
 
-def perform(task: Task) -> Outcome:
+def perform(task: Task) -> TaskResult:
     """Read, retarget, score and write one clip. A failure is an outcome, not an exception."""
     began = time.perf_counter()
     state, message, made = DONE, "", {}
@@ -84,7 +84,7 @@ def perform(task: Task) -> Outcome:
         state, message = MEMORY, "out of memory"
     except Exception as error:  # a defect of one clip must not end thousands of others
         state, message = FAILED, f"a defect of robot-retarget: {type(error).__name__}: {error}"
-    blank = Outcome(task.clip, task.robot_name, task.digest, state, message)
+    blank = TaskResult(task.clip, task.robot_name, task.digest, state, message)
     return replace(blank, **made, seconds=round(time.perf_counter() - began, 3), peak_mb=peak_memory())
 
 

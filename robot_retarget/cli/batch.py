@@ -13,7 +13,7 @@ from robot_retarget.errors import OutputError, UsageError, known
 
 if TYPE_CHECKING:
     from robot_retarget.batch.filters import Chosen, Filter
-    from robot_retarget.batch.run import Ended, Engine, Plan
+    from robot_retarget.batch.run import Engine, RunPlan, RunSummary
     from robot_retarget.batch.settings import Job, Shard
 
 commands: typer.Typer = typer.Typer()
@@ -99,7 +99,7 @@ def batch(
 
 def _run(
     job: "Job", engine: "Engine", filters: "list[Filter]", extremes: int, pack: list[str]
-) -> "tuple[Ended, list[Chosen]]":
+) -> "tuple[RunSummary, list[Chosen]]":
     """Perform a job with a bar, stopped gently by the first Ctrl-C and at once by the second."""
     from robot_retarget.batch.manifest import Manifest
     from robot_retarget.batch.pack import pack_all
@@ -136,12 +136,12 @@ def _engine(name: str, jobs: int, address: str | None) -> "Engine":
     return partial(run_ray, address=address) if name == "ray" else partial(run_local, jobs=jobs)
 
 
-def _say_plan(plan: "Plan") -> None:
+def _say_plan(plan: "RunPlan") -> None:
     anew = f", {plan.outdated} of them repeated: their clip or the settings changed" if plan.outdated else ""
     console.aside(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
 
 
-def _tell(job: "Job", ended: "Ended", chosen: "list[Chosen]", json: bool) -> None:
+def _tell(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", json: bool) -> None:
     if json:
         failures = [{"robot": r.robot, "clip": r.clip, "state": r.state, "message": r.message} for r in ended.failures]
         passed = {one.filter.name: len(one.passed) for one in chosen}

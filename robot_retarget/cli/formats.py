@@ -10,7 +10,7 @@ from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, Trajector
 from robot_retarget.cli.stages import load
 
 if TYPE_CHECKING:
-    from robot_retarget.formats import Options
+    from robot_retarget.formats import FormatOptions
 
 commands: typer.Typer = typer.Typer()
 
@@ -136,11 +136,11 @@ def options_of(
     servos: str | None,
     source_fps: float | None = None,
     quaternion: str | None = None,
-) -> "Options":
+) -> "FormatOptions":
     """Return the options of readers and writers from the command line."""
-    from robot_retarget.formats import Options
+    from robot_retarget.formats import FormatOptions
 
-    return Options(_names(joints), fps, source_fps, quaternion, servos)
+    return FormatOptions(_names(joints), fps, source_fps, quaternion, servos)
 
 
 def _names(joints: str | None) -> tuple[str, ...] | None:

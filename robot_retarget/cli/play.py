@@ -15,8 +15,8 @@ from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
-    from robot_retarget.servo.outcome import Outcome
-    from robot_retarget.servo.plan import Plan
+    from robot_retarget.servo.outcome import PlaybackOutcome
+    from robot_retarget.servo.plan import ServoPlan
     from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()
@@ -78,21 +78,21 @@ def play(
     from robot_retarget.actuators.map import load_map
     from robot_retarget.files import require_writable
     from robot_retarget.servo.judgement import require_judged
-    from robot_retarget.servo.outcome import Options
+    from robot_retarget.servo.outcome import PlaybackOptions
     from robot_retarget.servo.plan import goal_plan
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import rehearse
     from robot_retarget.trajectory import load_trajectory
 
-    options, servo_map = Options(end_pose, release, grace=grace, test_lean=test_lean), load_map(servos)
+    options, servo_map = PlaybackOptions(end_pose, release, grace=grace, test_lean=test_lean), load_map(servos)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
-    read, part = load_trajectory(trajectory), Part(speed, loop, start, stop)
+    read, part = load_trajectory(trajectory), PlaybackRange(speed, loop, start, stop)
     if plain:
         plan = _plain(read, part, servo_map, servos, robot, mode, rate)
     elif unsafe:
         plan = _unjudged(read, part, servo_map, rate)
     else:
-        if part != Part() or rate is not None:
+        if part != PlaybackRange() or rate is not None:
             raise UsageError(ALTERED)
         require_judged(trajectory, read, servo_map, servos, report, mode, loose)
         plan = goal_plan(read, servo_map)
@@ -133,7 +133,7 @@ def _await(port: Path, wait: float) -> None:
 
 
 @dataclass(frozen=True)
-class Part:
+class PlaybackRange:
     """Which part of a trajectory, how fast and how often."""
 
     speed: float = 1.0
@@ -149,13 +149,13 @@ class Part:
 
 def _plain(
     trajectory: "Trajectory",
-    part: Part,
+    part: PlaybackRange,
     servo_map: "ServoMap",
     servos: str,
     robot: str | None,
     mode: str,
     rate: float | None,
-) -> "Plan":
+) -> "ServoPlan":
     """Return the goals of the plain trajectory after it passes in simulation."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan
@@ -164,17 +164,17 @@ def _plain(
     return goal_plan(judged_plain(part.of(trajectory), model, mode, rate or RATE), servo_map)
 
 
-def _unjudged(trajectory: "Trajectory", part: Part, servo_map: "ServoMap", rate: float | None) -> "Plan":
+def _unjudged(trajectory: "Trajectory", part: PlaybackRange, servo_map: "ServoMap", rate: float | None) -> "ServoPlan":
     """Return the stored goals if nothing is altered, else the plain trajectory."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
 
-    if trajectory.goals is not None and part == Part() and rate is None:
+    if trajectory.goals is not None and part == PlaybackRange() and rate is None:
         return goal_plan(trajectory, servo_map)
     return plain_plan(part.of(trajectory), servo_map, rate or RATE)
 
 
-def _tell(outcome: "Outcome", log: Path, json: bool) -> None:
+def _tell(outcome: "PlaybackOutcome", log: Path, json: bool) -> None:
     """Print how a playback ended."""
     if json:
         facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}

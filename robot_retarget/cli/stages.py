@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from robot_retarget.pipeline import Result
     from robot_retarget.progress import Progress
     from robot_retarget.robot import Robot
-    from robot_retarget.servo.outcome import Outcome
+    from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.simulate.report import Report
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
-    from robot_retarget.view import Film, Loop, Picture, Unavailable
+    from robot_retarget.view import AnimatedWebP, Film, Picture, Unavailable
 
-    Shown = Path | Loop | Unavailable
+    Shown = Path | AnimatedWebP | Unavailable
     """A film in a file, a loop, or the reason why there is neither."""
 
 
@@ -200,7 +200,7 @@ def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
     return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
 
 
-def played_on_emulated(robot: str, folder: Path) -> "Outcome | None":
+def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
     """Play the folder's trajectory on an emulated bus with the robot's model behind it; None for a robot without a servo map."""
     from robot_retarget.actuators.map import load_map
     from robot_retarget.servo.emulated import play_emulated

@@ -15,7 +15,7 @@ from robot_retarget.errors import UsageError, known
 if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.live.loop import Loop, Sink
-    from robot_retarget.live.receiver import Source
+    from robot_retarget.live.receiver import FrameSource
     from robot_retarget.motion import Skeleton
     from robot_retarget.robot import Robot
 
@@ -133,7 +133,7 @@ class Poses:
     """A robot that follows frames."""
 
     robot: "Robot"
-    source: "Source"
+    source: "FrameSource"
     lag: int
     calibrate: Path | None
     seconds: float
@@ -171,7 +171,7 @@ class Poses:
 
 
 @contextmanager
-def _opened(wanted: Wanted) -> "Iterator[Source]":
+def _opened(wanted: Wanted) -> "Iterator[FrameSource]":
     """A source, closed at the end."""
     from robot_retarget.live.open import opened
 

@@ -21,7 +21,7 @@ from robot_retarget.describe.soles import smoothstep
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks
-from robot_retarget.solve.options import Options, Smoothing
+from robot_retarget.solve.options import Smoothing, SolveOptions
 from robot_retarget.solve.problem import ClipTargets, build_problem, targets_of
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver
@@ -75,7 +75,7 @@ def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
     began = time.perf_counter()
     edited_graph = edited(graph, [edit])
     first, last = edit.values.get("frames", (0, len(graph) - 1))
-    solver = FrameSolver(build_problem(graph.robot, graph.match, edited_graph.tracks), Options())
+    solver = FrameSolver(build_problem(graph.robot, graph.match, edited_graph.tracks), SolveOptions())
     known = [np.array(q) for q in trajectory.qpos]
     tracks = renewed_tracks(solver, edited_graph, known)
     offsets = _offsets(solver, targets_of(tracks), known, first, last)

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import TrajectoryError, UsageError, known
-from robot_retarget.formats.options import SKIPPED, Options
+from robot_retarget.formats.options import SKIPPED, FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
 
@@ -47,7 +47,7 @@ class Columns:
                 raise TrajectoryError(f"{what} is not finite at frame {frame}, column {column}")
 
 
-def assembled(columns: Columns, robot: Robot, options: Options, fps: float | None = None) -> Trajectory:
+def assembled(columns: Columns, robot: Robot, options: FormatOptions, fps: float | None = None) -> Trajectory:
     """Make the trajectory of a robot from a file's columns; coordinates without a column keep the standing pose.
 
     Args:
@@ -68,7 +68,7 @@ def assembled(columns: Columns, robot: Robot, options: Options, fps: float | Non
     return Trajectory(qpos, rate, robot.joint_names, robot.name, columns.source, (*columns.notes, *notes))
 
 
-def _whole(qpos: Floats, robot: Robot, options: Options) -> tuple[Floats, tuple[str, ...]]:
+def _whole(qpos: Floats, robot: Robot, options: FormatOptions) -> tuple[Floats, tuple[str, ...]]:
     """Coordinates of the whole model, if they have its width."""
     if options.joints is not None:
         raise UsageError("the file holds the coordinates of the whole model: --joints means nothing to it")
@@ -77,7 +77,7 @@ def _whole(qpos: Floats, robot: Robot, options: Options) -> tuple[Floats, tuple[
     return np.array(qpos), ()
 
 
-def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, tuple[str, ...]]:
+def _placed(columns: Columns, robot: Robot, options: FormatOptions) -> tuple[Floats, tuple[str, ...]]:
     """Coordinates of the robot's model from root and joints, with notes."""
     assert columns.angles is not None
     qpos = np.tile(robot.standing(), (len(columns.angles), 1))
@@ -93,7 +93,7 @@ def _placed(columns: Columns, robot: Robot, options: Options) -> tuple[Floats, t
 
 
 def _places(
-    given: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: Options
+    given: tuple[str, ...] | None, width: int, order: Ints | None, robot: Robot, options: FormatOptions
 ) -> tuple[list[int], Ints, tuple[str, ...]]:
     """The columns that are used, their addresses in qpos, and notes."""
     names = options.joints or given

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
-class Format:
+class TrajectoryFormat:
     """One kind of file that holds the motion of a robot."""
 
     name: str
@@ -20,9 +20,9 @@ class Format:
     description: str
     write: Callable[[RobotMotion, Path], None]
     """Writes the file or folder; raises UsageError when the robot does not suit the format."""
-    read: Callable[[Source], Columns | Trajectory]
+    read: Callable[[TrajectorySource], Columns | Trajectory]
     """Reads it; raises TrajectoryError when it is not as the format has it."""
-    claims: Callable[[Source], bool]
+    claims: Callable[[TrajectorySource], bool]
     """Whether a file looks as if it were of this format."""
     readers: str
     """Programs that read it."""

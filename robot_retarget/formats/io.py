@@ -6,12 +6,12 @@ from pathlib import Path
 from robot_retarget.errors import TrajectoryError, UsageError, known
 from robot_retarget.files import replacing, replacing_folder, require_writable
 from robot_retarget.formats.columns import Columns, assembled
-from robot_retarget.formats.format import Format
-from robot_retarget.formats.options import Options
+from robot_retarget.formats.format import TrajectoryFormat
+from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.quaternions import doubt, reordered
 from robot_retarget.formats.robot_motion import continuous, robot_motion
 from robot_retarget.formats.sidecar import beside, describing
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.table import FORMATS
 from robot_retarget.formats.unsupported import unsupported
 from robot_retarget.robot.model import Robot
@@ -20,7 +20,9 @@ from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
 
 
-def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, options: Options | None = None) -> Path:
+def export(
+    trajectory: Trajectory, robot: Robot, format: str, path: str | Path, options: FormatOptions | None = None
+) -> Path:
     """Write a trajectory in one of the `FORMATS`, whole or not at all.
 
     A format without joint names and quaternion order gets a JSON file next to it that states them.
@@ -30,7 +32,7 @@ def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, 
         TrajectoryError: the trajectory belongs to another robot.
         OutputError: the file cannot be written.
     """
-    kind, options, target = _format(format), options or Options(), Path(path)
+    kind, options, target = _format(format), options or FormatOptions(), Path(path)
     require_same_robot(trajectory, robot)
     motion = robot_motion(trajectory, robot, options, kind.fps, kind.ordered, kind.name)
     if not kind.complete:
@@ -45,7 +47,7 @@ def export(trajectory: Trajectory, robot: Robot, format: str, path: str | Path, 
 
 
 def import_motion(
-    path: str | Path, robot: Robot, format: str | None = None, options: Options | None = None
+    path: str | Path, robot: Robot, format: str | None = None, options: FormatOptions | None = None
 ) -> Trajectory:
     """Read the motion of a robot from a file in any of the `FORMATS`.
 
@@ -56,10 +58,10 @@ def import_motion(
         UsageError: the format is not known, or more than one fits the file.
         TrajectoryError: no format fits, or the file is not as its format has it; names the file.
     """
-    where, options = Path(path), options or Options()
+    where, options = Path(path), options or FormatOptions()
     if not where.exists():
         raise TrajectoryError(f"cannot read {where}: the file or folder does not exist")
-    source = Source(where, robot, options)
+    source = TrajectorySource(where, robot, options)
     described = source.sidecar is not None
     kind = _format(format) if format else recognised(source)
     try:
@@ -72,7 +74,7 @@ def import_motion(
     return trajectory if options.fps is None else resample(trajectory, robot, options.fps)
 
 
-def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -> Trajectory:
+def _of_robot(columns: Columns, kind: TrajectoryFormat, source: TrajectorySource, described: bool) -> Trajectory:
     """A trajectory of the robot from columns, with a note where the order of the quaternions is in doubt.
 
     Args:
@@ -90,7 +92,7 @@ def _of_robot(columns: Columns, kind: Format, source: Source, described: bool) -
 
 
 def load_trajectory(
-    path: str | Path, robot: Robot | None = None, format: str | None = None, options: Options | None = None
+    path: str | Path, robot: Robot | None = None, format: str | None = None, options: FormatOptions | None = None
 ) -> Trajectory:
     """Read a trajectory file, or with a robot the file of any known format.
 
@@ -100,7 +102,7 @@ def load_trajectory(
     return load_native(path) if robot is None else import_motion(path, robot, format, options)
 
 
-def recognised(source: Source) -> Format:
+def recognised(source: TrajectorySource) -> TrajectoryFormat:
     """The format of a file: the one in the JSON file next to it, or the only one that claims it.
 
     Raises:
@@ -120,12 +122,12 @@ def recognised(source: Source) -> Format:
     return claimed[0]
 
 
-def _format(name: str) -> Format:
+def _format(name: str) -> TrajectoryFormat:
     if name not in FORMATS:
         raise UsageError(f"unknown format {name!r}; {known(FORMATS, typed=name)}")
     return FORMATS[name]
 
 
-def _about(path: Path, kind: Format, error: TrajectoryError) -> str:
+def _about(path: Path, kind: TrajectoryFormat, error: TrajectoryError) -> str:
     said = str(error)
     return said if said.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {said}"

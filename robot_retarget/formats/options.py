@@ -7,7 +7,7 @@ SKIPPED = "_"
 
 
 @dataclass(frozen=True)
-class Options:
+class FormatOptions:
     """Asked of an export or an import; everything has a default."""
 
     joints: tuple[str, ...] | None = None

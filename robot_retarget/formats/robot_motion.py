@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import UsageError, known
-from robot_retarget.formats.options import Options
+from robot_retarget.formats.options import FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
@@ -21,7 +21,7 @@ class RobotMotion:
     robot: Robot
     joints: tuple[str, ...]
     """The hinges in the order of the file."""
-    options: Options = field(default_factory=Options)
+    options: FormatOptions = field(default_factory=FormatOptions)
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -70,7 +70,7 @@ class RobotMotion:
 
 
 def robot_motion(
-    trajectory: Trajectory, robot: Robot, options: Options, fps: float | None, ordered: bool, format: str
+    trajectory: Trajectory, robot: Robot, options: FormatOptions, fps: float | None, ordered: bool, format: str
 ) -> RobotMotion:
     """Prepare a trajectory for a writer: at the user's rate or the format's, joints in the user's order.
 

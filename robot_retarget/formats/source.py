@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.errors import MotionError, TrajectoryError
-from robot_retarget.formats.options import Options
+from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.sidecar import read_sidecar
 from robot_retarget.motion.formats.smpl.torch_file import load_torch
@@ -22,12 +22,12 @@ PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
 
 
 @dataclass(frozen=True)
-class Source:
+class TrajectorySource:
     """A file or folder, the robot it is to move, and the user's options."""
 
     path: Path
     robot: Robot
-    options: Options = field(default_factory=Options)
+    options: FormatOptions = field(default_factory=FormatOptions)
 
     @cached_property
     def sidecar(self) -> dict[str, Any] | None:

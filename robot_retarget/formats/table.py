@@ -1,6 +1,6 @@
 """The one table of formats; a new format is a file in one of the folders here and a line in this table."""
 
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.npz import (
     beyondmimic,
     core,
@@ -15,7 +15,7 @@ from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
 from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, scene, skeleton
 from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
 
-FORMATS: dict[str, Format] = {
+FORMATS: dict[str, TrajectoryFormat] = {
     module.FORMAT.name: module.FORMAT
     for module in (
         native,

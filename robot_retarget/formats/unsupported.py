@@ -1,7 +1,7 @@
 """Known files of robot motion that are not read, each with a sentence about its conversion."""
 
 from robot_retarget.formats.pickles.dictionary import holds
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 
 SENTENCES = (
     (
@@ -22,6 +22,6 @@ SENTENCES = (
 """Keys of a pickled dictionary, and the sentence about it."""
 
 
-def unsupported(source: Source) -> str:
+def unsupported(source: TrajectorySource) -> str:
     """The sentence about a file of a known program; empty for any other."""
     return next((sentence for keys, sentence in SENTENCES if holds(source.pickled, *keys)), "")

@@ -37,7 +37,7 @@ class RefusedError(Exception):
         self.kind, self.detail = kind, detail
 
 
-class Faults:
+class FaultCounter:
     """Count faults by kind; report the first of a kind at once, later ones every two seconds with their number."""
 
     def __init__(self, say: Callable[[str], None] = lambda text: None) -> None:

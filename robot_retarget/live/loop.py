@@ -13,11 +13,11 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError
 from robot_retarget.live.faults import Fault
 from robot_retarget.live.frame import Frame
-from robot_retarget.live.receiver import Source
+from robot_retarget.live.receiver import FrameSource
 from robot_retarget.motion import Skeleton
 
 
-class Pose(Protocol):
+class LivePose(Protocol):
     """A solved configuration."""
 
     @property
@@ -46,14 +46,14 @@ def said_of(status: Any) -> str:
     return str(getattr(status, "name", status)).lower()
 
 
-class Stream(Protocol):
+class PoseStream(Protocol):
     """Maps frames to poses (`rr.Stream`)."""
 
-    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> Pose:
+    def push(self, positions: Floats, rotations: Floats | None = None, *, time: float) -> LivePose:
         """Return the pose of a frame."""
         ...
 
-    def hold(self, time: float) -> Pose:
+    def hold(self, time: float) -> LivePose:
         """Return the pose while no frame arrives: the motion eases to a stop."""
         ...
 
@@ -61,7 +61,7 @@ class Stream(Protocol):
 class Sink(Protocol):
     """Consumes poses."""
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         """Take a pose without blocking."""
         ...
 
@@ -102,7 +102,7 @@ class StreamStats:
     latencies: deque[float] = field(default_factory=lambda: deque(maxlen=LAST))
     """From the arrival of a frame to its pose [s]."""
 
-    def note(self, frame: Frame, pose: Pose) -> None:
+    def note(self, frame: Frame, pose: LivePose) -> None:
         """Count a solved frame."""
         self.frames += 1
         self.late += frame.arrived - frame.time > LATE
@@ -110,7 +110,7 @@ class StreamStats:
         status = said_of(pose.status)
         self.statuses[status] = self.statuses.get(status, 0) + 1
 
-    def figures(self, source: Source) -> dict[str, Any]:
+    def figures(self, source: FrameSource) -> dict[str, Any]:
         """Return the figures of the summary."""
         p50, p99, most = (1000 * np.quantile(self.latencies or [np.nan], (0.5, 0.99, 1.0))).round(2).tolist()
         return {
@@ -123,7 +123,7 @@ class StreamStats:
 class Loop:
     """Pass frames of a source through a stream into a sink until the source ends, time is over or `stop` is set."""
 
-    source: Source
+    source: FrameSource
     sink: Sink
     stats: StreamStats
     stop: Event
@@ -131,15 +131,15 @@ class Loop:
 
     def __init__(
         self,
-        source: Source,
-        stream_of: Callable[[Skeleton], Stream],
+        source: FrameSource,
+        stream_of: Callable[[Skeleton], PoseStream],
         sink: Sink,
         say: Callable[[str], None] = lambda text: None,
         patience: Patience | None = None,
     ) -> None:
         self.source, self.sink, self.stats = source, sink, StreamStats()
         self.stop = Event()
-        self.stream: Stream | None = None
+        self.stream: PoseStream | None = None
         self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
         self._skeleton: Skeleton | None = None
         self._interval = 1 / self._patience.rate
@@ -191,7 +191,7 @@ class Loop:
         self.sink.show(pose)
         self.stats.note(frame, pose)
 
-    def _begin(self, skeleton: Skeleton) -> Stream:
+    def _begin(self, skeleton: Skeleton) -> PoseStream:
         self._say(f"a performer of {len(skeleton)} joints" + (", another than before" if self._skeleton else ""))
         self._skeleton, self.stream = skeleton, self._stream_of(skeleton)
         return self.stream

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from robot_retarget.errors import UsageError, install_line
-from robot_retarget.live.faults import Faults
-from robot_retarget.live.ports import Port, StdinPort, TcpPort, UdpPort
+from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.ports import InputPort, StdinPort, TcpPort, UdpPort
 from robot_retarget.live.protocols.floats import FloatDecoder
 from robot_retarget.live.protocols.lines import LineDecoder
-from robot_retarget.live.receiver import Receiver, Source
+from robot_retarget.live.receiver import FrameSource, Receiver
 from robot_retarget.live.replay import Replay
 from robot_retarget.motion import Skeleton, read_motion
 
@@ -29,7 +29,7 @@ def opened(
     skeleton: Path | None = None,
     speed: float = 1.0,
     say: Callable[[str], None] = lambda text: None,
-) -> Source:
+) -> FrameSource:
     """Open a source that listens, or one that plays a motion file.
 
     Args:
@@ -46,7 +46,7 @@ def opened(
         UsageError: options contradict each other, or the port cannot be used.
         MotionError: a motion file cannot be read.
     """
-    faults = Faults(say)
+    faults = FaultCounter(say)
     if source not in RECEIVED:
         _refuse_idle(source, port, tcp, skeleton, sender)
         return Replay(read_motion(source), faults, speed)
@@ -73,13 +73,15 @@ def require_osc() -> None:
         raise UsageError(f"--send needs python-osc: {install_line('live')}")
 
 
-def _floats(faults: Faults, known: Skeleton | None, whole: bool) -> FloatDecoder:
+def _floats(faults: FaultCounter, known: Skeleton | None, whole: bool) -> FloatDecoder:
     if known is None:
         raise UsageError("floats carry no names of joints: --skeleton FILE, a motion file that has them")
     return FloatDecoder(faults, known, whole)
 
 
-def _port(port: int | None, host: str, tcp: bool, faults: Faults, sender: str, say: Callable[[str], None]) -> Port:
+def _port(
+    port: int | None, host: str, tcp: bool, faults: FaultCounter, sender: str, say: Callable[[str], None]
+) -> InputPort:
     if port is None:
         for given, option in ((tcp, "--tcp"), (bool(sender), "--sender")):
             if given:

@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple, Protocol
 
 from robot_retarget.errors import UsageError
-from robot_retarget.live.faults import Fault, Faults
+from robot_retarget.live.faults import Fault, FaultCounter
 
 NEWEST = 16_384
 """Bytes of the latest datagrams that are read when more wait [B]: two frames with all bones and a face."""
@@ -30,7 +30,7 @@ class Packet(NamedTuple):
     """On the monotonic clock [s]."""
 
 
-class Port(Protocol):
+class InputPort(Protocol):
     """Receives bytes."""
 
     ended: bool
@@ -61,7 +61,7 @@ class UdpPort:
 
     address: tuple[str, int]
 
-    def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
+    def __init__(self, host: str, port: int, faults: FaultCounter, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -115,7 +115,7 @@ class TcpPort:
 
     address: tuple[str, int]
 
-    def __init__(self, host: str, port: int, faults: Faults, sender: str = "") -> None:
+    def __init__(self, host: str, port: int, faults: FaultCounter, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -3,19 +3,19 @@
 import time
 from typing import Protocol
 
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
-from robot_retarget.live.ports import Packet, Port
+from robot_retarget.live.ports import InputPort, Packet
 from robot_retarget.motion import Skeleton
 
 TAKEOVER = 1.0
 """Silence of a sender after which another one may take over [s]."""
 
 
-class Source(Protocol):
+class FrameSource(Protocol):
     """Source of frames. Frames that are not fetched in time are dropped, not queued."""
 
-    faults: Faults
+    faults: FaultCounter
     dropped: int
     """Complete frames replaced by newer ones."""
 
@@ -67,12 +67,12 @@ class Decoder(Protocol):
 class Receiver:
     """A port with its decoder; follows one sender and refuses others."""
 
-    port: Port
+    port: InputPort
     decoder: Decoder
-    faults: Faults
+    faults: FaultCounter
     dropped: int
 
-    def __init__(self, port: Port, decoder: Decoder, faults: Faults) -> None:
+    def __init__(self, port: InputPort, decoder: Decoder, faults: FaultCounter) -> None:
         self.port, self.decoder, self.faults = port, decoder, faults
         self.dropped = 0
         self._sender, self._heard = "", float("-inf")

@@ -4,7 +4,7 @@ import time
 from math import floor
 
 from robot_retarget.errors import UsageError
-from robot_retarget.live.faults import Faults
+from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.frame import Frame
 from robot_retarget.motion import Motion, Skeleton
 
@@ -17,10 +17,10 @@ class Replay:
     """
 
     motion: Motion
-    faults: Faults
+    faults: FaultCounter
     dropped: int
 
-    def __init__(self, motion: Motion, faults: Faults, speed: float = 1.0) -> None:
+    def __init__(self, motion: Motion, faults: FaultCounter, speed: float = 1.0) -> None:
         if not 0 < speed < float("inf"):
             raise UsageError(f"--speed must be positive, got {speed:g}")
         self.motion, self.faults, self.dropped = motion, faults, 0

@@ -21,7 +21,7 @@ _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class GeomDistances:
     """C places where geoms are near each other."""
 
     distance: Floats
@@ -36,17 +36,17 @@ class Near:
     def __len__(self) -> int:
         return len(self.distance)
 
-    def __add__(self, other: "Near") -> "Near":
+    def __add__(self, other: "GeomDistances") -> "GeomDistances":
         parts = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Near(*(np.concatenate(both) for both in parts))
+        return GeomDistances(*(np.concatenate(both) for both in parts))
 
-    def __getitem__(self, rows: Ints) -> "Near":
+    def __getitem__(self, rows: Ints) -> "GeomDistances":
         geoms, place, normal = (
             self.geoms.take(rows, axis=0),
             self.place.take(rows, axis=0),
             self.normal.take(rows, axis=0),
         )
-        return Near(self.distance.take(rows), geoms, place, normal)
+        return GeomDistances(self.distance.take(rows), geoms, place, normal)
 
 
 class Boxes:
@@ -69,7 +69,7 @@ class Boxes:
         self.balls = np.full((len(self.boxes), len(self.boxes)), -1.0)
         self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
 
-    def near(self, data: mujoco.MjData) -> Near:
+    def near(self, data: mujoco.MjData) -> GeomDistances:
         """Return the places at which boxes are near each other, at the poses of `data`."""
         pairs, turn, offset = self._candidates(data)
         nearest = self._nearest(data, pairs)
@@ -98,7 +98,7 @@ class Boxes:
         keep = apart < self.reach
         return pairs[keep], turn[keep], offset[keep]
 
-    def _nearest(self, data: mujoco.MjData, pairs: Ints) -> Near:
+    def _nearest(self, data: mujoco.MjData, pairs: Ints) -> GeomDistances:
         """The nearest points of every pair; boxes that just touch have no normal."""
         ends, distance = np.zeros((len(pairs), 6)), np.empty(len(pairs))
         for k, (a, b) in enumerate(pairs.tolist()):
@@ -107,7 +107,7 @@ class Boxes:
         way = (ends[:, 1] - ends[:, 0]) / np.where(np.abs(distance) > TOUCHING, distance, np.inf)[:, None]
         for k in np.flatnonzero(np.abs(distance) <= TOUCHING):
             distance[k], way[k] = self._between_faces(data, *pairs[k])
-        return Near(distance, pairs, ends.mean(axis=1), way)
+        return GeomDistances(distance, pairs, ends.mean(axis=1), way)
 
     def _between_faces(self, data: mujoco.MjData, first: int, second: int) -> tuple[float, Floats]:
         """Return the largest gap along a face normal of two boxes [m], negative inside, and that normal.
@@ -121,7 +121,7 @@ class Boxes:
         best = int(gap.argmax())
         return float(gap[best]), normals[best] * np.sign(normals[best] @ way)
 
-    def _corners(self, data: mujoco.MjData, pairs: Ints, turn: Floats, offset: Floats) -> Near:
+    def _corners(self, data: mujoco.MjData, pairs: Ints, turn: Floats, offset: Floats) -> GeomDistances:
         """Corners of the second box of each pair near the surface of the first."""
         corner = (_CORNERS * self.sizes[pairs[:, 1], None]) @ turn.mT + offset[:, None]
         out = np.maximum(np.abs(corner) - self.sizes[pairs[:, 0], None], 0.0)
@@ -132,7 +132,7 @@ class Boxes:
         box = pairs[pair, 0]
         axes = data.geom_xmat.reshape(-1, 3, 3)[box]
         place = data.geom_xpos[box] + _times(axes, corner - 0.5 * distance[:, None] * slope)
-        return Near(distance, pairs[pair], place, _times(axes, slope))
+        return GeomDistances(distance, pairs[pair], place, _times(axes, slope))
 
 
 def _times(matrix: Floats, vector: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.robot.boxes import Near
+from robot_retarget.robot.boxes import GeomDistances
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.robot.links import local_points
 from robot_retarget.robot.model import Robot
@@ -42,14 +42,14 @@ class Floor:
         self._box, self._up = np.concatenate([middle, -half]), np.empty((6, len(self.geoms)))
         self._where = 9 * self.geoms + np.array([[6], [7], [8]]), 3 * self.geoms + 2
 
-    def near(self) -> Near | None:
+    def near(self) -> GeomDistances | None:
         """Return the points within reach of the floor, or None."""
         found = [(k, self._places(k)) for k in self._below(self.reach)]
         if not found:
             return None
         place = np.concatenate([places for _, places in found])
         pairs = np.array([(FLOOR, self.geoms[k]) for k, places in found for _ in places])
-        near = Near(place[:, 2].copy(), pairs, place, np.tile(_UP, (len(place), 1)))
+        near = GeomDistances(place[:, 2].copy(), pairs, place, np.tile(_UP, (len(place), 1)))
         return near[np.flatnonzero(near.distance < self.reach)]
 
     def depth(self) -> float:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.robot.boxes import Boxes, Near
+from robot_retarget.robot.boxes import Boxes, GeomDistances
 from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.geoms import allowed, touchable
 from robot_retarget.robot.kinematics import carrying
@@ -104,7 +104,7 @@ class Separation:
         kept = self.foremost(distance, rest)
         return distance[kept], slope[kept], rest[kept]
 
-    def _slopes(self, found: Near) -> Floats:
+    def _slopes(self, found: GeomDistances) -> Floats:
         """Return (C, nv) slopes by v of distances without MuJoCo contacts.
 
         Along the normal n, a point moves by n·(travel + turn × arm) with every dof that carries its body.
@@ -196,7 +196,7 @@ class Separation:
             return distance, geoms
         return np.append(distance, boxes.distance), np.concatenate([geoms, boxes.geoms])
 
-    def _collide(self, qpos: Floats) -> tuple[Ints, Near | None]:
+    def _collide(self, qpos: Floats) -> tuple[Ints, GeomDistances | None]:
         """Return the contacts (S,) of MuJoCo that count, and the places of boxes, or None for a robot without boxes."""
         data = self.data
         data.qpos[:] = qpos

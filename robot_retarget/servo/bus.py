@@ -24,7 +24,7 @@ from dynamixel_sdk import PortHandler
 from robot_retarget.actuators.control_tables import Register
 from robot_retarget.errors import ServoError
 from robot_retarget.servo import protocol
-from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, Error, Frame, Instruction, Parser
+from robot_retarget.servo.protocol import ALERT, BROADCAST, HEADER, LAST_ID, DynamixelPacket, Error, Instruction, Parser
 
 PATIENCE = 0.02
 """Timeout of an answer beyond its time on the wire [s]; covers the 16 ms of a USB adapter with default settings."""
@@ -61,7 +61,7 @@ class Reply(NamedTuple):
     data: bytes
 
 
-class Port(PortHandler):
+class SerialPort(PortHandler):
     """The SDK's port, opened exclusively and without its long fixed timeout."""
 
     ser: serial.Serial
@@ -93,7 +93,7 @@ class Bus:
 
     def __init__(self, path: str | Path, baud: int) -> None:
         self.path, self.baud = str(path), baud
-        self._port = Port(self.path)
+        self._port = SerialPort(self.path)
         self._parser = Parser()
         self._owner = threading.get_ident()
         try:
@@ -251,7 +251,7 @@ class Bus:
     def _deadline(self, size: int, servos: int, patience: float) -> float:
         return time.monotonic() + size * 10 / self.baud + servos * TURN + patience
 
-    def _frames(self, until: float) -> Iterator[Frame]:
+    def _frames(self, until: float) -> Iterator[DynamixelPacket]:
         """Yield status frames until the timeout."""
         while data := self._fetch(until):
             for frame in self._parser.feed(data):
@@ -305,7 +305,7 @@ def slow_adapter(path: str | Path) -> str | None:
     return None
 
 
-def _reply(frame: Frame) -> Reply:
+def _reply(frame: DynamixelPacket) -> Reply:
     return Reply(frame.id, frame.error & ~ALERT, bool(frame.error & ALERT), frame.data)
 
 

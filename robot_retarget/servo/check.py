@@ -12,7 +12,7 @@ TABLE_SPAN = 147
 
 
 @dataclass(frozen=True)
-class Finding:
+class ServoFinding:
     """One difference or fault of one servo."""
 
     joint: str
@@ -40,7 +40,7 @@ class Condition:
         return self.servo.radians(self.values["present_position"])
 
 
-def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[Finding]]:
+def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[ServoFinding]]:
     """Read every servo of a map. Returns all findings, grave ones first."""
     conditions, findings = [], []
     for servo in servo_map.servos:
@@ -53,7 +53,7 @@ def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[Finding]
     return conditions, sorted(findings, key=lambda f: not f.grave)
 
 
-def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
+def fix(bus: Bus, servo_map: ServoMap, findings: list[ServoFinding]) -> list[str]:
     """Write the proposed values of the findings where torque is off. Returns a sentence for each."""
     done = []
     for finding in findings:
@@ -69,11 +69,11 @@ def fix(bus: Bus, servo_map: ServoMap, findings: list[Finding]) -> list[str]:
     return done
 
 
-def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
+def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[ServoFinding]]:
     """Read the registers of one servo after its model is checked."""
 
-    def grave(what: str) -> tuple[None, list[Finding]]:
-        return None, [Finding(servo.joint, servo.id, what)]
+    def grave(what: str) -> tuple[None, list[ServoFinding]]:
+        return None, [ServoFinding(servo.joint, servo.id, what)]
 
     answer = bus.ping(servo.id, tries=5)
     if answer is None:
@@ -94,7 +94,7 @@ def _ask(bus: Bus, servo: Servo) -> tuple[Condition | None, list[Finding]]:
     ), []
 
 
-def _differences(condition: Condition) -> Iterator[Finding]:
+def _differences(condition: Condition) -> Iterator[ServoFinding]:
     """Yield the EEPROM values that playback does not allow."""
     servo, values = condition.servo, condition.values
     low, high = servo.tick_range
@@ -106,37 +106,37 @@ def _differences(condition: Condition) -> Iterator[Finding]:
         ("return_delay_time", 0, False),
     ):
         if values[name] != wanted:
-            yield Finding(servo.joint, servo.id, f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
+            yield ServoFinding(servo.joint, servo.id, f"{name} is {values[name]}, not {wanted}", grave, (name, wanted))
     if values["min_position_limit"] > low:
         what = f"min_position_limit {values['min_position_limit']} cuts off its range from {low}"
-        yield Finding(servo.joint, servo.id, what, False, ("min_position_limit", low))
+        yield ServoFinding(servo.joint, servo.id, what, False, ("min_position_limit", low))
     if values["max_position_limit"] < high:
         what = f"max_position_limit {values['max_position_limit']} cuts off its range to {high}"
-        yield Finding(servo.joint, servo.id, what, False, ("max_position_limit", high))
+        yield ServoFinding(servo.joint, servo.id, what, False, ("max_position_limit", high))
 
 
-def _state(condition: Condition, servo_map: ServoMap) -> Iterator[Finding]:
+def _state(condition: Condition, servo_map: ServoMap) -> Iterator[ServoFinding]:
     """Yield hardware errors, wrong supply, heat, and a joint outside its range."""
     servo, values, limits = condition.servo, condition.values, servo_map.limits
     bits = values["hardware_error_status"]
     if bits:
-        yield Finding(
+        yield ServoFinding(
             servo.joint, servo.id, f"hardware error: {hardware_errors(bits)}; reboot it when the cause is gone"
         )
     volts = values["present_input_voltage"] / 10
     if not limits.min_voltage <= volts <= limits.max_voltage:
-        yield Finding(
+        yield ServoFinding(
             servo.joint,
             servo.id,
             f"supply is {volts:.1f} V, allowed {limits.min_voltage:g} to {limits.max_voltage:g} V",
         )
     if values["present_temperature"] >= limits.temperature:
-        yield Finding(
+        yield ServoFinding(
             servo.joint, servo.id, f"is {values['present_temperature']} °C hot, {limits.temperature:g} at most"
         )
     if not servo.lower - 0.05 <= condition.angle <= servo.upper + 0.05:
         what = f"stands at {condition.angle:.2f} rad, outside {servo.lower:.2f} to {servo.upper:.2f}: turn it by hand"
-        yield Finding(servo.joint, servo.id, what)
+        yield ServoFinding(servo.joint, servo.id, what)
 
 
 def hardware_errors(bits: int) -> str:

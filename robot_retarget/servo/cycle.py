@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.judge import Judge
-from robot_retarget.servo.link import Goals, Link
+from robot_retarget.servo.link import Link, ServoGoals
 from robot_retarget.servo.record import PHASES, Record
 
 SPARE = 1.5e-3
@@ -21,7 +21,7 @@ class Ahead(NamedTuple):
 
     target: Floats
     aim: Floats
-    goals: Goals
+    goals: ServoGoals
 
 
 class Step(NamedTuple):

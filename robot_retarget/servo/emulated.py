@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robot_retarget.actuators.map import ServoMap, dump_map
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.outcome import Options, Outcome
+from robot_retarget.servo.outcome import PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import goal_plan, plain_plan
 from robot_retarget.servo.play import play
 from robot_retarget.trajectory import Trajectory
@@ -54,9 +54,9 @@ def play_emulated(
     physics: bool = True,
     lockstep: bool = False,
     log: str | Path | None = None,
-    options: Options | None = None,
+    options: PlaybackOptions | None = None,
     say: Callable[[str], None] = lambda text: None,
-) -> Outcome:
+) -> PlaybackOutcome:
     """Play the goals of a trajectory, or the trajectory itself without goals, on an emulated robot.
 
     Args:
@@ -74,4 +74,4 @@ def play_emulated(
     plan = plain_plan(trajectory, servo_map) if trajectory.goals is None else goal_plan(trajectory, servo_map)
     words = [*(["--physics"] if physics else []), *(["--lockstep", str(plan.rate)] if lockstep else [])]
     with emulator_process(servo_map, *words) as port:
-        return play(plan, servo_map, port, replace(options or Options(), lockstep=lockstep), log, say)
+        return play(plan, servo_map, port, replace(options or PlaybackOptions(), lockstep=lockstep), log, say)

@@ -15,12 +15,12 @@ import numpy as np
 
 from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
-from robot_retarget.actuators.motors import Motor
+from robot_retarget.actuators.motors import MotorModel
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
-from robot_retarget.servo.outcome import Ended, Options
-from robot_retarget.servo.plan import Plan
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
+from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.scale import Scale
 
@@ -74,7 +74,7 @@ def identify(
     pendulum: Pendulum,
     port: str | Path,
     log: str | Path,
-    options: Options | None = None,
+    options: PlaybackOptions | None = None,
 ) -> Fit:
     """Play the excitation on one servo, record it and fit the servo.
 
@@ -92,8 +92,8 @@ def identify(
             f"{joint}: identification needs the range −{SWING:g}…{SWING:g} rad, with 0 where the pendulum hangs"
         )
     alone = replace(servo_map, servos=(servo,), stop=Stop())
-    outcome = play(excitation(), alone, port, options or Options(), log)
-    if outcome.ended is not Ended.FINISHED:
+    outcome = play(excitation(), alone, port, options or PlaybackOptions(), log)
+    if outcome.ended is not PlaybackEnd.FINISHED:
         raise ServoError(f"identification was stopped: {outcome.sentence}")
     with np.load(log) as ticks:
         playing = ticks["phase"] == list(ticks["phases"]).index("play")
@@ -108,7 +108,7 @@ def with_identified(servo_map: ServoMap, joint: str, found: Identified) -> Servo
     return replace(servo_map, identified={**servo_map.identified, servo_map[joint].type.name: found})
 
 
-def excitation(rate: float = RATE) -> Plan:
+def excitation(rate: float = RATE) -> ServoPlan:
     """Return four trajectories in a row, each from 0 to 0: a chirp, two sines, slow ramps, and steps."""
     times = np.arange(round(SPAN * rate)) / rate
     fade = np.sin(np.pi * times / SPAN)
@@ -117,7 +117,7 @@ def excitation(rate: float = RATE) -> Plan:
     ramps = SWING * np.interp(times, SPAN * np.array([0, 0.25, 0.75, 1]), [0, 1, -1, 0])
     steps = np.array([0.0, 0.4, -0.4, SWING, 0.2, 0.0])[(times / SPAN * 6).astype(int)]
     path = np.concatenate([chirp, sines, ramps, steps])
-    return Plan(path[:, None], rate)
+    return ServoPlan(path[:, None], rate)
 
 
 def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pendulum) -> Fit:
@@ -151,7 +151,7 @@ def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pend
 def simulated(
     sent: Floats,
     steps: int,
-    motor: Motor,
+    motor: MotorModel,
     gear: float,
     pendulum: Pendulum,
     parameters: tuple[float, float, float, float],

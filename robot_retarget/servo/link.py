@@ -28,7 +28,7 @@ CYCLE_PATIENCE = 0.006
 """Timeout of an answer within a tick, beyond its time on the wire [s]."""
 
 
-class Goals(NamedTuple):
+class ServoGoals(NamedTuple):
     """One goal for every servo, and the frame that carries them."""
 
     ticks: Ints
@@ -105,7 +105,7 @@ class Link:
         """(n,) the latest present positions [ticks]."""
         return self._rows["position"].astype(np.int64)
 
-    def goals(self, goal: Floats) -> Goals:
+    def goals(self, goal: Floats) -> ServoGoals:
         """Goals [rad], ready to be sent.
 
         Raises:
@@ -113,7 +113,7 @@ class Link:
         """
         ticks = self.scale.ticks(goal)
         self._table["goal"] = ticks
-        return Goals(ticks, _goal_frame(self._table))
+        return ServoGoals(ticks, _goal_frame(self._table))
 
     def command(self, goal: Floats) -> None:
         """Send goals [rad] that pass the gate; other servos keep theirs."""
@@ -123,7 +123,7 @@ class Link:
         if allowed.size:
             self.bus.send(_goal_frame(allowed))
 
-    def ask(self, goals: Goals) -> None:
+    def ask(self, goals: ServoGoals) -> None:
         """Send goals and ask for readings in one go: a single transfer for a USB adapter.
 
         Raises:
@@ -132,7 +132,7 @@ class Link:
         self.gate.require(goals.ticks, self.position)
         self.bus.send(goals.frame + self._questions[self.fast])
 
-    def keeps(self, goals: Goals, k: int) -> bool:
+    def keeps(self, goals: ServoGoals, k: int) -> bool:
         """Write one servo's goal and read it back. Returns whether they agree.
 
         Raises:

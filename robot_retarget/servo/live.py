@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.outcome import Ended, Options, Outcome
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import approach_time, eased
 from robot_retarget.servo.play import Player, perform
 from robot_retarget.servo.record import Record
@@ -91,7 +91,7 @@ class Approach:
         return now - self.began >= self.duration
 
 
-class Follower:
+class TargetFollower:
     """Chooses the target of each tick."""
 
     approaches: int
@@ -130,12 +130,12 @@ def follow(
     targets: TargetStream,
     servo_map: ServoMap,
     port: str | Path,
-    options: Options | None = None,
+    options: PlaybackOptions | None = None,
     rate: float = RATE,
     log: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
     clear: Callable[[Floats, Floats], Floats] | None = None,
-) -> Outcome:
+) -> PlaybackOutcome:
     """Follow targets on the servos of a map until they end.
 
     Args:
@@ -152,15 +152,15 @@ def follow(
         ServoError: as `play`.
     """
 
-    def act(player: Player) -> Outcome:
+    def act(player: Player) -> PlaybackOutcome:
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
-            follower = Follower(targets, cycle.guard, servo_map.limits, say)
+            follower = TargetFollower(targets, cycle.guard, servo_map.limits, say)
             player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
             player.end_softly(cycle)
-            return Ended.FINISHED.value
+            return PlaybackEnd.FINISHED.value
 
         return player.perform(rate, tick)
 
     record = Record(servo_map.joints, most=round(LOGGED * rate))
-    return perform(servo_map, port, rate, options or Options(), record, log, say, act)
+    return perform(servo_map, port, rate, options or PlaybackOptions(), record, log, say, act)

@@ -11,7 +11,7 @@ class FaultError(Exception):
     """Playback cannot continue; the text gives the reason."""
 
 
-class Ended(Enum):
+class PlaybackEnd(Enum):
     """How playing ended; the value is the sentence for it."""
 
     FINISHED = "played to the end"
@@ -21,7 +21,7 @@ class Ended(Enum):
 
 
 @dataclass(frozen=True)
-class Options:
+class PlaybackOptions:
     """How to play."""
 
     end_pose: bool = True
@@ -43,10 +43,10 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PlaybackOutcome:
     """Outcome of a playback."""
 
-    ended: Ended
+    ended: PlaybackEnd
     state: str
     """`hold`: torque on, goals kept; `release`: torque switched off; `limp`: torque is off, but not by the player;
     `watchdog`: the servos stop by themselves."""
@@ -62,4 +62,4 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        return 0 if self.ended is Ended.FINISHED else 1
+        return 0 if self.ended is PlaybackEnd.FINISHED else 1

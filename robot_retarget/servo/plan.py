@@ -18,7 +18,7 @@ SEAM = 0.1
 
 
 @dataclass(frozen=True)
-class Plan:
+class ServoPlan:
     """Angles of the mapped joints, one row for each tick."""
 
     angles: Floats
@@ -45,13 +45,13 @@ class Plan:
         """Of any joint between ticks [rad/s]."""
         return float(np.abs(np.diff(self.angles, axis=0)).max(initial=0.0)) * self.rate
 
-    def resampled(self, rate: float) -> "Plan":
+    def resampled(self, rate: float) -> "ServoPlan":
         """The same path at another rate, straight between rows; its last tick is the nearest to the end."""
         times = np.minimum(np.arange(round(self.duration * rate) + 1) / rate, self.duration)
-        return Plan(_interpolated(self.angles, times * self.rate), rate)
+        return ServoPlan(_interpolated(self.angles, times * self.rate), rate)
 
 
-def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
+def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> ServoPlan:
     """Return the judged goals of a trajectory.
 
     Raises:
@@ -62,16 +62,16 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> Plan:
     goals, order = trajectory.goals, _order(trajectory, servo_map)
     feedback = None if goals.feedback is None else goals.feedback.of(order)
     motion = _interpolated(_hinges(trajectory)[:, order], goals.times * trajectory.fps)
-    return Plan(goals.angles[:, order], goals.rate, feedback, motion)
+    return ServoPlan(goals.angles[:, order], goals.rate, feedback, motion)
 
 
-def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> Plan:
+def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> ServoPlan:
     """Return a plain trajectory at `rate` ticks a second.
 
     Raises:
         ServoError: the joints are not those of the map.
     """
-    return Plan(_hinges(trajectory)[:, _order(trajectory, servo_map)], trajectory.fps).resampled(rate)
+    return ServoPlan(_hinges(trajectory)[:, _order(trajectory, servo_map)], trajectory.fps).resampled(rate)
 
 
 def part_of(
@@ -100,10 +100,10 @@ def part_of(
     return replace(trajectory, qpos=qpos, fps=trajectory.fps * speed, source_time=times, goals=None)
 
 
-def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> Plan:
+def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> ServoPlan:
     """The minimum-jerk path between two poses, within the limits of an approach."""
     frames = max(2, round(approach_time(start, end, limits) * rate) + 1)
-    return Plan(start + eased(np.linspace(0.0, 1.0, frames)[:, None]) * (end - start), rate)
+    return ServoPlan(start + eased(np.linspace(0.0, 1.0, frames)[:, None]) * (end - start), rate)
 
 
 def approach_time(start: Floats, end: Floats, limits: Limits) -> float:

@@ -13,7 +13,7 @@ from robot_retarget.errors import ServoError
 from robot_retarget.feedback.lean import LEAN, LeanTest
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
-from robot_retarget.servo.check import Condition, Finding, check
+from robot_retarget.servo.check import Condition, ServoFinding, check
 from robot_retarget.servo.clock import on_time, wait_until, wide_awake
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.feedback import Balancer, require_sound
@@ -22,8 +22,8 @@ from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import Ended, FaultError, Options, Outcome
-from robot_retarget.servo.plan import Plan, glide
+from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.plan import ServoPlan, glide
 from robot_retarget.servo.record import Record
 from robot_retarget.servo.scale import Scale
 from robot_retarget.servo.sensor import open_sensor
@@ -47,7 +47,7 @@ class Player:
 
     bus: Bus
     map: ServoMap
-    options: Options
+    options: PlaybackOptions
     record: Record
     say: Callable[[str], None]
     interrupts: Interrupts
@@ -56,7 +56,7 @@ class Player:
         self,
         bus: Bus,
         servo_map: ServoMap,
-        options: Options,
+        options: PlaybackOptions,
         record: Record,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
@@ -66,7 +66,7 @@ class Player:
         self._began = time.monotonic()
         self._rate = RATE
 
-    def play(self, plan: Plan) -> Outcome:
+    def play(self, plan: ServoPlan) -> PlaybackOutcome:
         """Check, engage, approach, play, end.
 
         Raises:
@@ -75,7 +75,7 @@ class Player:
         balancer = self._balancer(plan)
         return self.perform(plan.rate, lambda cycle: self._perform(cycle, plan, balancer))
 
-    def _balancer(self, plan: Plan) -> Balancer | None:
+    def _balancer(self, plan: ServoPlan) -> Balancer | None:
         """The feedback of a plan that has one, its sensor checked."""
         if plan.feedback is None:
             return None
@@ -91,7 +91,7 @@ class Player:
         self.record.note(time.monotonic() - self._began, text)
         self.say(text)
 
-    def perform(self, rate: float, act: Callable[[Cycle], str]) -> Outcome:
+    def perform(self, rate: float, act: Callable[[Cycle], str]) -> PlaybackOutcome:
         """Check, engage, act at `rate` ticks a second, and end safely; `act` returns the reason of the end.
 
         Raises:
@@ -105,13 +105,13 @@ class Player:
                 self.link.fast &= self.options.fast
                 self.say("taking hold")
                 self.cycle = self._engaged()
-                return self._leave(Ended.FINISHED, act(self.cycle), self.options.release)
+                return self._leave(PlaybackEnd.FINISHED, act(self.cycle), self.options.release)
             except PortLostError as error:
                 return self._gone(str(error))
             except _InterruptError:
                 return self._hold()
             except STOPPING as error:
-                return self._leave(Ended.FAULT, str(error))
+                return self._leave(PlaybackEnd.FAULT, str(error))
 
     def examine(self) -> list[Condition]:
         """Read everything about all servos.
@@ -131,7 +131,7 @@ class Player:
         self.guard = take_hold(self.link, judge)
         return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
-    def _perform(self, cycle: Cycle, plan: Plan, balancer: Balancer | None) -> str:
+    def _perform(self, cycle: Cycle, plan: ServoPlan, balancer: Balancer | None) -> str:
         way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
         self.say(f"approaching the first frame in {way.duration:.1f} s")
         self._follow(cycle, way, "approach", balancer)
@@ -141,7 +141,7 @@ class Player:
         self.say(f"playing {plan.duration:.1f} s")
         self._follow(cycle, plan, "play", balancer)
         self.end_softly(cycle)
-        return Ended.FINISHED.value
+        return PlaybackEnd.FINISHED.value
 
     def _lean(self, cycle: Cycle, test: LeanTest, balancer: Balancer) -> None:
         """Lean right and ahead, and compare the sensor with that.
@@ -169,7 +169,7 @@ class Player:
             self.say("going to the stop pose")
             self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end")
 
-    def _follow(self, cycle: Cycle, plan: Plan, phase: str, balancer: Balancer | None = None) -> None:
+    def _follow(self, cycle: Cycle, plan: ServoPlan, phase: str, balancer: Balancer | None = None) -> None:
         """Ticks on an even clock until the plan is over."""
         targets, last = list(plan.angles), len(plan.angles) - 1
 
@@ -209,7 +209,7 @@ class Player:
 
     # Endings
 
-    def _leave(self, ended: Ended, reason: str, release: bool = False) -> Outcome:
+    def _leave(self, ended: PlaybackEnd, reason: str, release: bool = False) -> PlaybackOutcome:
         """Leave the servos holding their goals, or release them."""
         try:
             leave_holding(self.link, self.guard.goal if self.guard else None)
@@ -220,10 +220,10 @@ class Player:
         limp = not self.link.torque.any()
         return self._outcome(ended, "release" if release else "limp" if limp else "hold", reason)
 
-    def _hold(self) -> Outcome:
+    def _hold(self) -> PlaybackOutcome:
         """Ctrl-C: hold under watch for a while; a second one lets go."""
         if self.interrupts.terminated:
-            return self._leave(Ended.INTERRUPTED, "interrupted by SIGTERM, holding")
+            return self._leave(PlaybackEnd.INTERRUPTED, "interrupted by SIGTERM, holding")
         self.say(f"holding; Ctrl-C within {self.options.grace:g} s lets go")
         before = self.interrupts.count
         try:
@@ -231,10 +231,10 @@ class Player:
         except PortLostError as error:
             return self._gone(str(error))
         except STOPPING as error:
-            return self._leave(Ended.FAULT, str(error))
+            return self._leave(PlaybackEnd.FAULT, str(error))
         if self.interrupts.count > before:
-            return self._leave(Ended.INTERRUPTED, "interrupted twice, released", release=True)
-        return self._leave(Ended.INTERRUPTED, "interrupted, holding")
+            return self._leave(PlaybackEnd.INTERRUPTED, "interrupted twice, released", release=True)
+        return self._leave(PlaybackEnd.INTERRUPTED, "interrupted, holding")
 
     def _watch(self, before: int) -> None:
         """Ticks on the last goal until the grace is over or somebody asks again."""
@@ -247,12 +247,12 @@ class Player:
             due += period
         self.cycle.finish()
 
-    def _gone(self, reason: str) -> Outcome:
+    def _gone(self, reason: str) -> PlaybackOutcome:
         watchdog = self.map.limits.watchdog
         after = f"; the servos stop by themselves after {1000 * watchdog:.0f} ms" if watchdog else ""
-        return self._outcome(Ended.LOST, "watchdog", reason + after)
+        return self._outcome(PlaybackEnd.LOST, "watchdog", reason + after)
 
-    def _outcome(self, ended: Ended, state: str, reason: str) -> Outcome:
+    def _outcome(self, ended: PlaybackEnd, state: str, reason: str) -> PlaybackOutcome:
         if self.cycle is not None:
             self.cycle.account()
         self.record.note(time.monotonic() - self._began, f"{ended.name.lower()}: {reason}; {state}")
@@ -260,17 +260,17 @@ class Player:
         if self.guard is not None:
             limited = zip(self.map.joints, self.guard.limited, strict=True)
             figures["limited"] = {joint: int(n) for joint, n in limited if n}
-        return Outcome(ended, state, reason, figures, tuple(self.warnings))
+        return PlaybackOutcome(ended, state, reason, figures, tuple(self.warnings))
 
 
 def play(
-    plan: Plan,
+    plan: ServoPlan,
     servo_map: ServoMap,
     port: str | Path,
-    options: Options | None = None,
+    options: PlaybackOptions | None = None,
     log: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
-) -> Outcome:
+) -> PlaybackOutcome:
     """Play a plan on the servos of a map.
 
     Args:
@@ -285,7 +285,14 @@ def play(
         ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
     """
     return perform(
-        servo_map, port, plan.rate, options or Options(), Record(servo_map.joints), log, say, lambda p: p.play(plan)
+        servo_map,
+        port,
+        plan.rate,
+        options or PlaybackOptions(),
+        Record(servo_map.joints),
+        log,
+        say,
+        lambda p: p.play(plan),
     )
 
 
@@ -293,12 +300,12 @@ def perform(
     servo_map: ServoMap,
     port: str | Path,
     rate: float,
-    options: Options,
+    options: PlaybackOptions,
     record: Record,
     log: str | Path | None,
     say: Callable[[str], None],
-    act: Callable[[Player], Outcome],
-) -> Outcome:
+    act: Callable[[Player], PlaybackOutcome],
+) -> PlaybackOutcome:
     """Open the bus, let a player act on it at `rate` ticks a second, and write the log in any case.
 
     Raises:
@@ -327,7 +334,7 @@ def overdue(elapsed: float, period: float) -> int:
     return int(late / period) if late > MADE_UP else 0
 
 
-def rehearse(plan: Plan, servo_map: ServoMap, port: str | Path | None = None) -> dict[str, Any]:
+def rehearse(plan: ServoPlan, servo_map: ServoMap, port: str | Path | None = None) -> dict[str, Any]:
     """What playing would ask of the servos; with a port, the robot is examined, too. Nothing moves.
 
     Raises:
@@ -343,13 +350,13 @@ def rehearse(plan: Plan, servo_map: ServoMap, port: str | Path | None = None) ->
     }
     if port is not None:
         with Bus(port, servo_map.baud) as bus:
-            player = Player(bus, servo_map, Options(), Record(servo_map.joints))
+            player = Player(bus, servo_map, PlaybackOptions(), Record(servo_map.joints))
             here = np.array([condition.angle for condition in player.examine()])
         way = glide(here, plan.angles[0], plan.rate, servo_map.limits)
         facts |= {"approach_s": round(way.duration, 2), "warnings": player.warnings}
     return facts
 
 
-def _refusal(findings: list[Finding]) -> str:
+def _refusal(findings: list[ServoFinding]) -> str:
     listed = "; ".join(map(str, findings[:6]))
     return f"not fit to be moved: {listed}" + (f"; and {len(findings) - 6} more" if len(findings) > 6 else "")

@@ -100,7 +100,7 @@ def word(value: int) -> bytes:
     return value.to_bytes(2, "little")
 
 
-class Frame(NamedTuple):
+class DynamixelPacket(NamedTuple):
     """One frame as it came off the wire, its checksum already found right."""
 
     id: int
@@ -227,18 +227,18 @@ class Parser:
         """Drop the incomplete frame."""
         self._buffer.clear()
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[DynamixelPacket]:
         """Take in bytes; the frames they complete."""
         self._buffer += data
         return list(self._frames())
 
-    def give_up(self) -> list[Frame]:
+    def give_up(self) -> list[DynamixelPacket]:
         """The rest of the pending frame is not coming: look for frames behind its header."""
         if self._buffer:
             del self._buffer[0]
         return list(self._frames())
 
-    def _frames(self) -> Iterator[Frame]:
+    def _frames(self) -> Iterator[DynamixelPacket]:
         buffer = self._buffer
         while self._align() and len(buffer) >= 7:
             end = 7 + (buffer[5] | buffer[6] << 8)
@@ -250,7 +250,7 @@ class Parser:
                 self.broken += 1
                 del buffer[0]
             else:
-                found = Frame(buffer[4], buffer[7], bytes(buffer[8 : end - 2]))
+                found = DynamixelPacket(buffer[4], buffer[7], bytes(buffer[8 : end - 2]))
                 del buffer[:end]
                 if not (self.strict and unstuffed_header(found.stuffed)):
                     yield found

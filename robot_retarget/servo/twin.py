@@ -13,7 +13,7 @@ from robot_retarget.errors import ServoError, known
 from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu
 from robot_retarget.goals import RATE
-from robot_retarget.servo.window import Window
+from robot_retarget.servo.window import ViewerWindow
 
 SUPPORT = 0.3
 """Time with torque on and joints still after which the trunk is released [s]."""
@@ -57,7 +57,7 @@ class Twin:
         mujoco.mj_forward(self.model, self.data)
         self._rest = self.data.qpos.copy()
         self._place = self.data.qpos[self._qpos].copy()
-        self._window: Window | None = None
+        self._window: ViewerWindow | None = None
         self._imu: VirtualImu | None = None
         self._motion = BodyMotion(self.model.opt.gravity)
         self._until_sensed = 0
@@ -74,7 +74,7 @@ class Twin:
         Raises:
             ServoError: there is no display.
         """
-        self._window = Window(self.model, self.data)
+        self._window = ViewerWindow(self.model, self.data)
 
     def close(self) -> None:
         """Shut the window, if there is one."""

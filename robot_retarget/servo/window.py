@@ -14,7 +14,7 @@ CLOSING = 2.0
 """Timeout for closing a window [s]."""
 
 
-class Window:
+class ViewerWindow:
     """An open viewer; closing it by hand leaves the twin running.
 
     Args:

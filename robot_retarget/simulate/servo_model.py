@@ -16,7 +16,7 @@ from math import tau
 import numpy as np
 
 from robot_retarget.actuators.map import Identified
-from robot_retarget.actuators.motors import MOTORS, Motor, motor_named
+from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
@@ -62,7 +62,7 @@ REFERENCE = "XM430-W350"
 """Servos without an identification have the mechanics of this one, scaled by the stall torque."""
 
 
-def mechanics_of(motor: Motor) -> Mechanics:
+def mechanics_of(motor: MotorModel) -> Mechanics:
     """As identified, else those of `REFERENCE` by stall torque."""
     if motor.name in IDENTIFIED:
         return IDENTIFIED[motor.name]
@@ -195,7 +195,7 @@ def _gear_friction(identified: Sequence[Identified | None], gears: Floats) -> Ge
     return GearFriction(gears * static, load, more, speed / gears, shape)
 
 
-def drives(motors: list[Motor], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:
+def drives(motors: list[MotorModel], gears: Floats, voltage: float | None = None, p_gain: int | None = None) -> Drives:
     """Motors (n,) behind `gears` (n,), turns of the servo for one of the joint, as drives of the joints."""
     supply = max(motor.voltage for motor in motors) if voltage is None else voltage
     share = np.array([1.0 if voltage is None else voltage / motor.voltage for motor in motors])

@@ -22,7 +22,7 @@ from robot_retarget.robot.root import place_body
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
 LIMBS = ("l_hand", "r_hand", "head")
 """Ends of the limbs that change basins independently."""
@@ -69,12 +69,12 @@ class Candidates:
     ):
         self.solver, self.graph, self.all_targets, self.search = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
-        self.poses: list[list[Pose]] = [[] for _ in frames]
+        self.poses: list[list[FrameSolution]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
 
     def set_out(self, qpos: Floats) -> None:
         """Start with a given pose, which stays the only one of the first moment, and follow it."""
-        pose = Pose(qpos, Status.CONVERGED, 0.0, 0)
+        pose = FrameSolution(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
         self._follow(pose, 0, range(1, len(self.frames)))
@@ -100,7 +100,7 @@ class Candidates:
             paced[k] = pose.qpos[self.hinges]
             self.poses[k].append(pose)
 
-    def cheapest(self, beyond_speed: float | None = None) -> list[Pose]:
+    def cheapest(self, beyond_speed: float | None = None) -> list[FrameSolution]:
         """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
         beyond = self.search.beyond_speed if beyond_speed is None else beyond_speed
         total = np.array([p.cost for p in self.poses[0]])
@@ -122,7 +122,7 @@ class Candidates:
         beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
         return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
 
-    def _follow(self, pose: Pose, last: int, moments: range) -> None:
+    def _follow(self, pose: FrameSolution, last: int, moments: range) -> None:
         """Descend at one moment after the other, within the angles that the joints can reach from one to the next."""
         for moment in moments:
             reach = self.solver.speed * abs(self.times[moment] - self.times[last])
@@ -131,14 +131,14 @@ class Candidates:
                 return
             last = moment
 
-    def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> Pose:
+    def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> FrameSolution:
         """Where a rough descent ends whose hinges stay in a box."""
         targets = self.all_targets.at(int(self.frames[moment]))
         return self.solver.solve_frame(
             qpos, targets, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
         )
 
-    def _add(self, moment: int, pose: Pose) -> bool:
+    def _add(self, moment: int, pose: FrameSolution) -> bool:
         """Keep a pose unless the moment has it already."""
         if any(same_basin(self.solver, pose, other, self.search) for other in self.poses[moment]):
             return False
@@ -146,7 +146,9 @@ class Candidates:
         return True
 
 
-def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search) -> list[Pose]:
+def seek(
+    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search
+) -> list[FrameSolution]:
     """Where descents from several starts end, the cheapest first; of ends in one basin, that of the first start.
 
     Ends in one basin differ by their tolerance, and so would the choice of the cheapest of them.
@@ -159,7 +161,7 @@ def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame
     placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
     placed += [solver.clear_of_links(placed[1], q) for q in _limbs_drawn(solver, placed[1], targets, search)]
     most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
-    ends: list[Pose] = []
+    ends: list[FrameSolution] = []
     for start in placed:
         end = solver.solve_frame(start, targets, iterations=most, tolerance=tolerance)
         if not any(same_basin(solver, end, other, search) for other in ends):
@@ -167,7 +169,7 @@ def seek(solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame
     return sorted(ends, key=lambda end: end.cost)
 
 
-def same_basin(solver: FrameSolver, first: Pose, second: Pose, search: Search) -> bool:
+def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution, search: Search) -> bool:
     """Whether two poses count as one: all their hinges lie near each other."""
     hinges = solver.robot.qpos_index
     return bool(np.abs(first.qpos - second.qpos)[hinges].max(initial=0.0) < search.same)

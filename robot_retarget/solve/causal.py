@@ -11,10 +11,10 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import seek
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import targets_of
-from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
 
-def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: Count) -> list[Pose]:
+def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: Count) -> list[FrameSolution]:
     """Each frame from the ones before, no farther than joints turn; the first from several starts."""
     all_targets, poses = targets_of(graph.tracks), []
     before = seek(solver, graph, all_targets, 0, search)[0].qpos
@@ -33,7 +33,7 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
     return poses
 
 
-def predicted(robot: Robot, poses: list[Pose], box: Box) -> Floats:
+def predicted(robot: Robot, poses: list[FrameSolution], box: Box) -> Floats:
     """Predict the next frame from the last three poses, as far as the box allows.
 
     Each direction continues by the smaller of the last two steps if both have the same sign, else it stays: the

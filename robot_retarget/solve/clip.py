@@ -21,9 +21,9 @@ from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 from robot_retarget.solve.swept_collision import Between, on_the_way
-from robot_retarget.solve.windows import Part
+from robot_retarget.solve.windows import ClipPiece
 
 ROUNDS = 3
 """Rounds in which frames with interpenetrating links are solved again: a frame that clears one link may meet
@@ -37,7 +37,7 @@ LOOSE = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class ClipProblem:
     """The targets of consecutive frames of a graph; the first `fixed` of them are known."""
 
     solver: FrameSolver
@@ -60,15 +60,15 @@ def clip_poses(
     search: Search,
     smoothing: Smoothing,
     count: Count,
-    part: Part | None = None,
-) -> tuple[list[Pose], RobotGraph]:
+    part: ClipPiece | None = None,
+) -> tuple[list[FrameSolution], RobotGraph]:
     """Solve the windows in order. Returns poses and the graph with renewed tracks (`kinds.kind.TwoPassKind`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
     """
     known = part.known if part else ()
-    poses = [Pose(q, Status.CONVERGED, 0.0, 0) for q in known]
+    poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in known]
     asked: list[list[Track]] = []
     windows = part.windows if part else tuple(smoothing.windows.cut(len(graph), graph.fps))
     count.expect((smoothing.passes + COARSE) * sum(w.last - w.first - w.fixed for w in windows))
@@ -107,13 +107,15 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
     return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
 
 
-def clip_of(solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0) -> Clip:
+def clip_of(
+    solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0
+) -> ClipProblem:
     """Return the clip with the targets of tracks (T frames) and their temporal costs."""
     smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
-    return Clip(solver, targets_of(tracks), smoothing, smooth, inertia, fps, fixed)
+    return ClipProblem(solver, targets_of(tracks), smoothing, smooth, inertia, fps, fixed)
 
 
-def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
+def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[FrameSolution]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
@@ -125,7 +127,7 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     """
     solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
     path = _at_speeds(clip, start)
-    poses = [Pose(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
+    poses = [FrameSolution(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
     dual = np.zeros((len(poses), robot.model.nv))
     rho = smoothing.proximal * clip.inertia
     interpenetrating: set[int] = set()
@@ -149,25 +151,27 @@ def clip_passes(clip: Clip, start: list[Floats], count: Count) -> list[Pose]:
     return [solver.raise_above_floor(pose) for pose in met]
 
 
-def _moving(poses: list[Pose], fixed: int) -> list[int]:
+def _moving(poses: list[FrameSolution], fixed: int) -> list[int]:
     """Return the frames after the fixed ones whose cost still falls."""
     return [t for t in range(fixed, len(poses)) if poses[t].status is Status.OUT_OF_ITERATIONS]
 
 
-def _at_speeds(clip: Clip, start: list[Floats]) -> list[Floats]:
+def _at_speeds(clip: ClipProblem, start: list[Floats]) -> list[Floats]:
     """Return the start slowed down to the joints' speeds; the boxes of each pass keep these speeds afterwards."""
     hinges, paced = clip.solver.robot.qpos_index, np.array(start)
     paced[:, hinges] = within_speeds(paced[:, hinges], clip.solver.speed / clip.fps, clip.fixed)
     return list(paced)
 
 
-def _over_relaxed(clip: Clip, poses: list[Pose], path: list[Floats]) -> list[Floats]:
+def _over_relaxed(clip: ClipProblem, poses: list[FrameSolution], path: list[Floats]) -> list[Floats]:
     """Return the frames beyond the path: s ⊕ α (q ⊖ s)."""
     robot, alpha = clip.solver.robot, clip.smoothing.relaxation
     return [integrate(robot, s, alpha * difference(robot, s, p.qpos)) for s, p in zip(path, poses, strict=True)]
 
 
-def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
+def _stepped(
+    clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
+) -> FrameSolution:
     """A frame after one more step: within reach of its neighbours, with links apart between frames that interpenetrate."""
     solver = clip.solver
     after = solver.solve_frame(
@@ -186,7 +190,7 @@ def _stepped(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpen
     return replace(after, status=status, iterations=poses[t].iterations + after.iterations)
 
 
-def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
+def _smooth_path(clip: ClipProblem, moved: Floats, stiffness: Floats) -> list[Floats]:
     """Return the smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
     robot = clip.solver.robot
     speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
@@ -194,25 +198,25 @@ def _smooth_path(clip: Clip, moved: Floats, stiffness: Floats) -> list[Floats]:
     return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
 
 
-def _neighbours(poses: list[Pose], t: int) -> list[Floats]:
+def _neighbours(poses: list[FrameSolution], t: int) -> list[Floats]:
     """Return the configurations before and after a frame."""
     return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
 
-def _between(clip: Clip, poses: list[Pose], t: int, interpenetrating: set[int]) -> tuple[Between, ...]:
+def _between(clip: ClipProblem, poses: list[FrameSolution], t: int, interpenetrating: set[int]) -> tuple[Between, ...]:
     """Where links are kept apart between a frame and its neighbours: after the frames in `interpenetrating`."""
     neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in interpenetrating)
     return tuple(way for q in neighbours for way in on_the_way(clip.solver.robot, q, poses[t].qpos))
 
 
-def _interpenetrating(clip: Clip, poses: list[Pose]) -> set[int]:
+def _interpenetrating(clip: ClipProblem, poses: list[FrameSolution]) -> set[int]:
     """Return the frames t with links inside each other between t and t + 1."""
     first, last, solver = max(clip.fixed - 1, 0), len(poses) - 1, clip.solver
     depth = {t: solver.depth_between(poses[t].qpos, poses[t + 1].qpos) for t in range(first, last)}
     return {t for t, deep in depth.items() if deep > solver.options.overlap}
 
 
-def _hard_edges_met(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: list[Proximal]) -> list[FrameSolution]:
     """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few."""
     poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
@@ -229,7 +233,7 @@ def _hard_edges_met(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> 
     return poses
 
 
-def _separated(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[Pose]:
+def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: list[Proximal]) -> list[FrameSolution]:
     """Return the poses with links apart, at frames and between them, if such poses are found.
 
     If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with separation rows on
@@ -249,7 +253,9 @@ def _separated(clip: Clip, poses: list[Pose], proximal: list[Proximal]) -> list[
     return poses
 
 
-def _shallower(clip: Clip, poses: list[Pose], t: int, proximal: Proximal, interpenetrating: set[int]) -> Pose:
+def _shallower(
+    clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
+) -> FrameSolution:
     """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
     solver, box = clip.solver, clip.solver.reachable(_neighbours(poses, t), 1 / clip.fps)
     ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)

@@ -19,7 +19,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solve import solve_graph, trajectory_of
-from robot_retarget.solve.windows import Part, Window
+from robot_retarget.solve.windows import ClipPiece, FrameWindow
 from robot_retarget.trajectory import Trajectory
 
 PIECE = 6
@@ -54,7 +54,7 @@ def solve_long(
         graph = graph_of(motion.frames(first, last), robot, matched, weights or Weights())
         origin = _origin(graph, motion)
         known = _moved(qpos[done - fixed : done], robot, -origin)
-        part = Part(tuple(window.after(first) for window in own), tuple(known))
+        part = ClipPiece(tuple(window.after(first) for window in own), tuple(known))
         solved = solve_graph(graph, smoothing=smoothly, part=part).trajectory.qpos
         qpos[done : own[-1].final] = _moved(solved, robot, origin)
         done = own[-1].final
@@ -63,7 +63,7 @@ def solve_long(
     return trajectory_of(motion, robot, qpos)
 
 
-def _pieces(windows: tuple[Window, ...]) -> Iterator[tuple[Window, ...]]:
+def _pieces(windows: tuple[FrameWindow, ...]) -> Iterator[tuple[FrameWindow, ...]]:
     for first in range(0, len(windows), PIECE):
         yield windows[first : first + PIECE]
 

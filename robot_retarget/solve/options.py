@@ -6,7 +6,7 @@ from robot_retarget.solve.windows import Windows
 
 
 @dataclass(frozen=True)
-class Options:
+class SolveOptions:
     """Options of the sequential quadratic program of one frame. Lengths are shares of a leg."""
 
     iterations: int = 16
@@ -50,7 +50,7 @@ class Search:
     iterations: int = 10
     """Maximum number of steps to follow a candidate to the next moment."""
     tolerance: float = 1e-3
-    """As `Options.tolerance`: a path is chosen before poses are exact."""
+    """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
     same: float = 0.15
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
     change: float = 0.5

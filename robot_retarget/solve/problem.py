@@ -58,7 +58,7 @@ def targets_of(tracks: Sequence[Track]) -> ClipTargets:
     )
 
 
-class Part:
+class CompiledTracks:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
     terms: "_Terms"
@@ -100,7 +100,7 @@ class Problem:
     match: Match
     tracks: tuple[Track, ...]
     """All tracks of the graph, at the time when the problem was built: limits and temporal costs are read here."""
-    parts: tuple[Part, ...]
+    parts: tuple[CompiledTracks, ...]
     inequalities: "Inequalities"
 
     @property
@@ -193,7 +193,7 @@ def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: b
     groups += [[track] for track in costs if track.name not in common]
     firsts = np.cumsum([0, *(sum(map(len, group)) for group in groups)])
     parts = [
-        Part(robot, match, group, int(first), native and group is groups[0])
+        CompiledTracks(robot, match, group, int(first), native and group is groups[0])
         for group, first in zip(groups, firsts, strict=False)
         if group
     ]

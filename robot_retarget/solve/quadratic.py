@@ -11,7 +11,7 @@ from robot_retarget.dgp.role import FRAME, STEP, Role
 from robot_retarget.dgp.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
-from robot_retarget.solve.options import Options
+from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.swept_collision import Between
 
@@ -26,7 +26,7 @@ class Proximal:
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class LinearizedDistances:
     """Distances of links near each other, measured at a configuration."""
 
     qpos: Floats
@@ -54,7 +54,7 @@ class Quadratic:
     """How much more than the tolerance the nearest links lack to their margin, over the leg."""
     penetrates_floor: bool
     """Whether a sole is under the floor."""
-    near: Near | None = None
+    near: LinearizedDistances | None = None
     """The links near each other, at their last measurement."""
 
     def with_rows_met(self, soles: int, trial: "Quadratic", step: Floats) -> "Quadratic":
@@ -101,13 +101,13 @@ class CostModel:
     problem: Problem
     robot: Robot
     leg: float
-    options: Options
+    options: SolveOptions
     numeric: list[NumericCost]
     proximity: str
     separation: Proximity | None
     rows: int
 
-    def __init__(self, problem: Problem, options: Options):
+    def __init__(self, problem: Problem, options: SolveOptions):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
         costs = [t for t in problem.tracks if t.role is Role.COST and isinstance(t.kind, Numeric)]
         self.numeric = [NumericCost(track, self.robot) for track in costs]
@@ -121,12 +121,16 @@ class CostModel:
         self.rows = len(problem.inequalities) + (self.separation.most if self.separation else 0)
 
     def linearize(
-        self, q: Floats, targets: EdgeTargets, between: tuple[Between, ...] = (), known: Near | None = None
+        self,
+        q: Floats,
+        targets: EdgeTargets,
+        between: tuple[Between, ...] = (),
+        known: LinearizedDistances | None = None,
     ) -> Quadratic:
         """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
 
         Args:
-            known: distances of links measured nearby; within `Options.distance_cache_radius` they are extrapolated along their slopes.
+            known: distances of links measured nearby; within `SolveOptions.distance_cache_radius` they are extrapolated along their slopes.
         """
         total, gradient, normal = self.problem.model(q, targets)
         for cost in self.numeric:
@@ -185,7 +189,7 @@ class CostModel:
         edges = -float(step @ (2 * current.gradient + current.normal @ step))
         return edges + self.options.overlap_cost * (current.clearance_deficit**2 - slack**2)
 
-    def _near(self, q: Floats, known: Near | None) -> Near | None:
+    def _near(self, q: Floats, known: LinearizedDistances | None) -> LinearizedDistances | None:
         """Return the links near each other: measured at q, or the known ones if measured nearby."""
         if self.separation is None:
             return None
@@ -194,9 +198,11 @@ class CostModel:
             and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.distance_cache_radius
         ):
             return known
-        return Near(np.array(q), *self.separation.near(q))
+        return LinearizedDistances(np.array(q), *self.separation.near(q))
 
-    def _apart(self, q: Floats, near: Near, between: tuple[Between, ...], rows: Floats, row_lower: Floats) -> float:
+    def _apart(
+        self, q: Floats, near: LinearizedDistances, between: tuple[Between, ...], rows: Floats, row_lower: Floats
+    ) -> float:
         """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
         distance, slope, rest = self._with_ways(q, near, between)
         assert self.separation is not None
@@ -206,7 +212,9 @@ class CostModel:
         row_lower[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
         return self._clearance_deficit(wanted)
 
-    def _with_ways(self, q: Floats, near: Near, between: tuple[Between, ...]) -> tuple[Floats, Floats, Floats]:
+    def _with_ways(
+        self, q: Floats, near: LinearizedDistances, between: tuple[Between, ...]
+    ) -> tuple[Floats, Floats, Floats]:
         """Return distances, slopes and rests at a configuration and between it and its neighbours.
 
         A share of the step moves the configurations between frames. Links may touch there: a margin there would bend

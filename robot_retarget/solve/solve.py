@@ -17,12 +17,12 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, measured_by
-from robot_retarget.solve.options import Options, Search, Smoothing
+from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.problem import Problem, build_problem
 from robot_retarget.solve.solution import Solution
-from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 from robot_retarget.solve.unmet import unmet_edges
-from robot_retarget.solve.windows import Part
+from robot_retarget.solve.windows import ClipPiece
 from robot_retarget.trajectory import Trajectory
 
 WORTH_COMPILING = 60
@@ -34,11 +34,11 @@ def solve_graph(
     graph: RobotGraph,
     *,
     problem: Problem | None = None,
-    options: Options | None = None,
+    options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     progress: Progress | None = None,
-    part: Part | None = None,
+    part: ClipPiece | None = None,
 ) -> Solution:
     """Return the configurations that minimise the graph's edges within its limits.
 
@@ -80,7 +80,9 @@ def problem_of(graph: RobotGraph) -> Problem:
     return build_problem(graph.robot, graph.match, graph.tracks, native=len(graph) >= WORTH_COMPILING)
 
 
-def solution_of(solver: FrameSolver, graph: RobotGraph, poses: list[Pose], timings: dict[str, float]) -> Solution:
+def solution_of(
+    solver: FrameSolver, graph: RobotGraph, poses: list[FrameSolution], timings: dict[str, float]
+) -> Solution:
     """Evaluate the cost of every frame and the stress of every kind at solved poses."""
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = trajectory_of(graph.motion, graph.robot, qpos)

@@ -13,7 +13,7 @@ from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
 from robot_retarget.solve.compiled import QuadraticProgram
 from robot_retarget.solve.limits import joint_bounds
-from robot_retarget.solve.options import Options
+from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
 from robot_retarget.solve.swept_collision import Between, on_the_way
@@ -49,7 +49,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class FrameSolution:
     """The end of a descent."""
 
     qpos: Floats
@@ -66,7 +66,7 @@ class Pose:
 class _TrustRegion:
     """The trust region of a descent, with its counts of accepted and refused steps (Levenberg–Marquardt)."""
 
-    def __init__(self, options: Options):
+    def __init__(self, options: SolveOptions):
         self.longest = self.radius = options.trust_region
         self.damping, self.growth = options.damping, options.growth
         self.taken = self.refused = 0
@@ -84,7 +84,7 @@ class FrameSolver:
     """Solve single frames of one problem with one compiled quadratic program."""
 
     problem: Problem
-    options: Options
+    options: SolveOptions
     robot: Robot
     hinges: Ints
     leg: float
@@ -95,8 +95,8 @@ class FrameSolver:
     diagonal: tuple[Ints, ...]
     program: QuadraticProgram
 
-    def __init__(self, problem: Problem, options: Options | None = None):
-        self.problem, self.options, self.robot = problem, options or Options(), problem.robot
+    def __init__(self, problem: Problem, options: SolveOptions | None = None):
+        self.problem, self.options, self.robot = problem, options or SolveOptions(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
         bounds = joint_bounds(self.robot, problem.tracks)
         self.ranges, self.speed = Box(bounds.lower, bounds.upper), bounds.speed
@@ -109,7 +109,7 @@ class FrameSolver:
 
     def solve_frame(
         self,
-        start: Floats | Pose,
+        start: Floats | FrameSolution,
         targets: EdgeTargets,
         *,
         proximal: Proximal | None = None,
@@ -118,7 +118,7 @@ class FrameSolver:
         tolerance: float | None = None,
         box: Box | None = None,
         between: tuple[Between, ...] = (),
-    ) -> Pose:
+    ) -> FrameSolution:
         """Take steps within box, floor and separation until the gain is small or the limit is reached; close chains.
 
         Args:
@@ -126,8 +126,8 @@ class FrameSolver:
             between: configurations at which links are kept apart too.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
-        box, q = box or self.ranges, start.qpos if isinstance(start, Pose) else start
-        known = start.model if isinstance(start, Pose) and not between else None
+        box, q = box or self.ranges, start.qpos if isinstance(start, FrameSolution) else start
+        known = start.model if isinstance(start, FrameSolution) and not between else None
         base = known or self.costs.linearize(q, targets, between)
         current, region, outside_bounds = self._with_terms(base, q, proximal, past), _TrustRegion(self.options), True
         while region.taken < most and region.refused < self.options.refusals:
@@ -139,7 +139,9 @@ class FrameSolver:
             if gain <= least_gain * current.cost + 1e-12 and small and not (current.penetrates_floor or outside_bounds):
                 last = integrate(self.robot, q, step)
                 return self._closed(
-                    Pose(last, Status.CONVERGED, base.cost, region.taken, clearance_deficit=base.clearance_deficit)
+                    FrameSolution(
+                        last, Status.CONVERGED, base.cost, region.taken, clearance_deficit=base.clearance_deficit
+                    )
                 )
             moved = integrate(self.robot, q, step)
             trial = self.costs.linearize(moved, targets, between, current.near)
@@ -155,24 +157,28 @@ class FrameSolver:
 
     def real_time_step(
         self, start: Floats, targets: EdgeTargets, proximal: Proximal | None, box: Box, steps: int
-    ) -> Pose:
+    ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
         q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
         for taken in range(steps):
             base = self.costs.linearize(q, targets)
             step, _ = self._step(q, self.costs.with_proximal(base, q, proximal), region, box)
             if step is None:
-                return self._closed(Pose(q, Status.BLOCKED, base.cost, taken, clearance_deficit=base.clearance_deficit))
+                return self._closed(
+                    FrameSolution(q, Status.BLOCKED, base.cost, taken, clearance_deficit=base.clearance_deficit)
+                )
             q = integrate(self.robot, q, step)
             status = Status.CONVERGED if float(np.abs(step[self.hinges]).max()) < UNSEEN else Status.OUT_OF_ITERATIONS
         assert base is not None
-        return self._closed(Pose(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
+        return self._closed(FrameSolution(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
 
     def _ended(
         self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
-    ) -> Pose:
+    ) -> FrameSolution:
         """Return the pose with its model as a warm start, unless the model has rows between the frame and its neighbours."""
-        return self._closed(Pose(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit))
+        return self._closed(
+            FrameSolution(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit)
+        )
 
     def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
         return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
@@ -201,7 +207,7 @@ class FrameSolver:
         met = trial.clearance_deficit > current.clearance_deficit and np.abs(step).max() < SHORT
         return current.with_rows_met(len(self.problem.inequalities), trial, step) if met else current
 
-    def _closed(self, pose: Pose) -> Pose:
+    def _closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
         if not self.costs.projects:
             return pose
@@ -227,11 +233,11 @@ class FrameSolver:
         """Whether links are inside each other by more than is accepted."""
         return self.depth(qpos) > self.options.overlap
 
-    def repaired(self, before: Floats, pose: Pose) -> Pose:
+    def repaired(self, before: Floats, pose: FrameSolution) -> FrameSolution:
         """Return the pose with its links apart and above the floor, for a pose before it (nq,)."""
         return self.raise_above_floor(self.backtrack_to_clearance(before, pose))
 
-    def backtrack_to_clearance(self, before: Floats, pose: Pose) -> Pose:
+    def backtrack_to_clearance(self, before: Floats, pose: FrameSolution) -> FrameSolution:
         """Return the pose moved back towards the one before (nq,) until its links are not inside each other."""
         if not self.overlapping(pose.qpos):
             return pose
@@ -243,7 +249,7 @@ class FrameSolver:
         tried = (integrate(self.robot, before, share * way) for share in np.linspace(1, 1 / 8, 8))
         return next((q for q in tried if not self.overlapping(q)), before)
 
-    def raise_above_floor(self, pose: Pose) -> Pose:
+    def raise_above_floor(self, pose: FrameSolution) -> FrameSolution:
         """The pose with its root raised by its depth under the floor."""
         depth = self.problem.inequalities.depth(pose.qpos)
         apart = self.costs.separation

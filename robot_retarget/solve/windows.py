@@ -21,7 +21,7 @@ class Windows:
     foreseen: float = 1.0
     """Part of a window that is solved only as foresight for the rest; the next window solves it again [s]."""
 
-    def cut(self, frames: int, fps: float) -> Iterator["Window"]:
+    def cut(self, frames: int, fps: float) -> Iterator["FrameWindow"]:
         """Yield windows that cover every frame once."""
         kept, foreseen = (max(1, round(seconds * fps)) for seconds in (self.kept, self.foreseen))
         length = max(round(self.length * fps), kept + foreseen + 1)  # every window adds a frame at least
@@ -31,12 +31,12 @@ class Windows:
             if last + kept + foreseen >= frames:
                 last = frames
             final = last if last == frames else last - foreseen
-            yield Window(first, last, done - first, final)
+            yield FrameWindow(first, last, done - first, final)
             first, done = final - kept, final
 
 
 @dataclass(frozen=True)
-class Window:
+class FrameWindow:
     """Frames `first` … `last` − 1; the first `fixed` are known, and those before `final` are kept."""
 
     first: int
@@ -44,15 +44,15 @@ class Window:
     fixed: int
     final: int
 
-    def after(self, frame: int) -> "Window":
+    def after(self, frame: int) -> "FrameWindow":
         """Return the same window in a piece that starts at a frame of the clip."""
         return replace(self, first=self.first - frame, last=self.last - frame, final=self.final - frame)
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ClipPiece:
     """Windows of a piece of a clip, with indices relative to its first frame."""
 
-    windows: tuple[Window, ...]
+    windows: tuple[FrameWindow, ...]
     known: tuple[Floats, ...] = ()
     """(nq,) configurations of the first frames; the first window keeps them."""

@@ -5,7 +5,7 @@ They need Pillow and, for films, imageio-ffmpeg: the extra `video`. Without off-
 """
 
 from robot_retarget.view.gif import gif as gif
-from robot_retarget.view.loop import Loop as Loop
+from robot_retarget.view.loop import AnimatedWebP as AnimatedWebP
 from robot_retarget.view.loop import loop as loop
 from robot_retarget.view.picture import Picture as Picture
 from robot_retarget.view.picture import Unavailable as Unavailable

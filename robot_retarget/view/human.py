@@ -21,7 +21,7 @@ ALONE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Figure:
+class StickFigure:
     """Limbs from point to point; a limb whose points are equal is a sphere."""
 
     limbs: Ints
@@ -30,15 +30,15 @@ class Figure:
     """(L,) [m]."""
 
 
-def figure(staging: Staging) -> Figure:
+def figure(staging: Staging) -> StickFigure:
     """Bones as capsules and the head as a sphere."""
     if not staging.human.size:
-        return Figure(staging.bones, np.zeros(0))
+        return StickFigure(staging.bones, np.zeros(0))
     lengths = np.linalg.norm(np.diff(staging.human[:, staging.bones], axis=2)[:, :, 0], axis=-1).mean(0)
     least, most = BOUNDS
     flesh = np.clip(THICKNESS * lengths, least * staging.height, most * staging.height)
     head = _head(staging, lengths)
-    return Figure(np.append(staging.bones, [[head, head]], axis=0), np.append(flesh, HEAD * staging.height))
+    return StickFigure(np.append(staging.bones, [[head, head]], axis=0), np.append(flesh, HEAD * staging.height))
 
 
 def _head(staging: Staging, lengths: Floats) -> int:

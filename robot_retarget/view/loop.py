@@ -25,7 +25,7 @@ QUALITY = 35
 
 
 @dataclass(frozen=True)
-class Loop:
+class AnimatedWebP:
     """An animated WebP."""
 
     data: bytes
@@ -37,7 +37,7 @@ class Loop:
 
 def loop(
     robot: Robot, trajectory: Trajectory, human: Floats | None = None, bones: Ints | None = None
-) -> Loop | Unavailable:
+) -> AnimatedWebP | Unavailable:
     """Draw the whole motion in at most `MOST` small pictures.
 
     Args:
@@ -59,4 +59,4 @@ def loop(
     data = io.BytesIO()
     interval = round(1000 / FPS)
     first.save(data, "WEBP", save_all=True, append_images=others, duration=interval, loop=0, quality=QUALITY)
-    return Loop(data.getvalue(), pace, note)
+    return AnimatedWebP(data.getvalue(), pace, note)

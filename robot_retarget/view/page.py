@@ -20,7 +20,7 @@ from robot_retarget.simulate.units import shown
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
-from robot_retarget.view.loop import Loop
+from robot_retarget.view.loop import AnimatedWebP
 from robot_retarget.view.picture import Picture, Unavailable
 
 TEMPLATE = Path(__file__).with_name("page.html")
@@ -35,7 +35,7 @@ def save_page(
     *,
     warnings: Warnings | None = None,
     strip: Picture | None = None,
-    film: Path | Loop | Unavailable | None = None,
+    film: Path | AnimatedWebP | Unavailable | None = None,
     viewer: Path | None = None,
 ) -> Path | Unavailable:
     """Write `report.html`, whole or not at all.
@@ -127,11 +127,11 @@ def _foreseen(f: Any) -> list[tuple[str, str, str]]:
     return [("contacts foreseen", share, "touches on the servos that were warned of")]
 
 
-def _film(film: Path | Loop | Unavailable | None) -> str:
+def _film(film: Path | AnimatedWebP | Unavailable | None) -> str:
     """Return the film, which begins again when it ends, or a sentence in its place."""
     if isinstance(film, Unavailable):
         return f"<p class='film said'>No film: {html.escape(film.reason)}.</p>"
-    if isinstance(film, Loop):
+    if isinstance(film, AnimatedWebP):
         pace = f"{film.pace:.2g} times as fast as the robot" if film.pace > 1 else ""
         said = html.escape("; ".join(filter(None, (pace, film.note))))
         image = f"<img alt='film of the motion' src='data:image/webp;base64,{_base64(film.data)}'>"

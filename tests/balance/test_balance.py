@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 import robot_retarget as rr
 from robot_retarget.balance.foot_spacing import gaps, parted
 from robot_retarget.balance.planter import Planter
-from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, Clip, timeline_of
+from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, PlaybackClip, timeline_of
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.swing import foothold_places
@@ -365,7 +365,7 @@ def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_
 ) -> None:
     """A clip that begins on both feet and ends with the left one in the air."""
     places = stand_places(planter)
-    clip = Clip(
+    clip = PlaybackClip(
         planter.graph,
         np.tile(planter.robot.standing(), (60, 1)),
         np.tile(places, (60, 1, 1, 1)),

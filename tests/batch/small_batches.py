@@ -9,9 +9,9 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.batch.manifest import Manifest, Row
 from robot_retarget.batch.pool import Report, Stopping
-from robot_retarget.batch.run import Ended, Engine, occupied, perform_all, plan_of
+from robot_retarget.batch.run import Engine, RunSummary, occupied, perform_all, plan_of
 from robot_retarget.batch.settings import Allowance, Job
-from robot_retarget.batch.task import Outcome, Task, perform
+from robot_retarget.batch.task import Task, TaskResult, perform
 
 FRAMES = 12
 
@@ -38,16 +38,16 @@ def pretend(tasks: Sequence[Task], allowance: Allowance, report: Report, stoppin
         if not stopping():
             task.output.parent.mkdir(parents=True, exist_ok=True)
             task.output.write_bytes(task.digest.encode())
-            report(Outcome(task.clip, task.robot_name, task.digest, "done", frames=10, fps=30.0))
+            report(TaskResult(task.clip, task.robot_name, task.digest, "done", frames=10, fps=30.0))
 
 
 def job_of(folder: Path, out: Path, **more: object) -> Job:
     return replace(Job((folder,), ("op3",), out), **more)  # type: ignore[arg-type]
 
 
-def run(job: Job, engine: Engine = here, stop_after: int | None = None) -> tuple[Ended, list[Outcome]]:
+def run(job: Job, engine: Engine = here, stop_after: int | None = None) -> tuple[RunSummary, list[TaskResult]]:
     """Perform a job; what was reported."""
-    reported: list[Outcome] = []
+    reported: list[TaskResult] = []
 
     def stopping() -> bool:
         return stop_after is not None and len(reported) >= stop_after

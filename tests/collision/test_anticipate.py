@@ -15,7 +15,7 @@ from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options
+from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import build_problem
 from robot_retarget.solve.quadratic import CostModel, Quadratic
 from robot_retarget.solve.solve import solve_graph
@@ -29,7 +29,7 @@ def costs() -> CostModel:
     graph = describe(
         read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3"), weights=Weights(interaction=WEIGHT)
     )
-    return CostModel(build_problem(graph.robot, graph.match, graph.tracks), Options())
+    return CostModel(build_problem(graph.robot, graph.match, graph.tracks), SolveOptions())
 
 
 def model_of(costs: CostModel, slope: Floats, room: Floats) -> Quadratic:

@@ -15,7 +15,7 @@ from restated_readers import READERS, viser_player
 
 from robot_retarget import unpack
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
-from robot_retarget.formats import FORMATS, Options, export, import_motion
+from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.unpickle import dump_pickle, load_pickle
 
 
@@ -176,9 +176,9 @@ def test_names_that_are_not_the_robots_are_named_with_those_that_are(op3, tmp_pa
     path = saved(tmp_path / "a.pkl", gmr_table(op3))
     wrong = ("tail", *op3.joint_names[1:])
     with pytest.raises(TrajectoryError, match=r"a.pkl.*'tail' is not one of 'op3'; known: head_pan"):
-        import_motion(path, op3, options=Options(joints=wrong))
+        import_motion(path, op3, options=FormatOptions(joints=wrong))
     with pytest.raises(TrajectoryError, match="'head_tilt' stands twice"):
-        import_motion(path, op3, options=Options(joints=(op3.joint_names[1], *op3.joint_names[1:])))
+        import_motion(path, op3, options=FormatOptions(joints=(op3.joint_names[1], *op3.joint_names[1:])))
 
 
 def test_columns_without_names_and_of_another_width_ask_for_names(op3, tmp_path) -> None:
@@ -187,8 +187,8 @@ def test_columns_without_names_and_of_another_width_ask_for_names(op3, tmp_path)
     with pytest.raises(TrajectoryError, match=r"2 joint columns without names, and 'op3' has 20.*--joints"):
         import_motion(path, op3)
     with pytest.raises(UsageError, match="3 joint names for 2 joint columns"):
-        import_motion(path, op3, options=Options(joints=op3.joint_names[:3]))
-    read = import_motion(path, op3, options=Options(joints=("_", "head_tilt")))
+        import_motion(path, op3, options=FormatOptions(joints=op3.joint_names[:3]))
+    read = import_motion(path, op3, options=FormatOptions(joints=("_", "head_tilt")))
     place = int(op3.qpos_index[op3.joint_names.index("head_tilt")])
     np.testing.assert_array_equal(read.qpos[:, place], 0.25)
     assert "head_pan" in " ".join(read.notes)
@@ -225,7 +225,7 @@ def test_a_file_without_a_rate_asks_for_it(op3, tmp_path) -> None:
     path = saved(tmp_path / "a.pkl", table)
     with pytest.raises(UsageError, match="--source-fps"):
         import_motion(path, op3)
-    assert import_motion(path, op3, options=Options(source_fps=24)).fps == 24
+    assert import_motion(path, op3, options=FormatOptions(source_fps=24)).fps == 24
 
 
 @pytest.mark.parametrize("key", ["motion_fps", "framerate", "mocap_frame_rate", "frequency"])
@@ -233,7 +233,7 @@ def test_every_name_of_the_frame_rate_is_read(key: str, op3, tmp_path) -> None:
     table = gmr_table(op3)
     table[key] = table.pop("fps")
     assert import_motion(saved(tmp_path / "a.pkl", table), op3).fps == 30
-    path = export(motion_of("op3"), op3, "protomotions-pyroki", tmp_path / "a.npz", Options(fps=44))
+    path = export(motion_of("op3"), op3, "protomotions-pyroki", tmp_path / "a.npz", FormatOptions(fps=44))
     with np.load(path) as arrays:
         other = dict(arrays)
     np.savez(path, **{key: other.pop("fps")}, **other)
@@ -334,17 +334,17 @@ def test_a_quaternion_in_the_other_order_is_doubted_and_can_be_told(op3, tmp_pat
     path = saved(tmp_path / "a.pkl", gmr_table(op3) | {"root_rot": standing})  # w x y z, as some scripts write it
     read = import_motion(path, op3)
     assert any("say --quaternion wxyz" in note for note in read.notes)
-    told = import_motion(path, op3, options=Options(quaternion="wxyz"))
+    told = import_motion(path, op3, options=FormatOptions(quaternion="wxyz"))
     np.testing.assert_allclose(told.qpos[:, 3:7], standing, atol=1e-12)
     assert not any("--quaternion" in note for note in told.notes)
     right = saved(tmp_path / "b.pkl", gmr_table(op3) | {"root_rot": standing[:, [1, 2, 3, 0]]})
     assert not any("--quaternion" in note for note in import_motion(right, op3).notes)
     np.savetxt(tmp_path / "c.csv", np.hstack([np.zeros((3, 3)), standing, np.zeros((3, 20))]), delimiter=",")
     for format, told_as in (("kimodo", None), ("kimodo", "wxyz"), ("unitree", "wxyz")):
-        found = import_motion(tmp_path / "c.csv", op3, format, Options(quaternion=told_as))
+        found = import_motion(tmp_path / "c.csv", op3, format, FormatOptions(quaternion=told_as))
         np.testing.assert_allclose(found.qpos[:, 3:7], standing, atol=1e-12)
     with pytest.raises(UsageError, match="no order 'wzyx' of quaternions; known: wxyz, xyzw"):
-        import_motion(path, op3, options=Options(quaternion="wzyx"))
+        import_motion(path, op3, options=FormatOptions(quaternion="wzyx"))
     table = export(motion_of("op3"), op3, "csv", tmp_path / "d.csv")
     with pytest.raises(UsageError, match="--quaternion: format 'csv'"):
-        import_motion(table, op3, options=Options(quaternion="xyzw"))
+        import_motion(table, op3, options=FormatOptions(quaternion="xyzw"))

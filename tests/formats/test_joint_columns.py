@@ -7,7 +7,7 @@ import pytest
 from format_moves import motion_of, robot_called
 
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats import Options, export, import_motion
+from robot_retarget.formats import FormatOptions, export, import_motion
 from robot_retarget.formats.sidecar import beside
 
 
@@ -58,7 +58,7 @@ def test_a_table_without_joint_columns_is_refused(format: str, op3, tmp_path) ->
 def test_all_columns_left_out_by_the_user_is_refused(op3, tmp_path) -> None:
     path = export(motion_of("op3", 30.0), op3, "unitree", tmp_path / "a.csv")
     with pytest.raises(TrajectoryError, match="no column of a joint"):
-        import_motion(path, op3, options=Options(joints=("_",) * 20))
+        import_motion(path, op3, options=FormatOptions(joints=("_",) * 20))
 
 
 def test_named_columns_of_radians_are_matched_with_and_without_suffix(op3, tmp_path) -> None:

@@ -5,10 +5,10 @@ import pytest
 from format_moves import THERE, motion_of, robot_called
 
 from robot_retarget.errors import TrajectoryError, UsageError
-from robot_retarget.formats import FORMATS, Options, export, import_motion
+from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.formats.io import recognised
 from robot_retarget.formats.sidecar import beside
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 
 ROUNDED = 2e-6
 """Of formats that store single precision, degrees with decimals or ticks of a file's own [m, rad]."""
@@ -20,7 +20,7 @@ ROWS = {"unitree", "kimodo", "protomotions-csv"}
 def written(format: str, name: str, folder, **options):
     kind, robot = FORMATS[format], robot_called(name)
     motion = motion_of(name, kind.fps or 50.0)
-    return motion, export(motion, robot, format, folder / f"m{kind.suffix}", Options(**options))
+    return motion, export(motion, robot, format, folder / f"m{kind.suffix}", FormatOptions(**options))
 
 
 def tolerance(format: str) -> float:
@@ -53,7 +53,7 @@ def test_export_then_import_gives_the_same_configurations(format: str, name: str
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_file_is_known_by_itself_and_what_stands_beside_it(format: str, tmp_path) -> None:
     _, path = written(format, "op3", tmp_path)
-    assert recognised(Source(path, robot_called("op3"))).name == format
+    assert recognised(TrajectorySource(path, robot_called("op3"))).name == format
 
 
 @pytest.mark.parametrize("name", THERE)
@@ -62,7 +62,7 @@ def test_a_file_alone_is_known_or_the_reader_asks_naming_what_it_may_be(format: 
     mapped(format, name)
     _, path = written(format, name, tmp_path)
     beside(path).unlink(missing_ok=True)
-    source = Source(path, robot_called(name))
+    source = TrajectorySource(path, robot_called(name))
     if format in ROWS:
         with pytest.raises(UsageError, match=r"unitree or kimodo or protomotions-csv.*--format"):
             recognised(source)
@@ -74,7 +74,7 @@ def test_a_file_alone_is_known_or_the_reader_asks_naming_what_it_may_be(format: 
 @pytest.mark.parametrize("format", [name for name, kind in FORMATS.items() if not kind.complete])
 def test_a_file_changed_since_is_not_what_the_json_beside_it_says(format: str, tmp_path) -> None:
     _, path = written(format, "op3", tmp_path)
-    assert Source(path, robot_called("op3")).sidecar
+    assert TrajectorySource(path, robot_called("op3")).sidecar
     path.write_bytes(path.read_bytes() + b"\n")
     with pytest.raises(TrajectoryError, match=rf"{path.name} is not the file that {path.name}.json describes"):
         import_motion(path, robot_called("op3"), format)
@@ -87,7 +87,7 @@ def test_joints_in_another_order_come_back_to_their_places(format: str, tmp_path
     back = import_motion(path, robot_called("op3"), format)
     np.testing.assert_allclose(held(back, format), held(motion, format), atol=tolerance(format))
     beside(path).unlink(missing_ok=True)
-    told = import_motion(path, robot_called("op3"), format, Options(joints=names))
+    told = import_motion(path, robot_called("op3"), format, FormatOptions(joints=names))
     np.testing.assert_allclose(told.qpos, back.qpos, atol=1e-12)
 
 
@@ -102,7 +102,7 @@ def test_an_order_means_nothing_to_formats_that_have_their_own(format: str, tmp_
 @pytest.mark.parametrize("fps", [25.0, 100.0])
 def test_another_rate_keeps_the_time_of_the_motion(format: str, fps: float, tmp_path) -> None:
     motion, path = written(format, "op3", tmp_path, fps=fps)
-    back = import_motion(path, robot_called("op3"), format, Options(source_fps=fps))
+    back = import_motion(path, robot_called("op3"), format, FormatOptions(source_fps=fps))
     assert back.fps == fps
     assert 0 <= motion.duration - back.duration < 1 / fps
     np.testing.assert_allclose(held(back, format)[0], held(motion, format)[0], atol=max(ROUNDED, tolerance(format)))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from format_moves import THERE, motion_of, robot_called
 
-from robot_retarget.formats import Options, export
+from robot_retarget.formats import FormatOptions, export
 from robot_retarget.trajectory import Trajectory
 
 TRACKING = ("beyondmimic", "mjlab", "omniretarget-training")
@@ -57,7 +57,7 @@ def test_bodies_move_as_their_positions_do(format: str, tmp_path) -> None:
     qpos[:, 3:7] = np.hstack([np.cos(times), 0 * times, 0.6 * np.sin(times), 0.8 * np.sin(times)])
     qpos[:, 7:] += np.sin(times * np.linspace(1, 3, 20))
     motion = Trajectory(qpos, fps, robot.joint_names, robot.name)
-    data = np.load(export(motion, robot, format, tmp_path / "a.npz", Options(fps=fps)))
+    data = np.load(export(motion, robot, format, tmp_path / "a.npz", FormatOptions(fps=fps)))
     places = data["body_pos_w"]
     if format != "mjlab":
         ids = [robot.model.body(str(body)).id for body in data["body_names"]]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.live.faults import Faults
+from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.ports import Packet, UdpPort
 from robot_retarget.live.receiver import Decoder, Receiver
 from robot_retarget.live.send import send
@@ -92,10 +92,10 @@ class Swing:
 
 @contextmanager
 def listening(
-    decoder: Callable[[Faults], Decoder], say: Callable[[str], None] = lambda text: None
+    decoder: Callable[[FaultCounter], Decoder], say: Callable[[str], None] = lambda text: None
 ) -> Iterator[Receiver]:
     """A receiver on a free port of this machine."""
-    faults = Faults(say)
+    faults = FaultCounter(say)
     receiver = Receiver(UdpPort(HOST, 0, faults), decoder(faults), faults)
     try:
         yield receiver

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from performers import HOST, Said, Script, Swing, clip, frames_for, listening, performing
 
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.loop import Loop, Patience
 from robot_retarget.live.open import opened
@@ -33,7 +33,7 @@ ENDS = {"Head": "Head", "LeftHand": "LeftWrist", "RightHand": "RightWrist", "Lef
 """Bones of VMC and the joints of the clip that they are."""
 
 
-def decoder_of(protocol: str, faults: Faults) -> Decoder:
+def decoder_of(protocol: str, faults: FaultCounter) -> Decoder:
     if protocol == "vmc":
         return VmcDecoder(faults)
     return LineDecoder(faults, SKELETON, True) if protocol == "json" else FloatDecoder(faults, SKELETON, True)
@@ -48,7 +48,7 @@ class Heard:
 
     def __init__(self, protocol: str) -> None:
         self.said = Said()
-        self.faults, self.port, self.now = Faults(self.said), Script(), 100.0
+        self.faults, self.port, self.now = FaultCounter(self.said), Script(), 100.0
         self.receiver = Receiver(self.port, decoder_of(protocol, self.faults), self.faults)
         self.protocol = protocol
 
@@ -203,7 +203,7 @@ def test_time_that_goes_backwards_or_stands_is_refused(heard: Heard) -> None:
 
 
 def test_a_clock_that_was_set_is_followed_and_time_goes_on() -> None:
-    faults = Faults()
+    faults = FaultCounter()
     clock, times = SenderClock(faults), []
     for k in range(200):
         stamp = k / 60 + (0 if k < 100 else 5000.0 if k < 150 else -3.0)
@@ -213,7 +213,7 @@ def test_a_clock_that_was_set_is_followed_and_time_goes_on() -> None:
 
 
 def test_jitter_of_the_network_is_taken_off_the_stamps() -> None:
-    rng, clock = np.random.default_rng(0), SenderClock(Faults())
+    rng, clock = np.random.default_rng(0), SenderClock(FaultCounter())
     times = [clock.time(k / 60, 100 + k / 60 + 0.002 + 0.03 * rng.random() ** 4) for k in range(600)]
     assert np.abs(np.diff(times[60:]) - 1 / 60).max() < 1e-3
 
@@ -234,19 +234,19 @@ def test_frames_that_waited_and_come_all_at_once_are_no_time_backwards(heard: He
 
 
 def test_a_clock_is_not_fooled_by_a_first_frame_that_was_slow() -> None:
-    clock = SenderClock(Faults())
+    clock = SenderClock(FaultCounter())
     times = [clock.time(k / 60, 100 + k / 60 + (0.2 if k == 0 else 0.0)) for k in range(60)]
     assert (np.diff(times) > 0).all() and times[-1] == pytest.approx(100 + 59 / 60, abs=0.01)
 
 
 def test_a_clock_that_runs_slow_is_followed() -> None:
-    clock = SenderClock(Faults())
+    clock = SenderClock(FaultCounter())
     behind = [100 + k / 60 - clock.time(k / 60 * (1 - 2e-4), 100 + k / 60) for k in range(60 * 600)]
     assert max(behind) < 0.01
 
 
 def test_stamps_that_are_not_after_the_last_are_named() -> None:
-    clock = SenderClock(Faults())
+    clock = SenderClock(FaultCounter())
     clock.time(1.0, 100.0)
     with pytest.raises(RefusedError, match="backwards"):
         clock.time(0.9, 100.1)
@@ -262,7 +262,7 @@ def test_two_senders_are_not_mixed_and_the_other_takes_over_once_the_first_is_si
 
 
 def test_an_empty_datagram_is_no_farewell() -> None:
-    faults = Faults()
+    faults = FaultCounter()
     receiver = Receiver(UdpPort(HOST, 0, faults), LineDecoder(faults, SKELETON, True), faults)
     assert isinstance(receiver.port, UdpPort)
     with udp() as first, udp() as second:
@@ -356,7 +356,7 @@ def test_a_skeleton_that_is_none_is_refused(skeleton: object) -> None:
 
 
 def test_a_flood_is_thrown_away_unread_and_the_newest_frame_is_had() -> None:
-    faults = Faults()
+    faults = FaultCounter()
     port = UdpPort(HOST, 0, faults)
     receiver = Receiver(port, LineDecoder(faults, SKELETON, True), faults)
     with udp() as out:
@@ -394,7 +394,7 @@ def test_a_sender_that_is_killed_and_restarted_is_followed_again() -> None:
 
 
 def test_a_second_connection_is_turned_away_and_a_new_one_follows_the_first() -> None:
-    faults = Faults()
+    faults = FaultCounter()
     port = TcpPort(HOST, 0, faults)
     receiver = Receiver(port, LineDecoder(faults, SKELETON), faults)
     line = lambda t: line_of(t, MOTION.positions[0])  # noqa: E731

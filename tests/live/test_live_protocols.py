@@ -11,7 +11,7 @@ from performers import clip
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.errors import UsageError
-from robot_retarget.live.faults import Faults
+from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.bones import (
     BONES,
@@ -77,7 +77,7 @@ def test_ahead_left_and_up_are_where_unity_has_them() -> None:
 def test_positions_and_rotations_arrive_as_they_were_sent(protocol: str, turned: bool) -> None:
     motion = clip()
     motion = motion if turned else Motion(motion.skeleton, motion.positions, None, motion.fps)
-    faults = Faults()
+    faults = FaultCounter()
     decoder = LineDecoder(faults, whole=True) if protocol == "json" else FloatDecoder(faults, motion.skeleton, True)
     frames = sent(decoder, motion, protocol)
     assert len(frames) == 10 and not faults.counts
@@ -92,7 +92,7 @@ def test_positions_and_rotations_arrive_as_they_were_sent(protocol: str, turned:
 
 def test_bones_arrive_where_the_joints_were() -> None:
     motion = clip("walk")
-    frames = sent(VmcDecoder(Faults()), motion, "vmc")
+    frames = sent(VmcDecoder(FaultCounter()), motion, "vmc")
     assert len(frames) == 9  # the first teaches what belongs to a frame
     marks = recognise(motion.skeleton, motion.positions).marks
     for t, frame in enumerate(frames, start=1):
@@ -114,7 +114,7 @@ def test_a_bone_s_pose_is_in_its_carrier_and_that_of_the_hips_in_the_root() -> N
     bones, quarter = mean_offsets(BONES), [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]
     said = [message("/VMC/Ext/Root/Pos", "root", 1.0, 0.0, 2.0, *quarter)]
     said += [message("/VMC/Ext/Bone/Pos", bone, *unity_place(at), 0.0, 0.0, 0.0, 1.0) for bone, at in bones.items()]
-    decoder = VmcDecoder(Faults())
+    decoder = VmcDecoder(FaultCounter())
     frames = [frame for t in range(4) for packet in said for frame in fed(decoder, packet, t / 60)]
     frame = frames[-1]
     hips, toes = (frame.positions[frame.skeleton.names.index(bone)] for bone in ("Hips", "LeftToes"))
@@ -126,7 +126,7 @@ def test_a_bone_s_pose_is_in_its_carrier_and_that_of_the_hips_in_the_root() -> N
 
 def test_bones_whose_lengths_are_not_sent_are_those_of_the_mean_body() -> None:
     said = [message("/VMC/Ext/Bone/Pos", bone, *[0.0] * 6, 1.0) for bone in BONES]
-    decoder = VmcDecoder(Faults())
+    decoder = VmcDecoder(FaultCounter())
     frames = [frame for t in range(4) for packet in said for frame in fed(decoder, packet, t / 60)]
     at = dict(zip(frames[-1].skeleton.names, frames[-1].positions, strict=True))
     assert 0.7 < np.linalg.norm(at["LeftUpperLeg"] - at["LeftFoot"]) < 0.9
@@ -136,9 +136,9 @@ def test_bones_whose_lengths_are_not_sent_are_those_of_the_mean_body() -> None:
 
 def test_a_frame_in_one_packet_and_in_many_is_the_same() -> None:
     motion = clip()
-    at_once = sent(VmcDecoder(Faults()), motion, "vmc")
+    at_once = sent(VmcDecoder(FaultCounter()), motion, "vmc")
     bones = humanoid(motion)
-    decoder, found = VmcDecoder(Faults()), []
+    decoder, found = VmcDecoder(FaultCounter()), []
     for t in range(10):
         said = [message("/VMC/Ext/Root/Pos", "root", *[0.0] * 6, 1.0)]
         said += [
@@ -152,12 +152,12 @@ def test_a_frame_in_one_packet_and_in_many_is_the_same() -> None:
 
 
 def test_who_comes_in_the_middle_of_a_frame_does_not_mix_two() -> None:
-    motion, faults = clip("walk"), Faults()
+    motion, faults = clip("walk"), FaultCounter()
     packets, decoder, found = PROTOCOLS["vmc"](motion), VmcDecoder(faults), []
     for t in range(10):
         for packet in packets(t, t / 60)[(t == 0) :]:  # the first packet of the first frame was missed
             found += fed(decoder, packet, 100 + t / 60)
-    whole = sent(VmcDecoder(Faults()), motion, "vmc")
+    whole = sent(VmcDecoder(FaultCounter()), motion, "vmc")
     assert len(found) >= 7
     assert all(np.allclose(a.positions, b.positions) for a, b in zip(found[::-1], whole[::-1], strict=False))
 
@@ -180,7 +180,7 @@ def test_a_target_that_is_none_is_named(target: str) -> None:
 
 
 def test_lines_may_come_in_pieces_and_a_skeleton_without_offsets() -> None:
-    motion, decoder = clip(), LineDecoder(Faults())
+    motion, decoder = clip(), LineDecoder(FaultCounter())
     names, parents = list(motion.skeleton.names), motion.skeleton.parents.tolist()
     text = b"".join(
         json.dumps(

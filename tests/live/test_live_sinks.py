@@ -13,7 +13,7 @@ from performers import Answer, Swing, clip
 from robot_retarget.actuators.map import Servo, ServoMap, load_map
 from robot_retarget.errors import MotionError, ServoError
 from robot_retarget.live.calibration import load_calibration, save_calibration
-from robot_retarget.live.faults import Faults
+from robot_retarget.live.faults import FaultCounter
 from robot_retarget.live.loop import Loop
 from robot_retarget.live.replay import Replay
 from robot_retarget.live.sinks.lines import LineSink
@@ -38,7 +38,7 @@ def test_a_line_holds_the_pose_and_whose_it_is() -> None:
 
 def test_a_motion_file_goes_by_in_real_time_and_frames_overdue_are_dropped() -> None:
     motion = clip(fps=60).frames(0, 60)
-    source, times = Replay(motion, Faults(), speed=2.0), []
+    source, times = Replay(motion, FaultCounter(), speed=2.0), []
     import time
 
     began = time.monotonic()
@@ -57,7 +57,7 @@ def test_a_motion_file_goes_by_in_real_time_and_frames_overdue_are_dropped() -> 
 @pytest.mark.parametrize("mode", ["pinned", "free"])
 def test_simulated_servos_follow_in_real_time(mode: str) -> None:
     sink = PhysicsSink(OP3, mode)
-    source = Replay(clip(), Faults())
+    source = Replay(clip(), FaultCounter())
     Loop(source, lambda skeleton: Swing(OP3, skeleton), sink).run(1.5)
     figures = sink.figures()
     assert figures["simulated_s"] + figures["left_out_s"] == pytest.approx(1.5, abs=0.1)
@@ -74,7 +74,7 @@ def test_a_map_of_other_joints_is_refused_with_their_names() -> None:
 def test_the_emulated_robot_with_its_weight_is_moved_within_every_limit(tmp_path: Path) -> None:
     servo_map = load_map("op3")
     servo_map = replace(servo_map, limits=replace(servo_map.limits, approach_time=0.6, approach_speed=3.0))
-    sink, source, log = ServoSink(OP3, servo_map), Replay(clip(), Faults()), tmp_path / "play.npz"
+    sink, source, log = ServoSink(OP3, servo_map), Replay(clip(), FaultCounter()), tmp_path / "play.npz"
     loop = Loop(source, lambda skeleton: Swing(OP3, skeleton), sink)
     with emulator_process(servo_map, "--physics") as port:
         outcome, tally = moved(loop, sink, servo_map, port, 3.0, log, lambda text: None)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.boxes import TOUCHING, Boxes, Near
+from robot_retarget.robot.boxes import TOUCHING, Boxes, GeomDistances
 from robot_retarget.robot.geoms import allowed
 from robot_retarget.robot.separation import Separation
 
@@ -23,7 +23,7 @@ def two_boxes(sizes: tuple[tuple[float, float, float], ...] = SIZES) -> tuple[mu
     return model, mujoco.MjData(model)
 
 
-def near_at(offset: np.ndarray, turn: Rotation, reach: float = REACH) -> tuple[Near, float]:
+def near_at(offset: np.ndarray, turn: Rotation, reach: float = REACH) -> tuple[GeomDistances, float]:
     """Places found, and the distance by MuJoCo, with the second box at an offset [m] and turned."""
     model, data = two_boxes()
     data.qpos[7:10], data.qpos[10:] = offset, turn.as_quat(scalar_first=True)

@@ -11,7 +11,7 @@ from emulated import emulated
 
 import robot_retarget as rr
 from robot_retarget.actuators.map import load_map
-from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.shipped import SAMPLES
@@ -34,9 +34,9 @@ def test_the_emulated_robot_does_what_was_judged(clip: str, legs: str, tmp_path:
     plan, goals = goal_plan(report.trajectory, OP3_MAP), report.trajectory.goals
     with emulated(tmp_path, "op3", "--physics", "--lockstep", str(plan.rate)) as robot:
         first = robot.do("state")["body"]["place"]
-        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True), tmp_path / "play.npz")
+        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, lockstep=True), tmp_path / "play.npz")
         body = robot.do("state")["body"]
-    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     assert not body["held"] and outcome.figures["limited"] == {}
     assert outcome.figures["tracking_rms_rad"] == pytest.approx(report.figures["tracking_rms_rad"], abs=0.003)
     assert (body["upright"] > UPRIGHT) == (report.figures["fall_s"] is None)

@@ -15,7 +15,7 @@ from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import TURNAROUND, Pace
 from robot_retarget.servo.emulator.profile import ACCELERATION, VELOCITY, time_based, velocity_based
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.protocol import BROADCAST, Error, Frame, Instruction, Parser, fast_blocks, frame
+from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Parser, fast_blocks, frame
 
 XM = model_named("XM430-W350")
 
@@ -25,7 +25,7 @@ def made(count: int = 1, model: str = "XM430-W350") -> tuple[Network, World]:
     return Network(devices), World(devices)
 
 
-def ask(network: Network, request: bytes) -> list[Frame]:
+def ask(network: Network, request: bytes) -> list[DynamixelPacket]:
     """What a host hears after it has sent `request`."""
     answers = [a.data for sent in Parser().feed(request) for a in network.answer(sent)]
     return Parser(strict=True).feed(b"".join(answers))
@@ -341,7 +341,7 @@ def test_pace_is_the_sum_of_wire_delay_and_turnaround() -> None:
 @settings(max_examples=300)
 def test_no_parameters_whatever_crash_a_servo(params: bytes, identity: int, instruction: Instruction) -> None:
     network, world = made(3)
-    network.answer(Frame(identity, instruction, params))
+    network.answer(DynamixelPacket(identity, instruction, params))
     run(world, 0.01)
     assert all(d.read(0, 147)[0] == 0 for d in network.devices)
 

@@ -24,7 +24,7 @@ from robot_retarget.feedback.reading import LEVEL, Reading
 from robot_retarget.feedback.sensor import VirtualImu
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.opencr import OpenCr, decoded, encoded
-from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.sensor import LineSensor
@@ -71,9 +71,9 @@ def test_the_player_does_what_the_simulation_judged_with_feedback(tmp_path: Path
     plan = goal_plan(report.trajectory, OP3_MAP)
     assert plan.feedback is not None
     with emulated(tmp_path, "op3", "--physics", "--lockstep", str(plan.rate)) as robot:
-        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True), tmp_path / "play.npz")
+        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, lockstep=True), tmp_path / "play.npz")
         body = robot.do("state")["body"]
-    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     assert body["upright"] > 0.99 and outcome.warnings == ()
     with np.load(tmp_path / "play.npz") as log:
         playing = log["phase"] == list(log["phases"]).index("play")
@@ -97,8 +97,8 @@ def test_a_sensor_lost_on_the_way_fades_out_and_the_motion_ends(tmp_path: Path) 
     assert report.trajectory is not None
     plan = goal_plan(report.trajectory, OP3_MAP)
     with emulated(tmp_path, "op3", "--fault", f"after 4 silent {IMU.id}") as robot:
-        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, test_lean=False))
-    assert outcome.ended is Ended.FINISHED, outcome.reason
+        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, test_lean=False))
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     assert any("does not answer: feedback fades out" in text for text in outcome.warnings)
 
 
@@ -120,9 +120,9 @@ def test_a_test_lean_finds_a_wrong_mounting(real: ServoMap, message: str, tmp_pa
     plan, model = goal_plan(report.trajectory, OP3_MAP), str(SHIPPED / "op3" / "scene.xml")
     physics = ("--physics", "--model", model, "--lockstep", str(plan.rate))
     with emulated(tmp_path, real, *physics) as robot:
-        outcome = play(plan, OP3_MAP, robot.port, Options(end_pose=False, lockstep=True))
+        outcome = play(plan, OP3_MAP, robot.port, PlaybackOptions(end_pose=False, lockstep=True))
         body = robot.do("state")["body"]
-    assert outcome.ended is Ended.FAULT and re.search(message, outcome.reason), outcome.reason
+    assert outcome.ended is PlaybackEnd.FAULT and re.search(message, outcome.reason), outcome.reason
     assert body["upright"] > 0.99
 
 

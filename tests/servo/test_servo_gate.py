@@ -20,7 +20,7 @@ from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError, Options
+from robot_retarget.servo.outcome import FaultError, PlaybackOptions
 from robot_retarget.servo.play import Player
 from robot_retarget.servo.record import Record
 
@@ -34,7 +34,7 @@ BROKEN = st.sampled_from([np.nan, np.inf, -4.0, 0.0, 1e300])
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Emulated, Link]]:
     """A held arm."""
     with emulated(tmp_path_factory.mktemp("bus")) as emulator, Bus(emulator.port, ARM.baud) as bus:
-        link = Link(bus, ARM, Player(bus, ARM, Options(), Record(ARM.joints)).examine())
+        link = Link(bus, ARM, Player(bus, ARM, PlaybackOptions(), Record(ARM.joints)).examine())
         link.fast = False
         take_hold(link, Judge(link))
         yield emulator, link

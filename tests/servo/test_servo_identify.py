@@ -14,7 +14,7 @@ from robot_retarget.robot import load_robot
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.identify import SWING, Pendulum, excitation, identify
-from robot_retarget.servo.outcome import Options
+from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.simulate.servo_model import drives_of
 
 HIDDEN = {
@@ -37,7 +37,7 @@ def test_hidden_parameters_of_an_emulated_servo_are_found_within_5_percent(tmp_p
     with emulated(tmp_path, BENCH, *words) as emulator:
         with Bus(emulator.port, BENCH.baud) as bus:
             bus.write(1, BENCH["j1"].type.registers["position_p_gain"], gain)
-        found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", Options(lockstep=True))
+        found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", PlaybackOptions(lockstep=True))
     servo = found.servo
     drag = servo.damping + MOTORS["XM430-W350"].back_emf
     assert [drag, servo.armature, servo.friction] == [pytest.approx(value, rel=0.05) for value in mechanics]

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.live import LONGEST, SILENCE, Approach, Follower, TargetStream, follow
-from robot_retarget.servo.outcome import Ended, Options, Outcome
+from robot_retarget.servo.live import LONGEST, SILENCE, Approach, TargetFollower, TargetStream, follow
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.scale import Scale
 
 RATE = 125.0
@@ -77,12 +77,12 @@ def giving(targets: TargetStream, pose: Callable[[float], Floats | None], second
 
 def followed(
     folder: Path, arm: Emulated, pose: Callable[[float], Floats | None], seconds: float, limits: Limits = QUICK
-) -> tuple[Outcome, dict[str, np.ndarray]]:
+) -> tuple[PlaybackOutcome, dict[str, np.ndarray]]:
     """What became of it, and its log."""
     targets = TargetStream()
     with giving(targets, pose, seconds):
         outcome = follow(
-            targets, replace(ARM, limits=limits), arm.port, Options(end_pose=False), log=folder / "log.npz"
+            targets, replace(ARM, limits=limits), arm.port, PlaybackOptions(end_pose=False), log=folder / "log.npz"
         )
     with np.load(folder / "log.npz") as log:
         return outcome, dict(log)
@@ -105,7 +105,7 @@ def test_the_arm_approaches_follows_and_is_left_holding(tmp_path: Path) -> None:
     with emulated(tmp_path) as arm:
         outcome, log = followed(tmp_path, arm, swinging, 2.0)
         assert all(servo["torque_enable"] for servo in arm.servos().values())
-    assert outcome.ended is Ended.FINISHED and outcome.state == "hold"
+    assert outcome.ended is PlaybackEnd.FINISHED and outcome.state == "hold"
     phases = [str(log["phases"][k]) for k in log["phase"]]
     assert phases.index("approach") < phases.index("play") and phases.count("play") > 100
     require_gentle(log, QUICK)
@@ -117,7 +117,7 @@ def test_in_silence_the_goals_rest_and_the_return_is_approached(tmp_path: Path) 
     silent = lambda now: None if 0.8 < now < 0.8 + SILENCE + 0.4 else swinging(now)  # noqa: E731
     with emulated(tmp_path) as arm:
         outcome, log = followed(tmp_path, arm, silent, 3.0)
-    assert outcome.ended is Ended.FINISHED
+    assert outcome.ended is PlaybackEnd.FINISHED
     phases = np.array([str(log["phases"][k]) for k in log["phase"]])
     changes = phases[np.flatnonzero(phases[1:] != phases[:-1]) + 1].tolist()
     assert changes[-4:] == ["play", "hold", "approach", "play"]
@@ -130,7 +130,7 @@ def test_a_wish_that_jumps_or_leaves_every_range_is_approached_and_clamped(tmp_p
     jumping = lambda now: swinging(now) + (2.5 if 0.8 < now < 3.0 else 0.0)  # noqa: E731
     with emulated(tmp_path) as arm:
         outcome, log = followed(tmp_path, arm, jumping, 4.0)
-    assert outcome.ended is Ended.FINISHED
+    assert outcome.ended is PlaybackEnd.FINISHED
     assert log["plan"].max() > 2 and log["goal"].max() <= 1.5 + 1e-9
     require_gentle(log, QUICK)
 
@@ -138,7 +138,7 @@ def test_a_wish_that_jumps_or_leaves_every_range_is_approached_and_clamped(tmp_p
 @pytest.mark.parametrize("silence", [0.1, 1.0, 10.0])
 def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
     guard, targets, said = Guard(Scale(ARM), QUICK, np.zeros(4)), TargetStream(), []
-    follower = Follower(targets, guard, QUICK, said.append)
+    follower = TargetFollower(targets, guard, QUICK, said.append)
     now, goals, phases = 50.0, [], []
 
     def go(seconds: float, pose: Callable[[float], Floats] | None) -> None:
@@ -170,9 +170,9 @@ def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebo
         targets = TargetStream()
         targets.put(np.zeros(4))
         threading.Timer(1.5, lambda: signal.raise_signal(signal.SIGINT)).start()
-        outcome = follow(targets, ARM, arm.port, Options(end_pose=False, grace=0.1), log=tmp_path / "log.npz")
+        outcome = follow(targets, ARM, arm.port, PlaybackOptions(end_pose=False, grace=0.1), log=tmp_path / "log.npz")
         assert all(servo["torque_enable"] for servo in arm.servos().values())
-    assert outcome.ended is Ended.INTERRUPTED and outcome.state == "hold"
+    assert outcome.ended is PlaybackEnd.INTERRUPTED and outcome.state == "hold"
     with np.load(tmp_path / "log.npz") as log:
         assert len(log["time"]) > 1.2 * RATE and log["age"].max() < QUICK.silence
 
@@ -180,7 +180,7 @@ def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebo
 def test_a_servo_that_falls_silent_stops_it_as_in_any_playback(tmp_path: Path) -> None:
     with emulated(tmp_path, ARM, "--fault", "after 1.2 silent 3") as arm:
         outcome, _ = followed(tmp_path, arm, swinging, 4.0)
-    assert outcome.ended is Ended.FAULT and "j3" in outcome.reason
+    assert outcome.ended is PlaybackEnd.FAULT and "j3" in outcome.reason
 
 
 def test_the_log_of_hours_holds_the_end(tmp_path: Path) -> None:

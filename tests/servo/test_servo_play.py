@@ -25,8 +25,8 @@ from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import Ended, Options, Outcome
-from robot_retarget.servo.plan import Plan
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import Player, play
 from robot_retarget.servo.record import Record
 from robot_retarget.servo.scale import Scale
@@ -34,9 +34,11 @@ from robot_retarget.servo.scale import Scale
 START = (0.2, -0.3, 0.1, 0.4)
 RATE = 200.0
 TIME = np.arange(0, 0.201, 0.01)[:, None]
-PLAN = Plan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.array([1, -1, 1, 1]), 100.0).resampled(RATE)
+PLAN = ServoPlan(np.array(START) + 0.3 * np.sin(2 * np.pi * 1.5 * TIME) * np.array([1, -1, 1, 1]), 100.0).resampled(
+    RATE
+)
 PHASE = {"approach": "approaching", "play": "playing", "end": "going"}
-OPTIONS = Options(grace=0.15)
+OPTIONS = PlaybackOptions(grace=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +72,7 @@ PROMPT = 0.15
 """From a fault to the state in which it leaves the servos [s]."""
 
 
-def perform(emulator: Emulated, folder: Path, phase: str, act: Any) -> Outcome:
+def perform(emulator: Emulated, folder: Path, phase: str, act: Any) -> PlaybackOutcome:
     """Play, and do something as a phase begins."""
 
     def say(text: str) -> None:
@@ -108,7 +110,7 @@ def test_a_fault_on_the_way_stops_with_everybody_holding(
     emulator: Emulated, tmp_path: Path, fault: str, phase: str
 ) -> None:
     outcome = perform(emulator, tmp_path, phase, lambda: emulator.do(fault))
-    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FAULT, "hold", 1)
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.FAULT, "hold", 1)
     assert_match(STOPPED[fault], outcome.reason)
     assert settling(emulator) < PROMPT
     require_harmless(emulator, tmp_path)
@@ -125,13 +127,13 @@ def test_servos_that_lose_torque_on_the_way_stop_the_motion_and_are_called_limp(
     emulator: Emulated, tmp_path: Path, fault: str
 ) -> None:
     outcome = perform(emulator, tmp_path, "play", lambda: emulator.do(fault))
-    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FAULT, "limp", 1)
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.FAULT, "limp", 1)
     assert_match(r"torque is off on j1 .*, j2 .*, j3 .*, j4 \(servo 4\)", outcome.reason)
     assert settling(emulator) < PROMPT
     require_harmless(emulator, tmp_path)
 
 
-RAMP = Plan(np.array(START) + np.linspace(0, 1, 201)[:, None] * np.array([0.8, 0.8, -0.8, -0.8]), RATE)
+RAMP = ServoPlan(np.array(START) + np.linspace(0, 1, 201)[:, None] * np.array([0.8, 0.8, -0.8, -0.8]), RATE)
 
 
 def test_a_joint_that_stays_at_its_step_cap_stops_the_motion(emulator: Emulated, tmp_path: Path) -> None:
@@ -142,7 +144,7 @@ def test_a_joint_that_stays_at_its_step_cap_stops_the_motion(emulator: Emulated,
             emulator.do("jam 2")
 
     outcome = play(RAMP, patient, emulator.port, OPTIONS, tmp_path / "play.npz", say)
-    assert (outcome.ended, outcome.state) == (Ended.FAULT, "hold")
+    assert (outcome.ended, outcome.state) == (PlaybackEnd.FAULT, "hold")
     assert_match(r"j2 \(servo 2\) does not follow: 0\.5 rad from its goal for 0\.3 s", outcome.reason)
     with np.load(tmp_path / "play.npz") as log:
         capped = np.abs(log["plan"] - log["present"])[:, 1] > ARM.limits.jump
@@ -162,21 +164,21 @@ def test_when_one_servo_goes_and_then_the_rest_nobody_is_blamed(emulator: Emulat
 @pytest.mark.parametrize("fault", ENDURED)
 def test_a_bad_cable_is_lived_through(emulator: Emulated, tmp_path: Path, fault: str, phase: str) -> None:
     outcome = perform(emulator, tmp_path, phase, lambda: emulator.do(fault))
-    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.FINISHED, "hold", 0), outcome.reason
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.FINISHED, "hold", 0), outcome.reason
     require_harmless(emulator, tmp_path)
 
 
 @pytest.mark.parametrize("phase", PHASE)
 def test_a_pulled_cable_leaves_the_servos_to_their_watchdog(emulator: Emulated, tmp_path: Path, phase: str) -> None:
     outcome = perform(emulator, tmp_path, phase, lambda: emulator.do("unplug"))
-    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.LOST, "watchdog", 1)
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.LOST, "watchdog", 1)
     assert "is gone" in outcome.reason
     until(lambda: all(s["bus_watchdog"] == -1 for s in emulator.servos().values()))
     assert settling(emulator) < PROMPT
     require_harmless(emulator, tmp_path)
     emulator.do("plug")
     again = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
-    assert again.ended is Ended.FINISHED
+    assert again.ended is PlaybackEnd.FINISHED
     require_harmless(emulator, tmp_path)
 
 
@@ -197,7 +199,7 @@ def test_one_ctrl_c_holds_and_a_second_lets_go(
 
     outcome = perform(emulator, tmp_path, phase, act)
     ended = time.monotonic()
-    assert (outcome.ended, outcome.state, outcome.exit_code) == (Ended.INTERRUPTED, state, 1)
+    assert (outcome.ended, outcome.state, outcome.exit_code) == (PlaybackEnd.INTERRUPTED, state, 1)
     assert all(s["torque_enable"] == (state == "hold") for s in emulator.servos().values())
     assert all(s["bus_watchdog"] == 0 for s in emulator.servos().values())
     assert ended - times[-1] < PROMPT + OPTIONS.grace * (signals == (2,))
@@ -236,7 +238,7 @@ def test_what_can_be_lived_with_before_the_start_is(emulator: Emulated, tmp_path
         emulator.do(fault)
     before = emulator.servos()[2]
     outcome = play(PLAN, ARM, emulator.port, OPTIONS, tmp_path / "play.npz")
-    assert outcome.ended is Ended.FINISHED, outcome.reason
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     if fault == "torque 2":
         assert before["torque_enable"]
         return
@@ -251,7 +253,7 @@ def test_ticks_too_slow_for_the_watchdog_are_refused(emulator: Emulated) -> None
 
 @pytest.mark.parametrize("fault", ["heat 17 75", "silent 20", "supply 9.7"])
 def test_a_fault_of_one_of_twenty_servos_stops_all_as_soon_at_any_rate(tmp_path: Path, fault: str) -> None:
-    swing = Plan(0.1 * np.sin(3 * TIME) * np.ones(20), 20.0)
+    swing = ServoPlan(0.1 * np.sin(3 * TIME) * np.ones(20), 20.0)
     with emulated(tmp_path, "op3") as twenty:
 
         def say(text: str) -> None:
@@ -259,7 +261,7 @@ def test_a_fault_of_one_of_twenty_servos_stops_all_as_soon_at_any_rate(tmp_path:
                 threading.Timer(0.3, twenty.do, (fault,)).start()
 
         outcome = play(swing, replace(load_map("op3"), limits=QUICK), twenty.port, say=say)
-        assert (outcome.ended, outcome.state) == (Ended.FAULT, "hold")
+        assert (outcome.ended, outcome.state) == (PlaybackEnd.FAULT, "hold")
         assert settling(twenty) < PROMPT
 
 

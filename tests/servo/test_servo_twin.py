@@ -13,7 +13,7 @@ from robot_retarget.servo.emulated import play_emulated
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.run import scene_of
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.outcome import Ended, Options
+from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.twin import Twin
 from robot_retarget.trajectory import Trajectory
 
@@ -79,6 +79,6 @@ def test_waving_arms_are_followed_on_the_emulated_robot() -> None:
     qpos[:, 3] = 1
     qpos[:, 7 + names.index("l_el")] = 0.3 * np.sin(np.pi * times)
     hasty = replace(OP3, limits=replace(OP3.limits, approach_time=0.5))
-    outcome = play_emulated(Trajectory(qpos, 50, names, "op3"), hasty, options=Options(end_pose=False))
-    assert outcome.ended is Ended.FINISHED, outcome.reason
+    outcome = play_emulated(Trajectory(qpos, 50, names, "op3"), hasty, options=PlaybackOptions(end_pose=False))
+    assert outcome.ended is PlaybackEnd.FINISHED, outcome.reason
     assert outcome.figures["tracking_rms_rad"] < 0.05

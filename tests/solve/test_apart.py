@@ -17,7 +17,7 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.solve import solve_graph
-from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 
 TODDLER = SHARED / "robots/toddlerbot_2xc/toddlerbot_2xc.xml"
 
@@ -86,11 +86,11 @@ def test_a_pose_held_back_is_apart_and_on_the_way() -> None:
     robot, crossed = graph.robot, crossed_arms()[1]
     solver = FrameSolver(build_problem(robot, graph.match, graph.tracks))
     assert solver.overlapping(crossed)
-    held = solver.backtrack_to_clearance(robot.standing(), Pose(crossed, Status.CONVERGED, 0.0, 1))
+    held = solver.backtrack_to_clearance(robot.standing(), FrameSolution(crossed, Status.CONVERGED, 0.0, 1))
     assert held.status is Status.BLOCKED and not solver.overlapping(held.qpos)
     way, whole = (difference(robot, robot.standing(), q) for q in (held.qpos, crossed))
     assert np.linalg.norm(way - (share := way @ whole / (whole @ whole)) * whole) < 1e-9 and 0 <= share < 1
-    apart = Pose(robot.standing(), Status.CONVERGED, 0.0, 1)
+    apart = FrameSolution(robot.standing(), Status.CONVERGED, 0.0, 1)
     assert solver.backtrack_to_clearance(crossed, apart) is apart
 
 

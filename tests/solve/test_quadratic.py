@@ -7,11 +7,11 @@ from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.options import Options
+from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solve.sqp import FrameSolver
 
-TOLERATED = Options().tolerated
+TOLERATED = SolveOptions().tolerated
 
 
 def asked() -> tuple[FrameSolver, EdgeTargets]:

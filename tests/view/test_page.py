@@ -21,7 +21,7 @@ from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.trajectory import Trajectory, fingerprint
-from robot_retarget.view import Loop, Picture, Unavailable, loop
+from robot_retarget.view import AnimatedWebP, Picture, Unavailable, loop
 from robot_retarget.view.charts import MEASURED, PLAIN, WANTED
 from robot_retarget.view.loop import FPS, MOST
 from robot_retarget.view.page import save_page
@@ -146,7 +146,7 @@ def test_the_film_is_in_the_head_and_plays_the_whole_motion_again_and_again(page
 
 def test_a_longer_motion_is_shown_faster_in_as_many_pictures() -> None:
     film = loop(OP3, hold(OP3, 30.0))
-    assert isinstance(film, Loop) and film.pace == pytest.approx(30.0 * FPS / MOST, rel=0.01)
+    assert isinstance(film, AnimatedWebP) and film.pace == pytest.approx(30.0 * FPS / MOST, rel=0.01)
     with Image.open(io.BytesIO(film.data)) as pictures:
         assert getattr(pictures, "n_frames", 1) <= MOST  # equal pictures become one
 

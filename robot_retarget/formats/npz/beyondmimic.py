@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.npz.tracking import claims_tracking, read_tracking, write_tracking
 from robot_retarget.formats.orders import breadth_first_bodies, breadth_first_hinges
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import Robot
 
 
@@ -23,12 +23,12 @@ def write(motion: RobotMotion, path: Path) -> None:
     write_tracking(motion, path, "beyondmimic", hinges, bodies, mass=True)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive."""
     return read_tracking(source, breadth_first_hinges(source.robot), (_depth_first(source.robot), "mjlab"))
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether the file has the keys and the breadth-first order."""
     return claims_tracking(source, breadth_first_hinges(source.robot), _depth_first(source.robot))
 
@@ -37,7 +37,7 @@ def _depth_first(robot: Robot) -> np.ndarray:
     return np.arange(len(robot.joint_names))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="beyondmimic",
     suffix=".npz",
     description="joints and bodies breadth first, with velocities",

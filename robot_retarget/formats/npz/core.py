@@ -11,9 +11,9 @@ import numpy as np
 
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpack import save_npz, shaped
 
 TITLE = "core-robot-motion-v1"
@@ -53,7 +53,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     )
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive.
 
     Raises:
@@ -66,7 +66,7 @@ def read(source: Source) -> Columns:
     return Columns(qpos[:, 7:], names, qpos[:, :3], qpos[:, 3:7], source.rate)
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="core",
     suffix=".npz",
     description="CoRe's core-robot-motion-v1: qpos, time, names",

@@ -12,9 +12,9 @@ import numpy as np
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, site_tracks, velocities
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import FREE
 from robot_retarget.unpack import save_npz, shaped
 
@@ -53,7 +53,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     )
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the first clip; more are left out, and said."""
     names, kinds = source.names(), shaped(source.array("jnt_type"), (None,), "jnt_type").astype(int).tolist()
     if names is None or len(names) != len(kinds):
@@ -75,7 +75,7 @@ def read(source: Source) -> Columns:
     )
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="locomujoco",
     suffix=".npz",
     description="LocoMuJoCo's Trajectory: qpos, qvel, bodies",

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.npz.tracking import claims_tracking, read_tracking, write_tracking
 from robot_retarget.formats.orders import breadth_first_hinges, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 
 
 def write(motion: RobotMotion, path: Path) -> None:
@@ -22,19 +22,19 @@ def write(motion: RobotMotion, path: Path) -> None:
     write_tracking(motion, path, "mjlab", hinges, robot_bodies(motion.robot), mass=False)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive."""
     hinges = np.arange(len(source.robot.joint_names))
     return read_tracking(source, hinges, (breadth_first_hinges(source.robot), "beyondmimic"))
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether the file has the keys and the depth-first order."""
     hinges = np.arange(len(source.robot.joint_names))
     return claims_tracking(source, hinges, breadth_first_hinges(source.robot))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="mjlab",
     suffix=".npz",
     description="joints and bodies depth first, with velocities",

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import KEYS, Trajectory, load_trajectory
 
@@ -14,7 +14,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     motion.trajectory.save(path)
 
 
-def read(source: Source) -> Trajectory:
+def read(source: TrajectorySource) -> Trajectory:
     """Read the file, with times of the source and goals of the servos.
 
     Raises:
@@ -25,7 +25,7 @@ def read(source: Source) -> Trajectory:
     return trajectory
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="native",
     suffix=".npz",
     description="the trajectory file of every command here",

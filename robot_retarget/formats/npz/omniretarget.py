@@ -16,9 +16,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpack import save_npz, shaped
 
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
@@ -36,7 +36,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     save_npz(path, qpos=qpos, joint_names=np.array(motion.joints))
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive; an object's pose is left out, with a note.
 
     Raises:
@@ -53,7 +53,7 @@ def read(source: Source) -> Columns:
     return Columns(qpos[:, 7 : 7 + width], source.names(), position, quaternion, _rate(source), notes=notes)
 
 
-def _rate(source: Source) -> float | None:
+def _rate(source: TrajectorySource) -> float | None:
     """Frames per second, for both meanings of `fps`."""
     stored = source.rate
     if stored is None:
@@ -74,7 +74,7 @@ def _root(qpos: Floats) -> tuple[Floats, Floats]:
     return (qpos[:, 4:7], qpos[:, 0:4]) if first else (qpos[:, 0:3], qpos[:, 3:7])
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="omniretarget",
     suffix=".npz",
     description="qpos, position first; read in both orders",

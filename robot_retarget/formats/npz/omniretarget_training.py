@@ -13,11 +13,11 @@ import numpy as np
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.npz.omniretarget import OBJECT_LEFT_OUT
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpack import save_npz, shaped
 
 OBJECT = "object_pos_w"
@@ -43,7 +43,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     )
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive; an object's pose is left out, with a note."""
     names = source.names()
     if names is None:
@@ -53,7 +53,7 @@ def read(source: Source) -> Columns:
     return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.rate, notes=notes)
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether the archive has the keys, and positions one column more than velocities, as a free root has."""
     if not set(KEYS) <= source.arrays.keys():
         return False
@@ -61,7 +61,7 @@ def claims(source: Source) -> bool:
     return positions.ndim == rates.ndim == 2 and positions.shape[1] == rates.shape[1] + 1
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="omniretarget-training",
     suffix=".npz",
     description="joints with the root, bodies with the world, with velocities",

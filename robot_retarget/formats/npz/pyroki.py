@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpack import save_npz, shaped
 
 KEYS = ("base_frame_pos", "base_frame_wxyz", "joint_angles")
@@ -30,7 +30,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     )
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the archive."""
     position = shaped(source.array("base_frame_pos"), (None, 3), "base_frame_pos")
     quaternion = shaped(source.array("base_frame_wxyz"), (len(position), 4), "base_frame_wxyz")
@@ -38,7 +38,7 @@ def read(source: Source) -> Columns:
     return Columns(angles, source.names(), position, quaternion, source.rate)
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="protomotions-pyroki",
     suffix=".npz",
     description="ProtoMotions' PyRoki stage: base frame xyz and wxyz, joint angles",

@@ -15,7 +15,7 @@ from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.unpack import save_npz, shaped
@@ -46,7 +46,7 @@ def write_tracking(motion: RobotMotion, path: Path, format: str, hinges: Ints, b
     )
 
 
-def read_tracking(source: Source, hinges: Ints, other: tuple[Ints, str]) -> Columns:
+def read_tracking(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Columns:
     """Read it. The root is the first body.
 
     Args:
@@ -70,7 +70,7 @@ def read_tracking(source: Source, hinges: Ints, other: tuple[Ints, str]) -> Colu
     return Columns(angles, source.names(), positions[:, 0], quaternions[:, 0], source.rate, hinges)
 
 
-def misfit(source: Source, hinges: Ints) -> float:
+def misfit(source: TrajectorySource, hinges: Ints) -> float:
     """Largest distance of bodies from forward kinematics for an order of the joints [m]; infinite for other shapes.
 
     The distances of all bodies from the root, sorted, are compared: they do not depend on the order of the bodies.
@@ -93,7 +93,7 @@ def _distances(robot: Robot, angles: Floats, hinges: Ints) -> Floats:
     return np.linalg.norm(positions - positions[:, :1], axis=2)
 
 
-def claims_tracking(source: Source, hinges: Ints, other: Ints) -> bool:
+def claims_tracking(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
     """Whether an archive has the keys, and its names or its bodies do not speak for the other order."""
     if not set(KEYS) <= source.arrays.keys() or source.arrays["joint_pos"].shape != source.arrays["joint_vel"].shape:
         return False

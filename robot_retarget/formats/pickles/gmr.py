@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.unpickle import dump_pickle
 
@@ -47,7 +47,7 @@ def _in_root(motion: RobotMotion, bodies: np.ndarray) -> Floats:
     return np.einsum("tij,tbj->tbi", undo, places)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the pickle, restricted to data."""
     position = array_in(source.pickled, "root_pos", (None, 3))
     quaternion = array_in(source.pickled, "root_rot", (len(position), 4))[:, FIRST_LAST]
@@ -55,7 +55,7 @@ def read(source: Source) -> Columns:
     return Columns(angles, source.names(), position, quaternion, rate_of(source.pickled))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="gmr",
     suffix=".pkl",
     description="GMR's dictionary: root xyz, quaternion xyzw, joints",

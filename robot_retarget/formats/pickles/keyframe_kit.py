@@ -14,10 +14,10 @@ import numpy as np
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, motor_tracks, onward_velocities
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.unpack import lz4_packed
 from robot_retarget.unpickle import dump_pickle
@@ -67,7 +67,7 @@ def _called(frame: int) -> str:
     return f"frame_{frame}"
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read qpos over time.
 
     Raises:
@@ -80,7 +80,7 @@ def read(source: Source) -> Columns:
     return Columns(qpos=qpos, fps=rate(array_in(table, "time", (len(qpos),))))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="keyframe-kit",
     suffix=".lz4",
     description="robot-keyframe-kit and ToddlerBot: qpos, motors, bodies, keyframes",

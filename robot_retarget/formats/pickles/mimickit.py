@@ -10,11 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpickle import dump_pickle
 
 CLAMP = 0
@@ -29,14 +29,14 @@ def write(motion: RobotMotion, path: Path) -> None:
     path.write_bytes(dump_pickle({"loop_mode": CLAMP, "fps": motion.fps, "frames": frames.tolist()}))
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the pickle, restricted to data."""
     frames = array_in(source.pickled, "frames", (None, None))
     quaternion = Rotation.from_rotvec(frames[:, 3:6]).as_quat(scalar_first=True)
     return Columns(frames[:, 6:], source.names(), frames[:, :3], quaternion, rate_of(source.pickled))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="mimickit",
     suffix=".pkl",
     description="MimicKit's motion: root xyz, rotation vector, joints",

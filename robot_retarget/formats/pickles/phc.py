@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.unpickle import dump_pickle
 
 ADDED = 3
@@ -46,7 +46,7 @@ def _rotation_vectors(motion: RobotMotion) -> Floats:
     return np.concatenate([root, motion.angles[..., None] * axes, np.zeros((len(motion), ADDED, 3))], axis=1)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the only clip.
 
     Raises:
@@ -62,14 +62,14 @@ def read(source: Source) -> Columns:
     return Columns(angles, source.names(), position, quaternion, rate_of(clip), source=str(name))
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether every value of a dictionary is a clip."""
     clips = source.pickled
     keys = ("root_trans_offset", "root_rot", "dof")
     return isinstance(clips, dict) and bool(clips) and all(holds(clip, *keys) for clip in clips.values())
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="phc",
     suffix=".pkl",
     description="PHC's joblib dictionary: root, rotation vectors, joints; single precision",

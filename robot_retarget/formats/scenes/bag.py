@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import robot_bodies
 from robot_retarget.formats.quaternions import FIRST_LAST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.unpack import LARGEST
@@ -82,7 +82,7 @@ def _header(stamp: int, frame: str) -> dict[str, Any]:
     return {"stamp": {"sec": stamp // NANO, "nanosec": stamp % NANO}, "frame_id": frame}
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read joint states, and the root from the transform of the robot's root in `world` if present.
 
     Raises:
@@ -105,7 +105,7 @@ def _parts(transform: Any) -> tuple[tuple[Any, str], ...]:
     return (transform.translation, "xyz"), (transform.rotation, "xyzw")
 
 
-def _messages(source: Source) -> tuple[list[tuple[int, Any]], list[Any]]:
+def _messages(source: TrajectorySource) -> tuple[list[tuple[int, Any]], list[Any]]:
     """Stamped joint states, and the root's transforms."""
     ros, root = _library(), source.robot.model.body(source.robot.root_body).name
     states, roots = [], []
@@ -127,7 +127,7 @@ def _messages(source: Source) -> tuple[list[tuple[int, Any]], list[Any]]:
     return states, roots
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether the file begins as a bag does."""
     if not source.path.is_file():
         return False
@@ -155,7 +155,7 @@ def _library() -> _Ros:
         raise UsageError(f"MCAP needs mcap: {install_line('formats')}") from None
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="mcap",
     suffix=".mcap",
     description="ROS 2 bag: joint states and the transforms of all bodies",

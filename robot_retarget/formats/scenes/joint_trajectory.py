@@ -12,10 +12,10 @@ import numpy as np
 from robot_retarget.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 
 NANO = 10**9
@@ -44,7 +44,7 @@ def write(motion: RobotMotion, path: Path) -> None:
         yaml.dump(message, stream, dumper, default_flow_style=None, sort_keys=False, width=10**6)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the message.
 
     Raises:
@@ -71,7 +71,7 @@ def _yaml() -> Any:
     return yaml
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="ros-joint-trajectory",
     suffix=".yaml",
     description="ROS 2 JointTrajectory: named joints over time; no root",

@@ -11,9 +11,9 @@ import numpy as np
 
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 
 EXACT = "%.17g"
@@ -30,7 +30,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     path.write_text(ElementTree.tostring(top, encoding="unicode") + "\n", encoding="utf-8")
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the keyframes."""
     return read_keys(source.text)
 
@@ -54,7 +54,7 @@ def read_keys(text: str) -> Columns:
     return Columns(qpos=np.stack([qpos for _, qpos in rows]), fps=rate(np.array([time for time, _ in rows])))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="mujoco-keyframes",
     suffix=".xml",
     description="MJCF keyframes, to be included in the robot's file",

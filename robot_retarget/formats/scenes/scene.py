@@ -11,11 +11,11 @@ import mujoco
 
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.scenes import keyframes
 from robot_retarget.formats.scenes.keyframes import read_keys
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import Robot
 
 SCENE, ROBOT, KEYS = "scene.xml", "robot.xml", "keyframes.xml"
@@ -89,7 +89,7 @@ def _files(robot: Robot) -> set[PurePath]:
     return found
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the keyframes in the folder."""
     keys = source.path / KEYS
     if not keys.is_file():
@@ -97,7 +97,7 @@ def read(source: Source) -> Columns:
     return read_keys(keys.read_text(encoding="utf-8"))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="mujoco-scene",
     suffix="",
     description="a folder with the robot, its meshes, a floor, keyframes and a player",

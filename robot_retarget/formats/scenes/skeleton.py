@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError, TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.motion import Motion, Skeleton
 from robot_retarget.motion.formats.bvh import read_bvh, write_bvh
 from robot_retarget.robot.kinematics import body_frames
@@ -38,7 +38,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     write_bvh(Motion(skeleton, positions, quaternions.reshape(*positions.shape[:2], 4), motion.fps), path)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the motion back.
 
     Raises:
@@ -101,13 +101,13 @@ def _about(turns: Rotation, axes: Floats) -> Floats:
         raise TrajectoryError(f"hinges that share a body at no right angles: {error}") from error
 
 
-def claims(source: Source) -> bool:
+def claims(source: TrajectorySource) -> bool:
     """Whether the root of a BVH is a body of the robot."""
     start = source.text[:4096].split()
     return start[:2] == ["HIERARCHY", "ROOT"] and start[2] in body_names(source.robot, robot_bodies(source.robot))
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="bvh",
     suffix=".bvh",
     description="the robot's own skeleton, a joint a body",

@@ -6,9 +6,9 @@ No header, 30 frames per second; root x y z [m], quaternion **w x y z**: the sha
 from pathlib import Path
 
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.rows import looks_like_rows, read_rows, write_rows
 
 
@@ -17,12 +17,12 @@ def write(motion: RobotMotion, path: Path) -> None:
     write_rows(motion, path, "kimodo", scalar_first=True)
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the rows."""
     return read_rows(source, scalar_first=True)
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="kimodo",
     suffix=".csv",
     description="Kimodo G1 rows without a header: xyz, quaternion wxyz, joints",

@@ -13,9 +13,9 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, known
 from robot_retarget.formats.columns import Columns, joint_called
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.rows import NUMBER
 from robot_retarget.robot.model import FREE, HINGE, Robot
 
@@ -34,7 +34,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     np.savetxt(path, rows, fmt=NUMBER, delimiter=",", header=header, comments="", encoding="utf-8")
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the table; columns may have any order, and coordinates without one keep the standing pose."""
     header, rows = named_table(source)
     wanted = columns(source.robot)
@@ -63,7 +63,7 @@ def _column_called(name: str, robot: Robot, wanted: list[str]) -> str:
     return joint_called(name.removesuffix(HINGE_UNIT), robot) + HINGE_UNIT
 
 
-def named_table(source: Source) -> tuple[list[str], Floats]:
+def named_table(source: TrajectorySource) -> tuple[list[str], Floats]:
     """The header and the numbers of a table.
 
     Raises:
@@ -121,7 +121,7 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="csv",
     suffix=".csv",
     description="time, root and joints with a header that names units; every robot",

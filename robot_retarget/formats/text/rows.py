@@ -9,7 +9,7 @@ from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 
 NUMBER = "%.12g"
 ROOT = 7
@@ -22,14 +22,14 @@ def write_rows(motion: RobotMotion, path: Path, format: str, scalar_first: bool)
     np.savetxt(path, np.column_stack([motion.position, quaternion, motion.angles]), fmt=NUMBER, delimiter=",")
 
 
-def read_rows(source: Source, scalar_first: bool) -> Columns:
+def read_rows(source: TrajectorySource, scalar_first: bool) -> Columns:
     """Read them."""
     rows = number_rows(source)
     quaternion = rows[:, 3:ROOT] if scalar_first else rows[:, 3:ROOT][:, FIRST_LAST]
     return Columns(rows[:, ROOT:], source.names(), rows[:, :3], quaternion, source.told_fps)
 
 
-def number_rows(source: Source, skip: int = 0) -> Floats:
+def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:
     """(T, C) the numbers of a table.
 
     Raises:
@@ -47,7 +47,7 @@ def number_rows(source: Source, skip: int = 0) -> Floats:
     return rows
 
 
-def looks_like_rows(source: Source) -> bool:
+def looks_like_rows(source: TrajectorySource) -> bool:
     """Whether a file is a table of numbers whose columns 3 to 6 are a unit quaternion, in either order."""
     fields = source.head.split(",")
     try:

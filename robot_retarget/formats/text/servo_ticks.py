@@ -12,10 +12,10 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap, load_map, shipped_maps
 from robot_retarget.errors import TrajectoryError, UsageError, known
 from robot_retarget.formats.columns import Columns, joint_called
-from robot_retarget.formats.format import Format
-from robot_retarget.formats.options import Options
+from robot_retarget.formats.format import TrajectoryFormat
+from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import TIME, named_table, rate
 from robot_retarget.formats.text.rows import NUMBER
 from robot_retarget.robot.model import Robot
@@ -38,7 +38,7 @@ def write(motion: RobotMotion, path: Path) -> None:
         np.savetxt(stream, table, fmt=[NUMBER, *["%d"] * len(joints)], delimiter=",")
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the table."""
     names, rows = named_table(source)
     joints = [name.removesuffix(TICK) for name in names if name.endswith(TICK)]
@@ -54,13 +54,13 @@ def read(source: Source) -> Columns:
     return Columns(np.array(columns).T, tuple(called), fps=rate(rows[:, names.index(TIME)]))
 
 
-def _map(robot: Robot, options: Options) -> ServoMap:
+def _map(robot: Robot, options: FormatOptions) -> ServoMap:
     if options.servos is None and robot.name not in shipped_maps():
         raise UsageError(f"no servo map for {robot.name!r}: give one with --servos; {known(shipped_maps())}")
     return load_map(options.servos or robot.name)
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="servo-ticks",
     suffix=".csv",
     description="goal positions of Dynamixel servos by the robot's servo map; no root",

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.format import Format
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
-from robot_retarget.formats.source import Source
+from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import named_table
 from robot_retarget.formats.text.rows import NUMBER
 
@@ -38,7 +38,7 @@ def write(motion: RobotMotion, path: Path) -> None:
         )
 
 
-def read(source: Source) -> Columns:
+def read(source: TrajectorySource) -> Columns:
     """Read the table; columns may have any order.
 
     Raises:
@@ -71,7 +71,7 @@ def _require_every_frame(numbers: Floats | None) -> None:
         raise TrajectoryError(f"frame {numbers[first + 1]:g} follows frame {numbers[first]:g}: rows are missing")
 
 
-FORMAT = Format(
+FORMAT = TrajectoryFormat(
     name="soma",
     suffix=".csv",
     description="SOMA's csv: cm, degrees, Euler angles, named joints",

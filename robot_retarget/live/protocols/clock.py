@@ -1,6 +1,6 @@
 """A sender's time stamps on this computer's clock."""
 
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 
 JUMP = 1.0
 """A larger step of the offset means that the sender's clock was set [s]."""
@@ -14,7 +14,7 @@ LEAST = 1e-3
 class SenderClock:
     """t = stamp + offset; the offset is the smallest recent arrival − stamp, which removes network jitter."""
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: FaultCounter) -> None:
         self._faults = faults
         self._last = float("-inf")
         self.restart()

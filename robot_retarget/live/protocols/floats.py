@@ -11,7 +11,7 @@ import struct
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.motion import Skeleton
@@ -31,7 +31,7 @@ class FloatDecoder:
 
     clock: SenderClock
 
-    def __init__(self, faults: Faults, skeleton: Skeleton, whole: bool = False) -> None:
+    def __init__(self, faults: FaultCounter, skeleton: Skeleton, whole: bool = False) -> None:
         self._faults, self._joints, self._whole = faults, skeleton, whole
         self.skeleton: Skeleton | None = skeleton
         self.clock = SenderClock(faults)

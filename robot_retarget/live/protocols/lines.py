@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.motion import Skeleton
@@ -45,7 +45,7 @@ class LineDecoder:
 
     clock: SenderClock
 
-    def __init__(self, faults: Faults, skeleton: Skeleton | None = None, whole: bool = False) -> None:
+    def __init__(self, faults: FaultCounter, skeleton: Skeleton | None = None, whole: bool = False) -> None:
         self._faults, self._whole = faults, whole
         self.clock = SenderClock(faults)
         self.skeleton = skeleton

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot_retarget.live.faults import Fault, Faults, RefusedError
+from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, PASSED_OVER, carriers, mean_offsets, place_of, turn_of
 from robot_retarget.live.protocols.clock import SenderClock
@@ -57,7 +57,7 @@ class VmcDecoder:
 
     clock: SenderClock
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: FaultCounter) -> None:
         self._faults = faults
         self.clock = SenderClock(faults)
         self.skeleton: Skeleton | None = None

@@ -3,7 +3,7 @@
 import json
 from typing import IO
 
-from robot_retarget.live.loop import Pose, said_of
+from robot_retarget.live.loop import LivePose, said_of
 
 
 class LineSink:
@@ -12,7 +12,7 @@ class LineSink:
     def __init__(self, out: IO[str]) -> None:
         self._out = out
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         row = {"time": round(pose.time, 6), "qpos": pose.qpos.round(6).tolist()}
         self._out.write(json.dumps(row | {"status": said_of(pose.status), "age": round(pose.age, 4)}) + "\n")
         self._out.flush()

@@ -1,6 +1,6 @@
 """Poses on a page in the browser."""
 
-from robot_retarget.live.loop import Pose
+from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot
 from robot_retarget.view.web.live import LiveRobot
 from robot_retarget.view.web.serve import PORT, Served, serve
@@ -17,5 +17,5 @@ class PageSink:
         self._robot = LiveRobot(robot)
         self.served: Served = serve(self._robot.viewer, port, following=self._robot)
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         self._robot.show(pose.qpos)

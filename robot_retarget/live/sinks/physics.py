@@ -8,11 +8,11 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
-from robot_retarget.live.loop import Pose
+from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.servo.live import TargetStream
-from robot_retarget.servo.window import Window
+from robot_retarget.servo.window import ViewerWindow
 from robot_retarget.simulate.plant import root_coordinates
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import set_on_floor
@@ -37,14 +37,14 @@ class PhysicsSink:
     def __init__(self, robot: Robot, mode: str = "pinned", window: bool = False) -> None:
         self._robot, self._pinned, self._plant = robot, mode == "pinned", plant_of(robot, mode)
         self.data = mujoco.MjData(self._plant.model)
-        self._window = Window(self._plant.model, self.data) if window else None
+        self._window = ViewerWindow(self._plant.model, self.data) if window else None
         self._targets, self._roots, self._held = TargetStream(), root_coordinates(robot), root_dofs(robot)
         self._began: float | None = None
         self._skipped = 0.0
         self._error, self._ticks = 0.0, 0
         self._fell: float | None = None
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         now = time.monotonic()
         self._targets.put(pose.qpos[self._robot.qpos_index], now)
         if self._began is None:

@@ -8,10 +8,10 @@ from robot_retarget.actuators.map import ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.guard import SelfCollisionGuard
 from robot_retarget.errors import ServoError
-from robot_retarget.live.loop import Loop, Pose, StreamStats
+from robot_retarget.live.loop import LivePose, Loop, StreamStats
 from robot_retarget.robot import Robot
 from robot_retarget.servo.live import TargetStream, follow
-from robot_retarget.servo.outcome import Outcome
+from robot_retarget.servo.outcome import PlaybackOutcome
 
 
 class ServoSink:
@@ -36,7 +36,7 @@ class ServoSink:
         self._pose = robot.standing()
         self.guard = SelfCollisionGuard(robot)
 
-    def show(self, pose: Pose) -> None:
+    def show(self, pose: LivePose) -> None:
         self._pose = pose.qpos
         self.targets.put(pose.qpos[self._places])
 
@@ -55,7 +55,7 @@ def moved(
     seconds: float,
     log: Path,
     say: Callable[[str], None],
-) -> tuple[Outcome, StreamStats]:
+) -> tuple[PlaybackOutcome, StreamStats]:
     """Run a loop into servos: the loop in a second thread, the player in this one, which receives Ctrl-C.
 
     Raises:

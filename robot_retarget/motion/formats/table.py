@@ -24,7 +24,7 @@ from robot_retarget.motion.formats.request import Request
 
 
 @dataclass(frozen=True)
-class Format:
+class MotionFormat:
     """A format of motion files."""
 
     name: str
@@ -38,30 +38,30 @@ class Format:
 
 
 FORMATS = (
-    Format("BVH", (".bvh",), bvh.matches_format, bvh.read),
-    Format("ASF/AMC", (".amc",), amc.matches_format, amc.read),
-    Format("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
-    Format("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),
-    Format("DeepMimic", (), deepmimic.matches_format, deepmimic.read),
-    Format("HumanML3D features", (), humanml3d.matches_format, humanml3d.read),
-    Format("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
-    Format("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
-    Format(
+    MotionFormat("BVH", (".bvh",), bvh.matches_format, bvh.read),
+    MotionFormat("ASF/AMC", (".amc",), amc.matches_format, amc.read),
+    MotionFormat("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
+    MotionFormat("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),
+    MotionFormat("DeepMimic", (), deepmimic.matches_format, deepmimic.read),
+    MotionFormat("HumanML3D features", (), humanml3d.matches_format, humanml3d.read),
+    MotionFormat("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
+    MotionFormat("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
+    MotionFormat(
         "SMPL parameters in a pickle",
         (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
         smpl.pickled.matches_format,
         smpl.pickled.read,
         frozenset({"body_model", "clip"}),
     ),
-    Format("joint positions", (".npy", ".npz"), positions.matches_format, positions.read, frozenset({"names"})),
-    Format("zip of motions", (".zip",), zipped.matches_format, zipped.read, frozenset({"clip"})),
+    MotionFormat("joint positions", (".npy", ".npz"), positions.matches_format, positions.read, frozenset({"names"})),
+    MotionFormat("zip of motions", (".zip",), zipped.matches_format, zipped.read, frozenset({"clip"})),
 )
 """In the order of the test; the first format that matches a file reads it."""
-REFUSED = tuple(Format(one.name, one.suffixes, one.matches_format, one.read) for one in refused.REFUSALS)
+REFUSED = tuple(MotionFormat(one.name, one.suffixes, one.matches_format, one.read) for one in refused.REFUSALS)
 """Known, and refused with what to do instead."""
 
 
-def format_of(path: Path) -> Format:
+def format_of(path: Path) -> MotionFormat:
     """The format of a file, by its content; by its suffix where the content says nothing.
 
     Raises:

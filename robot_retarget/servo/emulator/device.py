@@ -14,7 +14,7 @@ from robot_retarget.actuators.control_tables import (
 from robot_retarget.servo.emulator.access import collect, refusal, runs, shut_down
 from robot_retarget.servo.emulator.control import drive
 from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
-from robot_retarget.servo.emulator.motor import Motor
+from robot_retarget.servo.emulator.motor import EmulatedMotor
 from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.emulator.shaft import Shaft
 from robot_retarget.servo.emulator.write_log import WriteLog
@@ -29,7 +29,7 @@ class Device:
     """A servo with its motor. The position of the motor is that of its encoder; hosts see it folded and offset."""
 
     model: Model
-    motor: Motor = field(init=False)
+    motor: EmulatedMotor = field(init=False)
     registers: Registers = field(init=False)
     shaft: Shaft = field(init=False)
     writes: WriteLog = field(default_factory=WriteLog)
@@ -40,7 +40,7 @@ class Device:
     expired: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
-        self.motor, self.registers = Motor(self.model), Registers(self.model)
+        self.motor, self.registers = EmulatedMotor(self.model), Registers(self.model)
         self.shaft = Shaft(self.registers, self.motor)
         self.voltage = self.model.motor.voltage
         self.powered = True

@@ -63,7 +63,7 @@ class Wire:
         return answer
 
 
-class Faults:
+class FaultInjector:
     """Carries out fault sentences on a network, a world and a wire."""
 
     network: Network

@@ -21,7 +21,7 @@ OVERLOAD_TIME = 1.0
 
 
 @dataclass
-class Motor:
+class EmulatedMotor:
     """State of one output shaft in ticks of its own encoder; angle 2048 is the middle of the table."""
 
     model: Model

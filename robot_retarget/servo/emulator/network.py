@@ -7,7 +7,7 @@ from robot_retarget.actuators.control_tables import EEPROM_END, RETURN_DELAY_UNI
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.opencr import Board
-from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, Error, Frame, Instruction
+from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, DynamixelPacket, Error, Instruction
 
 ANSWERED_FROM: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
 """The status return level from which an instruction is answered; all others from 2."""
@@ -45,7 +45,7 @@ class Network:
         """Every device whose cable is plugged."""
         return [device for device in self.devices if device.powered and device.id not in self.silent]
 
-    def answer(self, frame: Frame) -> list[Answer]:
+    def answer(self, frame: DynamixelPacket) -> list[Answer]:
         """Execute an instruction. Returns the answers in order, an empty list without any."""
         if frame.instruction == Instruction.STATUS:
             return []
@@ -64,7 +64,7 @@ class Network:
         answers = [self._single(device, frame) for device in sorted(self.listening(), key=lambda d: d.id)]
         return [a for a in answers if a] if frame.instruction == Instruction.PING else []
 
-    def _single(self, device: Device, frame: Frame) -> Answer | None:
+    def _single(self, device: Device, frame: DynamixelPacket) -> Answer | None:
         """Return one device's answer to an instruction."""
         level = device.registers["status_return_level"]
         delay = device.registers["return_delay_time"] * RETURN_DELAY_UNIT
@@ -86,7 +86,7 @@ class Network:
         return [Answer(mixed, answers[0].delay)]
 
     def _read(self, identity: int, address: int, length: int) -> list[Answer]:
-        frame = Frame(identity, Instruction.READ, protocol.word(address) + protocol.word(length))
+        frame = DynamixelPacket(identity, Instruction.READ, protocol.word(address) + protocol.word(length))
         return self._merged([a for d in self.at(identity) if (a := self._single(d, frame))])
 
     def _sync_read(self, params: bytes) -> list[Answer]:
@@ -145,9 +145,9 @@ class Network:
     def _write(self, identity: int, address: int, data: bytes) -> None:
         for device in self.at(identity):
             device.write(address, data)
-        self._by_second_name(Frame(identity, Instruction.WRITE, protocol.word(address) + data))
+        self._by_second_name(DynamixelPacket(identity, Instruction.WRITE, protocol.word(address) + data))
 
-    def _by_second_name(self, frame: Frame) -> None:
+    def _by_second_name(self, frame: DynamixelPacket) -> None:
         """A secondary id takes writes to RAM, and never answers."""
         address = int.from_bytes(frame.params[:2], "little")
         if frame.instruction != Instruction.WRITE or frame.id > LAST_ID or address < EEPROM_END:
@@ -157,7 +157,7 @@ class Network:
                 device.write(address, frame.params[2:])
 
 
-def _perform(device: Device, frame: Frame) -> tuple[int, bytes]:
+def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
     """Error code and data of an instruction to one device."""
     params, kind = frame.params, frame.instruction
     if kind == Instruction.PING:
@@ -172,7 +172,7 @@ def _perform(device: Device, frame: Frame) -> tuple[int, bytes]:
     return _manage(device, frame, params), b""
 
 
-def _manage(device: Device, frame: Frame, params: bytes) -> int:
+def _manage(device: Device, frame: DynamixelPacket, params: bytes) -> int:
     """Instructions that are neither ping nor read nor write."""
     kind = frame.instruction
     if kind == Instruction.ACTION:

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading
 from robot_retarget.servo import protocol
 from robot_retarget.servo.opencr import GYRO, TABLE_END, encoded
-from robot_retarget.servo.protocol import Error, Frame, Instruction
+from robot_retarget.servo.protocol import DynamixelPacket, Error, Instruction
 
 MODEL = bytes((0x00, 0x73))
 """Model number, which no host of ours reads for more than an answer."""
@@ -36,7 +36,7 @@ class Board:
         """Answer with the present reading from now on."""
         self._kept = self._reading()
 
-    def answer(self, frame: Frame) -> bytes | None:
+    def answer(self, frame: DynamixelPacket) -> bytes | None:
         """The status of an instruction to this id, or None for none."""
         if frame.instruction == Instruction.PING:
             return protocol.status(self.id, 0, MODEL + bytes((1,)))

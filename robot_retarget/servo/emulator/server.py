@@ -19,11 +19,11 @@ from typing import Any
 from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.clock import on_time
-from robot_retarget.servo.emulator.faults import Faults, Wire
+from robot_retarget.servo.emulator.faults import FaultInjector, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.world import World
-from robot_retarget.servo.protocol import Frame, Instruction, Parser
+from robot_retarget.servo.protocol import DynamixelPacket, Instruction, Parser
 
 SILENCE = 0.01
 """The rest of a frame that has not come after this is not coming [s]."""
@@ -96,7 +96,7 @@ class Server:
     pace: Pace
     strict: bool
     wire: Wire
-    faults: Faults
+    faults: FaultInjector
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class Server:
         self._lockstep, self._told = lockstep, 0
         self.network, self.world, self.pace, self.strict = network, world, pace, strict
         self.wire = Wire()
-        self.faults = Faults(network, world, self.wire)
+        self.faults = FaultInjector(network, world, self.wire)
         self.terminal: Terminal | None = Terminal(link)
         self._link = link
         self._parser = Parser(strict)
@@ -235,7 +235,7 @@ class Server:
         self._stop = True
 
 
-def _has_goals(frame: Frame) -> bool:
+def _has_goals(frame: DynamixelPacket) -> bool:
     """Whether a frame is a sync write of goal positions."""
     address = XM430_W350["goal_position"].address
     return frame.instruction == Instruction.SYNC_WRITE and int.from_bytes(frame.params[:2], "little") == address

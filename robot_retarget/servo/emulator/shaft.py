@@ -3,7 +3,7 @@
 from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
-from robot_retarget.servo.emulator.motor import Motor
+from robot_retarget.servo.emulator.motor import EmulatedMotor
 from robot_retarget.servo.emulator.profile import Profile
 from robot_retarget.servo.emulator.registers import Registers
 
@@ -17,11 +17,11 @@ class Shaft:
     """The motor's encoder as the registers show it, and the profile from the last goal."""
 
     registers: Registers
-    motor: Motor
+    motor: EmulatedMotor
     path: Profile
     since: float
 
-    def __init__(self, registers: Registers, motor: Motor) -> None:
+    def __init__(self, registers: Registers, motor: EmulatedMotor) -> None:
         self.registers, self.motor = registers, motor
         self.path = profile.velocity_based(0.0, 0.0, 0, 0)
         self.since = 0.0

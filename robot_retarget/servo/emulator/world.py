@@ -13,7 +13,7 @@ SUPPLY_RESISTANCE = 0.05
 """Of battery and cables [Ω]."""
 
 
-class Plant(Protocol):
+class EmulatedPlant(Protocol):
     """A body moved by the motors, in their order: encoder ticks of each, torque at its output."""
 
     step: float
@@ -44,7 +44,9 @@ class World:
     time: float
     lost: float
 
-    def __init__(self, devices: Sequence[Device], plant: Plant | None = None, supply: float | None = None) -> None:
+    def __init__(
+        self, devices: Sequence[Device], plant: EmulatedPlant | None = None, supply: float | None = None
+    ) -> None:
         self.devices = list(devices)
         self.plant = plant
         self.supply = supply

@@ -14,7 +14,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.describe.soles import smoothstep
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
-from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
 LED = 0.25
 """Hinges move to the home pose if they differ by more than this share of the basin threshold (`RealTime.same`) [-]
@@ -62,7 +62,7 @@ class BasinEscape:
 
     def __init__(self, solver: FrameSolver, options: RealTime):
         self.solver, self.options = solver, options
-        self.pose: Pose | None = None
+        self.pose: FrameSolution | None = None
         self.steps, self.waited = 0, 0.0
         self.lead: Lead | None = None
 
@@ -71,7 +71,9 @@ class BasinEscape:
         self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
         self._set_out(before)
 
-    def look(self, current: Pose, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float) -> None:
+    def look(
+        self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
+    ) -> None:
         """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
         self.waited += seconds
         if self.waited < ROUNDING / self.options.home_rate:
@@ -80,7 +82,7 @@ class BasinEscape:
         if there and self.pose is not None and self._better(self.pose, current):
             self._set_out(current.qpos)
         elif there or self.pose is None:
-            self.pose, self.steps = Pose(standing(), current.status, np.inf, 0), 0
+            self.pose, self.steps = FrameSolution(standing(), current.status, np.inf, 0), 0
         self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges, 1)
         self.steps += 1
 
@@ -94,7 +96,7 @@ class BasinEscape:
             self.lead, self.steps = None, self.options.home_steps
         return led
 
-    def _better(self, home: Pose, current: Pose) -> bool:
+    def _better(self, home: FrameSolution, current: FrameSolution) -> bool:
         apart = np.abs(home.qpos - current.qpos)[self.solver.robot.qpos_index].max(initial=0.0)
         return bool(apart > self.options.same and home.cost < self.options.worth * current.cost)
 

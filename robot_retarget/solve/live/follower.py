@@ -27,7 +27,7 @@ from robot_retarget.solve.live.lag import FixedLag, Solved
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
-from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 
 FIRST = 1 / 30
 """Assumed duration of the first frame [s]."""
@@ -89,7 +89,7 @@ class Follower:
         """Return the pose at a time without a new frame; the targets stay."""
         return replace(self._given(self._stepped(since), time, since), status=Status.HELD)
 
-    def _stepped(self, since: float) -> Pose:
+    def _stepped(self, since: float) -> FrameSolution:
         assert self.targets is not None and self.latest is not None
         human = self.latest
         return self.solver.step(self.targets, since, lambda: self._standing(human))
@@ -100,7 +100,7 @@ class Follower:
         place, turn = self.root_scaling.path(human)[0], human.facing[0]
         return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
 
-    def _given(self, pose: Pose, time: float, since: float) -> StreamPose:
+    def _given(self, pose: FrameSolution, time: float, since: float) -> StreamPose:
         """Return the pose of the stream, smoothed if there is a lag."""
         if self.lag is None or self.targets is None:
             return StreamPose(pose.qpos, time, pose.status)

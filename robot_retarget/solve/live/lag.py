@@ -13,7 +13,7 @@ from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
-from robot_retarget.solve.sqp import FrameSolver, Pose
+from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 
 GIVEN = 2
 """Number of returned poses that fix the start of the path: second differences span no more."""
@@ -23,7 +23,7 @@ GIVEN = 2
 class Solved:
     """A frame of a stream after the real-time iteration."""
 
-    pose: Pose
+    pose: FrameSolution
     targets: EdgeTargets
     time: float
     seconds: float
@@ -52,7 +52,7 @@ class FixedLag:
         self.waiting: deque[Solved] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
-    def smoothed(self, newest: Solved) -> tuple[Pose, float]:
+    def smoothed(self, newest: Solved) -> tuple[FrameSolution, float]:
         """Return the oldest waiting pose, smoothed with the newest, and the time of its frame [s].
 
         Until `lag` frames wait, the first pose is returned repeatedly.
@@ -68,7 +68,7 @@ class FixedLag:
         self.given.append(pose.qpos)
         return pose, first.time
 
-    def _drawn(self, first: Solved, after: list[Floats]) -> Pose:
+    def _drawn(self, first: Solved, after: list[Floats]) -> FrameSolution:
         before = self.given[-1]
         path = [*self.given, first.pose.qpos, *after]
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])

@@ -21,7 +21,7 @@ from robot_retarget.solve.live.basin_escape import BasinEscape
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
-from robot_retarget.solve.sqp import Box, FrameSolver, Pose
+from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
 
 class RealTimeSolver:
@@ -44,20 +44,20 @@ class RealTimeSolver:
         self.root = np.full(len(dofs), options.root_turn)
         self.root[: 3 if free else 0] = options.root_speed
         self.home = BasinEscape(solver, options)
-        self.pose: Pose | None = None
+        self.pose: FrameSolution | None = None
         self.velocity = np.zeros(self.robot.model.nv)
         """(nv,) velocity of the pose [rad/s, m/s]."""
         self.pace = 1.0
         """The usable share of the joints' speeds [-]."""
 
-    def begin(self, start: Floats, targets: EdgeTargets) -> Pose:
+    def begin(self, start: Floats, targets: EdgeTargets) -> FrameSolution:
         """Return the first pose, independent of earlier frames."""
         pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
         return self._kept(self.solver.raise_above_floor(pose), np.zeros_like(self.velocity))
 
-    def stand(self, qpos: Floats, targets: EdgeTargets) -> Pose:
+    def stand(self, qpos: Floats, targets: EdgeTargets) -> FrameSolution:
         """Return the first pose at rest in a stand; later steps move it towards the targets."""
-        pose = self.solver.raise_above_floor(Pose(qpos, Status.CALIBRATING, 0.0, 0))
+        pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0))
         self.home.at_once(pose.qpos, targets, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
 
@@ -67,7 +67,7 @@ class RealTimeSolver:
         assert self.pose is not None
         return self.pose.qpos
 
-    def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> Pose:
+    def step(self, targets: EdgeTargets, seconds: float, standing: Callable[[], Floats]) -> FrameSolution:
         """Return the next pose.
 
         Args:
@@ -92,7 +92,7 @@ class RealTimeSolver:
         self.home.look(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 
-    def _kept(self, pose: Pose, velocity: Floats) -> Pose:
+    def _kept(self, pose: FrameSolution, velocity: Floats) -> FrameSolution:
         self.pose, self.velocity = pose, velocity
         return pose
 

@@ -96,7 +96,7 @@ def runs(flags: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class NearestPairs:
     """The P pairs of links that come nearest, over T frames."""
 
     columns: Ints
@@ -105,7 +105,7 @@ class Near:
     """(T, P, 2, 3) the nearest points of their surfaces, NaN if they are far apart [m]."""
 
 
-def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) -> Near:
+def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) -> NearestPairs:
     """Where the surfaces of pairs that come near are nearest to each other, by MuJoCo's distance of geoms.
 
     Pairs that are near most of the time are neighbours by construction; they are shown during warnings only.
@@ -125,7 +125,7 @@ def near_pairs(robot: Robot, qpos: Floats, warnings: Warnings, height: float) ->
         mujoco.mj_kinematics(model, data)
         for p in np.flatnonzero(shown[t, columns]).tolist():
             ends[t, p] = _nearest(model, data, *(geoms[link] for link in links[p]))
-    return Near(columns, ends)
+    return NearestPairs(columns, ends)
 
 
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, first: list[int], second: list[int]) -> Floats:
