@@ -25,6 +25,9 @@ def simulate(
     feedback: Annotated[
         bool, typer.Option(help="With --mode free: judge goals with the balance feedback of the servo map's sensor.")
     ] = False,
+    backlash: Annotated[
+        float, typer.Option(help="Play of every joint, either way [rad]; that of an XM430 is 0.0044 (0.25°).")
+    ] = 0.0,
     servos: Servos = None,
     own_actuators: Annotated[bool, typer.Option("--own-actuators", help="The MJCF's actuators, no servos.")] = False,
     store: Annotated[
@@ -57,7 +60,7 @@ def simulate(
         require_writable(path)
     model, played = load(robot, limits, servos), load_trajectory(trajectory)
     warnings = foreseen(played, model)
-    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback)
+    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
     if store:
         keep(report, trajectory, where)
     if page is not None:

@@ -171,6 +171,7 @@ def judged(
     warnings: "Warnings | None",
     draws: int,
     feedback: bool = False,
+    backlash: float = 0.0,
 ) -> "Report":
     """A trajectory played on simulated servos, or on the MJCF's own actuators."""
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -189,6 +190,7 @@ def judged(
             warnings=warnings,
             draws=draws,
             feedback=feedback,
+            backlash=backlash,
             progress=stages.begin("simulate"),
         )
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.robot.coupling import Coupling
-from robot_retarget.robot.dynamics import floor_push, root_dofs
+from robot_retarget.robot.dynamics import floor_push
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback, settled
@@ -40,7 +40,7 @@ def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", pla
     The first and the last hold their poses at rest, and stay for the settling before and after.
     """
     playback = playback or Playback()
-    dofs, index = plant.robot.dof_index, plant.robot.qpos_index
+    index = plant.robot.qpos_index
     rate = playback.on(plant)
     qpos = _spline(plant, trajectory, rate)
     torque, speed = _torques(plant, qpos, rate, mode)
@@ -48,7 +48,7 @@ def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", pla
     if change.any():
         qpos[:, index] += change
         torque, speed = _torques(plant, qpos, rate, mode)
-    friction = plant.model.dof_frictionloss[dofs] * np.tanh(speed / SLOW)
+    friction = plant.model.dof_frictionloss[plant.dofs] * np.tanh(speed / SLOW)
     leads = plant.leads(torque + friction, speed)
     return settled(plant, _ahead(qpos[:, index] + leads, rate, playback.delay), playback)
 
@@ -81,7 +81,7 @@ def _rates(model: mujoco.MjModel, qpos: Floats, rate: float) -> tuple[Floats, Fl
 
 def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
     """(N, n) by how much the joints must leave the motion for their servos to follow [rad]."""
-    inertia, damping = limb_inertia(plant.robot, plant.model), plant.model.dof_damping[plant.robot.dof_index]
+    inertia, damping = limb_inertia(plant.robot, plant.model), plant.model.dof_damping[plant.dofs]
     bounds = plant.bounds
     changes = np.zeros_like(torque)
     for k in plant.driven:
@@ -95,22 +95,22 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
     """Return the torques of the servos (N, n) [N m] and their speeds (N, n) [rad/s]."""
     model = copy.copy(plant.model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
-    qvel, qacc = _rates(model, qpos, rate)
+    data, places = mujoco.MjData(model), plant.places
+    qvel, qacc = _rates(plant.robot.model, qpos, rate)
     soles = feet_of(plant.robot).corners if mode == "free" else None
-    root, links = root_dofs(plant.robot), _Links(plant)
+    root, links = plant.root_dofs, _Links(plant)
     dofs = plant.robot.dof_index
-    held = np.setdiff1d(np.arange(model.nv), dofs)
-    torque = np.empty((len(qpos), len(dofs)))
+    if mode == "pinned":
+        held = np.setdiff1d(np.arange(qvel.shape[1]), dofs)
+        qvel[:, held] = qacc[:, held] = 0
+    torque, states = np.empty((len(qpos), len(dofs))), places.lifted(qpos)
     for k in range(len(qpos)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], qvel[k], qacc[k]
-        if mode == "pinned":
-            data.qvel[held] = data.qacc[held] = 0
+        data.qpos[:], data.qvel[places.dofs], data.qacc[places.dofs] = states[k], qvel[k], qacc[k]
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse.copy()
         if soles is not None and len(soles):
             force -= floor_push(model, data, soles, root, force[root])
-        torque[k] = links.driven(qpos[k], force)[dofs]
+        torque[k] = links.driven(qpos[k], force[places.dofs])[dofs]
     return torque, qvel[:, dofs]
 
 

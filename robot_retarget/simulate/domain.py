@@ -1,4 +1,4 @@
-"""Randomised simulations: mass, friction, servo stiffness, delay and tilt differ from those of the model."""
+"""Randomised simulations: mass, friction, servo stiffness, delay, tilt and backlash differ from those of the model."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -26,6 +26,8 @@ class Draw:
     roll: float = 0.0
     pitch: float = 0.0
     """The floor's tilt about x and y [rad]."""
+    backlash: float = 1.0
+    """Times the backlash of every joint, where the plant has it."""
     seed: int = 0
     """Of the inertial sensor's noise and bias."""
 
@@ -38,6 +40,7 @@ class Spread(NamedTuple):
     stiffness: tuple[float, float] = (0.85, 1.15)
     delay: tuple[float, float] = (0.0, 0.02)
     tilt: tuple[float, float] = (-np.pi / 180, np.pi / 180)
+    backlash: tuple[float, float] = (0.5, 1.5)
 
 
 def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw, ...]:
@@ -46,7 +49,11 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
     bounds = np.array([spread.mass, spread.friction, spread.stiffness, spread.delay, spread.tilt, spread.tilt])
     shares = np.random.default_rng(seed).random((count, len(bounds)))
     rows = (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist()
-    return tuple(Draw(*row, seed=k) for k, row in enumerate(rows))
+    # A generator of its own: the other parameters do not depend on it.
+    plays = np.random.default_rng([seed, 1]).uniform(*spread.backlash, count)
+    return tuple(
+        Draw(*row, backlash=float(play), seed=k) for k, (row, play) in enumerate(zip(rows, plays, strict=True))
+    )
 
 
 def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback]:
@@ -59,6 +66,7 @@ def drawn(plant: Plant, draw: Draw, playback: Playback) -> tuple[Plant, Playback
         model.pair_friction[:, :2] = draw.friction
     model.actuator_gainprm[:, 0] *= draw.stiffness
     model.actuator_biasprm[:, :2] *= draw.stiffness
+    model.jnt_range[plant.places.play] *= draw.backlash
     model.opt.gravity[:] = _tilted(plant.model.opt.gravity, draw.roll, draw.pitch)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     delay = playback.delay if draw.delay is None else draw.delay

@@ -109,7 +109,7 @@ class ClosedLoop:
         self._plant, self._angles, self._dt = plant, goals.angles, 1 / goals.rate
         self._law = Law(goals.feedback, self._dt)
         self._motion, self._imu = BodyMotion(plant.model.opt.gravity), VirtualImu(calibrated(imu), self._dt, seed)
-        self._address, self._root = plant.robot.root_address, root_dofs(plant.robot)
+        self._turn, self._root = plant.places.qpos[plant.robot.root_address + 3 :][:4], plant.root_dofs
         self.added = np.zeros_like(goals.angles)
         """(N, n) [rad]."""
         self.stopped: int | None = None
@@ -118,7 +118,7 @@ class ClosedLoop:
     def controls(self, row: int, data: mujoco.MjData) -> Floats:
         """(nu,) for a row, after the state has been read."""
         velocity, spin = data.qvel[self._root[:3]], data.qvel[self._root[3:]]
-        turn = data.qpos[self._address + 3 : self._address + 7]
+        turn = data.qpos[self._turn]
         reading = self._imu.read(self._motion.reading(turn, velocity, spin, self._dt))
         goal = self._law.step(row, self._angles[row], reading)
         self.added[row] = goal - self._angles[row]

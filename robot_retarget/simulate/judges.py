@@ -104,7 +104,7 @@ def _identified_on(robot: str, drives: Drives) -> Drives:
 
 def _drawn_actuators(plant: Plant) -> Plant:
     """Return the plant with drawn damping, friction and armature of its joints."""
-    model, dofs = copy.copy(plant.model), plant.robot.dof_index
+    model, dofs = copy.copy(plant.model), plant.dofs
     damping, friction, armature = _factors((3, len(dofs)))
     model.dof_damping[dofs] *= damping
     model.dof_frictionloss[dofs] *= friction

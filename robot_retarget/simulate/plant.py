@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import mujoco
@@ -13,6 +14,7 @@ from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
+from robot_retarget.simulate.backlash import Places, add_play, places_of
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 
@@ -41,6 +43,26 @@ class Plant:
     notes: tuple[str, ...]
     drives: Drives | None = None
     """The servos; None if the model keeps its own actuators."""
+
+    @cached_property
+    def places(self) -> Places:
+        """Where the model has the robot's coordinates."""
+        return places_of(self.model, self.robot)
+
+    @cached_property
+    def hinges(self) -> Ints:
+        """(n,) indices of the angles that the encoders measure, in the model's configuration."""
+        return self.places.qpos[self.robot.qpos_index]
+
+    @cached_property
+    def dofs(self) -> Ints:
+        """(n,) indices of their speeds."""
+        return self.places.dofs[self.robot.dof_index]
+
+    @cached_property
+    def root_dofs(self) -> Ints:
+        """Indices of the root's velocities."""
+        return self.places.dofs[root_dofs(self.robot)]
 
     @property
     def servo_map(self) -> ServoMap | None:
@@ -74,13 +96,13 @@ class Plant:
             mujoco.mj_step(self.model, data, count)
             return
         for _ in range(count):
-            drives.gears.apply(self.model, data, self.robot.dof_index, drives.friction, drives.back_emf)
+            drives.gears.apply(self.model, data, self.dofs, drives.friction, drives.back_emf)
             mujoco.mj_step(self.model, data)
 
     def with_drives(self, drives: Drives) -> "Plant":
         """Return the plant with the gears and rotors of other drives; their motors are the same."""
         model = copy.copy(self.model)
-        _set_mechanics(model, self.robot, drives)
+        _set_mechanics(model, self.dofs, drives)
         return replace(self, model=model, drives=drives)
 
     def controls(self, goals: Floats) -> Floats:
@@ -115,42 +137,49 @@ class Plant:
         return leads
 
 
-def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None) -> Plant:
+def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None, backlash: float = 0.0) -> Plant:
     """Compile the robot's MJCF for physics.
 
     With `drives` every hinge gets that servo instead of the actuator, damping, friction and armature of the model.
     Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
     inertia, unless gears or closed chains move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes are removed.
     `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
+    `backlash` puts a play between every hinge and its link, either way [rad].
 
     Raises:
-        RobotError: the MJCF no longer compiles to the robot that was loaded.
+        RobotError: the MJCF no longer compiles to the robot that was loaded, or a body has several hinges and backlash.
+        UsageError: the backlash is out of bounds.
     """
     try:
         spec = robot.spec()
         kept = _strip(spec, robot, keep=drives is None)
         added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
         floor = mode == "free" and _add_floor(spec, robot)
+        add_play(spec, robot, backlash)
         model = spec.compile()
     except ValueError as error:
         raise RobotError(f"{robot.path}: cannot be prepared for simulation: {' '.join(str(error).split())}") from error
-    if model.nq != robot.model.nq:
-        raise RobotError(f"{robot.path}: has {model.nq} coordinates now, {robot.model.nq} when it was loaded")
+    places = places_of(model, robot)
+    if len(places.qpos) != robot.model.nq:
+        raise RobotError(f"{robot.path}: has {len(places.qpos)} coordinates now, {robot.model.nq} when it was loaded")
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    dofs = places.dofs[robot.dof_index]
     if drives is not None:
-        _set_mechanics(model, robot, drives)
+        _set_mechanics(model, dofs, drives)
     if mode == "pinned":
-        _hold_root(model, robot)
+        _hold_root(model, places.dofs[root_dofs(robot)])
         _leave_scene(model)
     else:
         _harden_floor(model, robot)
     servos = np.full(len(robot.joint_names), -1)
-    place = {int(j): k for k, j in enumerate(robot.joint_ids)}
+    place = {int(j): k for k, j in enumerate(model.dof_jntid[dofs])}
     for actuator in range(model.nu):
         servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
     said = list(drives.notes) if drives is not None else []
     if mode == "free" and not feet_of(robot).names:
         said.append("no feet are recognised: the bodies that touch the floor first may stand on it")
+    if backlash:
+        said.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
     return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives)
 
 
@@ -223,9 +252,8 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, drives: Drives) -> list[str]:
     return []
 
 
-def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
+def _set_mechanics(model: mujoco.MjModel, dofs: Ints, drives: Drives) -> None:
     """What turns with the shafts: the back-EMF acts beyond the clip of the duty, so it is a damping of the joint."""
-    dofs = robot.dof_index
     model.dof_damping[dofs] = drives.back_emf + drives.damping
     model.dof_frictionloss[dofs] = drives.friction
     model.dof_armature[dofs] = drives.armature
@@ -235,13 +263,13 @@ def _set_mechanics(model: mujoco.MjModel, robot: Robot, drives: Drives) -> None:
 def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]; `model` as in a plant."""
     chosen = robot.model if model is None else model
-    data = mujoco.MjData(chosen)
-    data.qpos[:] = robot.standing()
+    data, places = mujoco.MjData(chosen), places_of(chosen, robot)
+    data.qpos[:] = places.lifted(robot.standing())
     mujoco.mj_forward(chosen, data)
     columns = np.zeros((chosen.nv, chosen.nv))
     for column, unit in zip(columns, np.eye(chosen.nv), strict=True):
         mujoco.mj_mulM(chosen, data, column, unit)
-    return np.diag(columns)[robot.dof_index]
+    return np.diag(columns)[places.dofs[robot.dof_index]]
 
 
 def _add_floor(spec: mujoco.MjSpec, robot: Robot) -> bool:
@@ -260,8 +288,8 @@ def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
     model.geom_solref[soft] = HARD, 1.0
 
 
-def _hold_root(model: mujoco.MjModel, robot: Robot) -> None:
-    model.dof_armature[root_dofs(robot)] = HEAVY * model.body_mass.sum()
+def _hold_root(model: mujoco.MjModel, root: Ints) -> None:
+    model.dof_armature[root] = HEAVY * model.body_mass.sum()
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 

@@ -49,6 +49,7 @@ def simulate(
     likeness: Likeness | None = None,
     draws: int = 0,
     feedback: bool | None = False,
+    backlash: float = 0.0,
     progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -75,16 +76,21 @@ def simulate(
         draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map (mode `free`); None for where the map
             has a sensor.
+        backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
         progress: called with (steps done, steps in all), a step for each simulation.
 
     Raises:
-        UsageError: an unknown mode, `free` for a robot without a free root, or feedback without a sensor in the map.
+        UsageError: an unknown mode, `free` for a robot without a free root, feedback without a sensor in the map, or a
+            backlash out of bounds.
         TrajectoryError: the file cannot be read, or is of another robot.
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     require_same_robot(played, robot)
-    plant, count = plant_of(robot, mode, drives), Count(progress, SIMULATED + (draws if mode == "free" else 0))
+    plant, count = (
+        plant_of(robot, mode, drives, backlash),
+        Count(progress, SIMULATED + (draws if mode == "free" else 0)),
+    )
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
     goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
     if _closes(plant, mode, feedback):
@@ -132,18 +138,18 @@ def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
     return rollout.unstable is not None or fall_figures(rollout, robot, trajectory)["fall_s"] is not None
 
 
-def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto") -> Plant:
-    """The physics of a robot in a mode; `drives` as in `simulate`.
+def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto", backlash: float = 0.0) -> Plant:
+    """The physics of a robot in a mode; `drives` and `backlash` as in `simulate`.
 
     Raises:
-        UsageError: an unknown mode, or `free` for a robot without a free root.
+        UsageError: an unknown mode, `free` for a robot without a free root, or a backlash out of bounds.
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
     if mode not in get_args(Mode):
         raise UsageError(f"unknown mode {mode!r}; known: {', '.join(get_args(Mode))}")
     if mode == "free" and not robot.floating:
         raise UsageError(f"mode 'free' needs a robot with a free root; the root of {robot.name!r} is not free")
-    return build_plant(robot, cast(Mode, mode), drives_of(robot) if isinstance(drives, str) else drives)
+    return build_plant(robot, cast(Mode, mode), drives_of(robot) if isinstance(drives, str) else drives, backlash)
 
 
 def rollouts(

@@ -10,8 +10,6 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.goals import Goals
-from robot_retarget.robot.dynamics import root_dofs
-from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
 from robot_retarget.simulate.contacts import ContactLog, Contacts
 from robot_retarget.simulate.feedback import ClosedLoop
@@ -33,9 +31,9 @@ class Rollout:
     times: Floats
     """(N,) [s]."""
     qpos: Floats
-    """(N, nq)."""
+    """(N, nq) of the robot; a joint's angle includes the play of its gears."""
     hinges: Floats
-    """(N, n) measured [rad]."""
+    """(N, n) measured by the encoders [rad]: without the play."""
     speeds: Floats
     """(N, n) [rad/s]."""
     torque: Floats
@@ -76,15 +74,15 @@ def roll_out(
     nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
     dt, times = nsub * model.opt.timestep, goals.times
     data = mujoco.MjData(model)
-    data.qpos[:] = trajectory.qpos[0]
+    data.qpos[:] = plant.places.lifted(trajectory.qpos[0])
     if mode == "free":
         set_on_floor(model, data)
     carried = None
     if mode == "pinned":
         roots = root_coordinates(robot)
-        carried = roots, root_dofs(robot), sample(trajectory, robot, times)[:, roots]
+        carried = plant.places.qpos[roots], plant.root_dofs, sample(trajectory, robot, times)[:, roots]
     loop = _closed(plant, goals, playback) if mode == "free" else None
-    log = _Log(model, robot, len(times))
+    log = _Log(plant, len(times))
     began = time.perf_counter()
     with _quiet():
         late = round(playback.delay / model.opt.timestep)
@@ -139,14 +137,15 @@ def _steps(
 class _Log:
     """Records the states of a simulation."""
 
-    def __init__(self, model: mujoco.MjModel, robot: Robot, count: int):
-        self.robot = robot
+    def __init__(self, plant: Plant, count: int):
+        self.plant = plant
+        model, robot = plant.model, plant.robot
         self.contacts = ContactLog(model)
         self.qpos, self.qvel = np.empty((count, model.nq)), np.empty((count, model.nv))
         self.torque, self.wrench = np.empty((count, model.nv)), np.zeros((count, 6))
         self.com, self.place, self.turn = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 9))
         self._body = robot.root_body
-        self._root = root_dofs(robot) if robot.floating else None
+        self._root = plant.root_dofs if robot.floating else None
 
     def note(self, k: int, data: mujoco.MjData) -> None:
         self.qpos[k], self.qvel[k], self.torque[k] = data.qpos, data.qvel, data.qfrc_actuator
@@ -158,10 +157,10 @@ class _Log:
 
     def rollout(self, times: Floats, unstable: float | None, pace: float) -> Rollout:
         """Everything noted, as far as the times go."""
-        n, index, dofs = len(times), self.robot.qpos_index, self.robot.dof_index
-        qpos = self.qpos[:n]
+        n, plant, dofs = len(times), self.plant, self.plant.dofs
+        qpos = plant.places.configuration(self.qpos[:n])
         return Rollout(
-            times, qpos, qpos[:, index], self.qvel[:n, dofs], self.torque[:n, dofs], self.com[:n], self._ground(n),
+            times, qpos, self.qpos[:n, plant.hinges], self.qvel[:n, dofs], self.torque[:n, dofs], self.com[:n], self._ground(n),
             self.contacts.table(), unstable, pace,
         )  # fmt: skip
 
