@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from robot_retarget.balance.balance import balance_of, in_balance
-from robot_retarget.balance.planter import PlantOptions
+from robot_retarget.balance.balanced_ik import BalanceOptions
 from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.describe.graph import RobotGraph, describe
@@ -144,7 +144,7 @@ def solve(
     """
     mode = balance_of(graph.robot, legs, balance)
     if mode != "off" and "speed" in graph.kinds:  # the playback is no faster than its draft
-        graph = graph.with_bounds("speed", factor=PlantOptions().speed)
+        graph = graph.with_bounds("speed", factor=BalanceOptions().speed)
     draft, planting = progress, None
     if mode != "off" and progress:
         draft, planting = one_after_another(progress, expected_steps(graph))

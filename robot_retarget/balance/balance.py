@@ -1,6 +1,6 @@
 """Turn a draft into a motion in balance: from a balanced stand, over planted feet, back into a balanced stand.
 
-    draft ──support──▶ footholds ──timeline──▶ pace ──zmp──▶ path of the centre of mass ──planter──▶ configurations
+    draft ──support──▶ footholds ──timeline──▶ pace ──zmp──▶ path of the centre of mass ──balanced_ik──▶ configurations
 
 The last step is a second retargeting: the human's edges at the playback's pace, plus footholds and centre of mass.
 """
@@ -11,9 +11,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.foot_spacing import parted
+from robot_retarget.balance.balanced_ik import BalancedIk
+from robot_retarget.balance.foot_spacing import spread
 from robot_retarget.balance.footstep_limits import carried, within_reach
-from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
 from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
@@ -77,18 +77,18 @@ def in_balance(
     """
     if len(graph.match.anatomy.soles) < 2:
         raise BalanceError(f"{graph.robot.name} has no two feet to stand on: do without balance (balance 'off')")
-    planter, count = Planter(graph), Count(progress, expected_steps(graph))
+    ik, count = BalancedIk(graph), Count(progress, expected_steps(graph))
     if legs == "stand":
-        return _played_as(planter, draft, "stand", mode, count)
+        return _played_as(ik, draft, "stand", mode, count)
     acceptable = Acceptable() if legs == "auto" else None
     try:
         require_own_feet(activity_of(graph.motion, graph.match))
-        return _played_as(planter, draft, "follow", mode, count, acceptable)
+        return _played_as(ik, draft, "follow", mode, count, acceptable)
     except BalanceError as error:
         if legs == "follow":
             raise
         reason = str(error).split(": a robot that stands free")[0]
-    balanced, graph, solution = _played_as(planter, draft, "stand", mode, count)
+    balanced, graph, solution = _played_as(ik, draft, "stand", mode, count)
     return replace(balanced, instead=reason), graph, solution
 
 
@@ -102,54 +102,54 @@ def _require_alike(graph: RobotGraph, qpos: Floats, frames: np.ndarray, most: Ac
 
 
 def _played_as(
-    planter: Planter, draft: Solution, legs: str, mode: str, count: Count, acceptable: Acceptable | None = None
+    ik: BalancedIk, draft: Solution, legs: str, mode: str, count: Count, acceptable: Acceptable | None = None
 ) -> tuple[Balanced, RobotGraph, Solution]:
     """Return a playback with following or standing legs.
 
     Raises:
         BalanceError: the motion leaves the floor, or the result is not acceptable.
     """
-    qpos, graph = draft.trajectory.qpos, planter.graph
-    clip = _standing(planter, qpos) if legs == "stand" else _stepping(planter, qpos)
+    qpos, graph = draft.trajectory.qpos, ik.graph
+    clip = _standing(ik, qpos) if legs == "stand" else _stepping(ik, qpos)
     slowest = acceptable.slowdown if acceptable else np.inf
-    found = replace(paced(planter, clip, Steadiness(static=mode == "static"), count, slowest), legs=legs)
+    found = replace(paced(ik, clip, Steadiness(static=mode == "static"), count, slowest), legs=legs)
     frames = np.round(found.timeline.at).astype(int)
     motion = at_frames(clip.graph.motion, found.timeline.at, graph.fps)
     played = replace(clip.graph.at(frames), motion=motion, tracks=found.tracks)
     if acceptable:
         _require_alike(played, found.qpos, found.timeline.share >= 1, acceptable)
-    solution = solution_of(planter.solver, played, list(found.poses), draft.timings)
+    solution = solution_of(ik.solver, played, list(found.poses), draft.timings)
     times = np.interp(found.timeline.at, np.arange(len(graph)), draft.trajectory.source_time)
     return found, played, replace(solution, trajectory=replace(solution.trajectory, source_time=times))
 
 
-def _standing(planter: Planter, draft: Floats) -> PlaybackClip:
+def _standing(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     """Return a clip with both feet in the balanced stand at all frames."""
-    graph, places = planter.graph, stand_places(planter)
+    graph, places = ik.graph, stand_places(ik)
     human, turns = in_place(graph.human, graph.match)
-    posed, count = posed_in_place(planter, draft, turns, balanced_stand(planter, places)), len(draft)
+    posed, count = posed_in_place(ik, draft, turns, balanced_stand(ik, places)), len(draft)
     still = graph_from(graph, human)
     return PlaybackClip(
-        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(planter.feet)), bool), graph.fps
+        still, posed, np.tile(places, (count, 1, 1, 1)), np.ones((count, len(ik.feet)), bool), graph.fps
     )
 
 
-def _stepping(planter: Planter, draft: Floats) -> PlaybackClip:
+def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     """Return the draft with steps within the robot's reach; its body follows them.
 
     Raises:
         BalanceError: the motion leaves the floor.
     """
-    graph, fps = planter.graph, planter.graph.fps
-    corners = planter.corners(draft)
-    planted = planted_feet(graph.human.contacts, planter.feet, corners, planter.leg, fps)
-    own = stand_places(planter)
-    corners = parted(corners, own)
-    kept = kept_down(planted, corners, planter.leg, fps)
+    graph, fps = ik.graph, ik.graph.fps
+    corners = ik.corners(draft)
+    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps)
+    own = stand_places(ik)
+    corners = spread(corners, own)
+    kept = kept_down(planted, corners, ik.leg, fps)
     if kept.all():
         return PlaybackClip(graph, draft, corners, kept, fps)
-    placed = within_reach(kept, corners, own, planter.leg)
-    root = slice(planter.robot.root_address, planter.robot.root_address + 2)
+    placed = within_reach(kept, corners, own, ik.leg)
+    root = slice(ik.robot.root_address, ik.robot.root_address + 2)
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
     stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)

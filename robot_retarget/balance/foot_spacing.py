@@ -1,6 +1,6 @@
 """Two adjacent soles: their heading, their distance, and their separation.
 
-Soles are their corners (T, F, 4, 3) in `footing.CORNERS` order, the left foot first.
+Soles are their corners (T, F, 4, 3) in the order of `soles.CORNER_NAMES`, the left foot first.
 """
 
 import numpy as np
@@ -12,8 +12,8 @@ GAP = 0.6
 """Least gap between two soles, as a share of the gap in the robot's own stand."""
 
 
-def parted(corners: Floats, own: Floats) -> Floats:
-    """Return (T, 2, 4, 3) two feet moved apart to either side where they are nearer than in the stand `own`.
+def spread(corners: Floats, own: Floats) -> Floats:
+    """Return (T, 2, 4, 3) both feet, moved apart where they are nearer than in the stand `own`.
 
     A human moves narrow feet past each other closely; large soles cannot pass.
     """

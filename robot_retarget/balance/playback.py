@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.planter import Planter
-from robot_retarget.balance.playback_plan import Outline, PlaybackClip, outlined
-from robot_retarget.balance.timeline import Pacing, Timeline, motion_needs, shift_needs, stretched, unhurried
+from robot_retarget.balance.balanced_ik import BalancedIk
+from robot_retarget.balance.playback_plan import PlaybackClip, PlaybackPlan, plan_playback
+from robot_retarget.balance.timeline import Pacing, Timeline, least_durations, motion_needs, shift_needs, stretched
 from robot_retarget.balance.zmp import Steadiness, ZmpPlan
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.dgp.track import Track
@@ -83,43 +83,43 @@ def expected_steps(graph: RobotGraph) -> int:
     return round(2 * ROUNDS * len(graph) * (IN_TURN + Smoothing().passes))
 
 
-def paced(planter: Planter, clip: PlaybackClip, how: Steadiness, count: Count, slowest: float) -> Balanced:
+def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slowest: float) -> Balanced:
     """Return the clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs time.
 
     Raises:
         BalanceError: it needs more than `slowest` times the human's time.
     """
     chosen = Pacing()
-    stretch = unhurried(clip.planted, clip.fps, chosen)
-    outline = outlined(planter, clip, stretch, how)
+    stretch = least_durations(clip.planted, clip.fps, chosen)
+    plan = plan_playback(ik, clip, stretch, how)
     for _ in range(chosen.shifts):
-        late = outline.plan.excess > chosen.excess
+        late = plan.zmp.excess > chosen.excess
         if not late.any() or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        stretch = stretched(stretch, outline.timeline, shift_needs(late, outline.timeline, chosen), chosen)
+        stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, chosen), chosen)
         _require_pace(stretch, slowest)
-        outline = outlined(planter, clip, stretch, how)
-        count.one(len(outline.targets))
-    found = played(planter, clip, outline, count)
+        plan = plan_playback(ik, clip, stretch, how)
+        count.one(len(plan.targets))
+    found = played(ik, clip, plan, count)
     for _ in range(chosen.rounds):
-        loads = joint_torques(planter.robot, found.qpos, clip.fps, planter.soles, QUICK)
-        inside = found.margin / outline.reach
-        needs = motion_needs(planter.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
+        loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK)
+        inside = found.margin / plan.reach
+        needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        if not _jumps(planter, found):
-            stretch = stretched(stretch, outline.timeline, needs, chosen)
+        if not _jumps(ik, found):
+            stretch = stretched(stretch, plan.timeline, needs, chosen)
             _require_pace(stretch, slowest)
-        clip = replace(clip, qpos=_on_clip(planter.robot, found, clip))
-        outline = outlined(planter, clip, stretch, how)
-        found = played(planter, clip, outline, count, near=True)
+        clip = replace(clip, qpos=_on_clip(ik.robot, found, clip))
+        plan = plan_playback(ik, clip, stretch, how)
+        found = played(ik, clip, plan, count, near=True)
     return found
 
 
-def _jumps(planter: Planter, found: Balanced) -> bool:
+def _jumps(ik: BalancedIk, found: Balanced) -> bool:
     """Whether a joint exceeds its planted speed: links that met were separated late, which more time cannot correct."""
-    turned = np.abs(np.diff(found.qpos[:, planter.robot.qpos_index], axis=0)) * found.timeline.fps
-    return bool((turned > 1.01 * planter.solver.speed).any())
+    turned = np.abs(np.diff(found.qpos[:, ik.robot.qpos_index], axis=0)) * found.timeline.fps
+    return bool((turned > 1.01 * ik.solver.speed).any())
 
 
 def _require_pace(stretch: Floats, slowest: float) -> None:
@@ -127,27 +127,27 @@ def _require_pace(stretch: Floats, slowest: float) -> None:
         raise BalanceError(f"stepping would take over {slowest:g} times as long as the human")
 
 
-def played(planter: Planter, clip: PlaybackClip, outline: Outline, count: Count, near: bool = False) -> Balanced:
-    """Return the configurations that follow an outline; `near` for configurations that have been planted before."""
-    timeline, robot = outline.timeline, planter.robot
-    playback = planter.playback(timeline.share[:, None], outline.places, timeline.planted)
-    tracks = planter.targets(clip.graph, timeline.at, outline.stands, playback, outline.plan.centre)
-    solver_clip = clip_of(planter.solver, tracks, Smoothing(), clip.fps)
-    count.expect(round(ROUNDS * len(outline.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
-    start = list(outline.targets) if near else _in_turn(planter, outline, solver_clip, count)
+def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count, near: bool = False) -> Balanced:
+    """Return the configurations that follow a plan; `near` for configurations that an earlier round solved."""
+    timeline, robot = plan.timeline, ik.robot
+    playback = ik.playback(timeline.share[:, None], plan.places, timeline.planted)
+    tracks = ik.targets(clip.graph, timeline.at, plan.stands, playback, plan.zmp.centre)
+    solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
+    count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
+    start = list(plan.targets) if near else _in_turn(ik, plan, solver_clip, count)
     poses = clip_passes(solver_clip, start, count)
     qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK)
-    margin = np.array([p.margin(x) for p, x in zip(outline.supports, pressed.point, strict=True)])
-    standing = [spots[down].reshape(-1, 3) for spots, down in zip(outline.places, timeline.planted, strict=True)]
+    margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])
+    standing = [spots[down].reshape(-1, 3) for spots, down in zip(plan.places, timeline.planted, strict=True)]
     return Balanced(
         tuple(poses),
         tuple(tracks),
         timeline,
-        outline.places,
-        outline.plan,
-        outline.slowdown,
-        outline.stride,
+        plan.places,
+        plan.zmp,
+        plan.slowdown,
+        plan.stride,
         "follow",
         pressed.point,
         margin,
@@ -155,20 +155,20 @@ def played(planter: Planter, clip: PlaybackClip, outline: Outline, count: Count,
     )
 
 
-def _in_turn(planter: Planter, outline: Outline, clip: ClipProblem, count: Count) -> list[Floats]:
+def _in_turn(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
     """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
 
     Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it
     again. Arms that avoid a leaning trunk would meet it again at every frame.
     """
-    robot, found, correction = planter.robot, [], np.zeros(planter.robot.model.nv)
-    carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | planter.leg_dofs
-    for k, targets in enumerate(outline.targets):
+    robot, found, correction = ik.robot, [], np.zeros(ik.robot.model.nv)
+    carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | ik.leg_dofs
+    for k, targets in enumerate(plan.targets):
         starts = [np.where(carried, correction, 0.0)]
         if np.abs(correction - starts[0]).max() > ASIDE:
             starts.append(correction)
         poses = [
-            planter.solver.solve_frame(
+            ik.solver.solve_frame(
                 integrate(robot, targets, start), clip.all_targets.at(k), iterations=8, tolerance=1e-4
             )
             for start in starts

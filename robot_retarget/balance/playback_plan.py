@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.foot_spacing import GAP, gaps
-from robot_retarget.balance.planter import Planter
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Timeline
@@ -50,7 +50,7 @@ class PlaybackClip:
 
 
 @dataclass(frozen=True)
-class Outline:
+class PlaybackPlan:
     """The targets of every frame of a playback, and the plan of the centre of mass."""
 
     timeline: Timeline
@@ -61,7 +61,7 @@ class Outline:
     stands: tuple[Floats, Floats]
     """The configurations (nq,) of the first and the last stand."""
     supports: list[Polygon]
-    plan: ZmpPlan
+    zmp: ZmpPlan
     slowdown: float
     stride: float
 
@@ -71,31 +71,31 @@ class Outline:
         return np.array([p.margin(p.middle) for p in self.supports])
 
 
-def outlined(planter: Planter, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> Outline:
-    """Lay the clip out in time and plan its balance; frame t lasts stretch_t (T − 1,) times as long."""
-    ends = [_end_places(planter, clip, t) for t in (0, -1)]
-    stands = [balanced_stand(planter, places) for places in ends]
-    timeline = timeline_of(planter, clip, stands, stretch)
-    targets = _target_poses(planter, clip, stands, timeline)
-    places = _places(planter, clip, ends, timeline)
+def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> PlaybackPlan:
+    """Plan time, footholds and balance of a clip; frame t lasts stretch_t (T − 1,) times as long."""
+    ends = [_end_places(ik, clip, t) for t in (0, -1)]
+    stands = [balanced_stand(ik, places) for places in ends]
+    timeline = timeline_of(ik, clip, stands, stretch)
+    targets = _target_poses(ik, clip, stands, timeline)
+    places = _places(ik, clip, ends, timeline)
     supports = _supports(timeline, places)
-    centre = planter.centres(targets)
+    centre = ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
     plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
-    return Outline(
+    return PlaybackPlan(
         timeline, targets, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride
     )
 
 
-def timeline_of(planter: Planter, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
+def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
     """Lay the clip between its two stands, frame by frame of the playback."""
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
     inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))
     lifts = (0.0 if clip.planted[t].all() else LIFT * min(stretch[t], SLOWEST_LIFT) for t in (0, -1))
     up, down = (round(lift * fps) for lift in lifts)
-    lead = _lead_shares(planter, stands[0], clip, 0, up)
-    tail = _lead_shares(planter, stands[1], clip, -1, down)
+    lead = _lead_shares(ik, stands[0], clip, 0, up)
+    tail = _lead_shares(ik, stands[1], clip, -1, down)
     at = np.concatenate([np.zeros(len(lead)), inside, np.full(len(tail), last)])
     share = np.concatenate([lead, np.ones(len(inside)), tail[::-1]])
     planted = clip.planted[np.round(at).astype(int)]
@@ -104,9 +104,9 @@ def timeline_of(planter: Planter, clip: PlaybackClip, stands: list[Floats], stre
     return Timeline(at, share, planted, fps)
 
 
-def _lead_shares(planter: Planter, stand: Floats, clip: PlaybackClip, frame: int, lift: int) -> Floats:
+def _lead_shares(ik: BalancedIk, stand: Floats, clip: PlaybackClip, frame: int, lift: int) -> Floats:
     """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
-    index = planter.robot.qpos_index
+    index = ik.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
     count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
     s = np.linspace(0.0, 1.0, count)
@@ -115,9 +115,9 @@ def _lead_shares(planter: Planter, stand: Floats, clip: PlaybackClip, frame: int
     return np.concatenate([shares, np.ones(lifting)])
 
 
-def _target_poses(planter: Planter, clip: PlaybackClip, stands: list[Floats], timeline: Timeline) -> Floats:
+def _target_poses(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], timeline: Timeline) -> Floats:
     """Return (K, nq) the draft at the timeline's times, blended with the stands joint by joint."""
-    robot = planter.robot
+    robot = ik.robot
     trajectory = Trajectory(clip.qpos, clip.fps, robot.joint_names, robot.name)
     targets = sample(trajectory, robot, timeline.at / clip.fps)
     middle = len(timeline.at) // 2
@@ -127,10 +127,10 @@ def _target_poses(planter: Planter, clip: PlaybackClip, stands: list[Floats], ti
     return targets
 
 
-def _end_places(planter: Planter, clip: PlaybackClip, frame: int) -> Floats:
+def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
     """Return (F, 4, 3) the feet before or after the clip; a foot in the air goes to its place next to the other."""
     corners, planted = clip.corners[frame], clip.planted[frame]
-    own = stand_places(planter)
+    own = stand_places(ik)
     if planted.all() or not planted.any():
         return flattened(corners)
     target, stand = flattened(corners[planted][0]), own[planted][0]
@@ -140,7 +140,7 @@ def _end_places(planter: Planter, clip: PlaybackClip, frame: int) -> Floats:
     return target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
 
 
-def _places(planter: Planter, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
+def _places(ik: BalancedIk, clip: PlaybackClip, ends: list[Floats], timeline: Timeline) -> Floats:
     """Return (K, F, 4, 3) places of the soles."""
     before = np.minimum(timeline.at.astype(int), len(clip.corners) - 2)
     part = (timeline.at - before)[:, None, None, None]
@@ -149,8 +149,8 @@ def _places(planter: Planter, clip: PlaybackClip, ends: list[Floats], timeline: 
     for frames, places, frame in ((slice(0, first), ends[0], 0), (slice(last + 1, None), ends[1], -1)):
         aside = timeline.planted[frames] & ~clip.planted[frame]
         corners[frames] = np.where(aside[:, :, None, None], places, corners[frames])
-    gap = GAP * float(gaps(stand_places(planter)[None])[0])
-    return foothold_places(timeline.planted, corners, ARC * planter.leg, gap)
+    gap = GAP * float(gaps(stand_places(ik)[None])[0])
+    return foothold_places(timeline.planted, corners, ARC * ik.leg, gap)
 
 
 def _supports(timeline: Timeline, places: Floats) -> list[Polygon]:

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.zmp import support
 from robot_retarget.describe.soles import flattened, lengths
 from robot_retarget.human.features import HumanFeatures
@@ -18,25 +18,25 @@ SETTLE = 1.0
 """Slower turns of a human are part of walking; faster turns happen over standing feet [s]."""
 
 
-def stand_places(planter: Planter) -> Floats:
+def stand_places(ik: BalancedIk) -> Floats:
     """Return (F, 4, 3) soles of the robot's standing pose, flat on the floor, around the origin, ahead along x [m]."""
-    places = flattened(planter.corners(planter.robot.standing()[None])[0])
+    places = flattened(ik.corners(ik.robot.standing()[None])[0])
     ahead = unit(lengths(places).sum(axis=0))
     level = np.array([[ahead[0], ahead[1], 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
     return (places - places.mean(axis=(0, 1))) @ level.T
 
 
-def balanced_stand(planter: Planter, places: Floats) -> Floats:
+def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
     """Return (nq,) the standing pose with its soles at places (F, 4, 3) and its mass over the middle between them."""
-    own = flattened(planter.corners(planter.robot.standing()[None])[0])
-    turn, address = _heading(places) - _heading(own), planter.robot.root_address
-    posed, spin = np.array(planter.robot.standing()), Rotation.from_euler("z", turn)
+    own = flattened(ik.corners(ik.robot.standing()[None])[0])
+    turn, address = _heading(places) - _heading(own), ik.robot.root_address
+    posed, spin = np.array(ik.robot.standing()), Rotation.from_euler("z", turn)
     root = posed[address : address + 3] - own.mean(axis=(0, 1))
     posed[address : address + 3] = spin.apply(root) + places.mean(axis=(0, 1))
-    posed[address + 2] -= planter.corners(posed[None])[0][..., 2].mean() + planter.options.crouch * planter.leg
+    posed[address + 2] -= ik.corners(posed[None])[0][..., 2].mean() + ik.options.crouch * ik.leg
     turned = spin * Rotation.from_quat(posed[address + 3 : address + 7], scalar_first=True)
     posed[address + 3 : address + 7] = turned.as_quat(scalar_first=True)
-    return planter.stand(posed, places, support(places.reshape(-1, 3)).middle)
+    return ik.stand(posed, places, support(places.reshape(-1, 3)).middle)
 
 
 def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]:
@@ -61,9 +61,9 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
     return standing, slow
 
 
-def posed_in_place(planter: Planter, draft: Floats, turns: Floats, stand: Floats) -> Floats:
+def posed_in_place(ik: BalancedIk, draft: Floats, turns: Floats, stand: Floats) -> Floats:
     """Return (T, nq) starts of planting: a draft's upper body over the legs of a stand, turned back by (T,) [rad]."""
-    posed, address, legs = np.array(draft), planter.robot.root_address, planter.leg_coordinates
+    posed, address, legs = np.array(draft), ik.robot.root_address, ik.leg_coordinates
     posed[:, legs] = stand[legs]
     posed[:, address : address + 2] = stand[address : address + 2]
     posed[:, address + 2] = np.minimum(draft[:, address + 2], stand[address + 2])

@@ -62,7 +62,7 @@ class Timeline:
     fps: float
 
 
-def unhurried(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
+def least_durations(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
     """Return frame durations (T − 1,) that give every swing of a foot, planted (T, F), its least duration."""
     factor = np.ones(len(planted) - 1)
     for foot in planted.T:

@@ -12,13 +12,13 @@ from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter1d
 
 import robot_retarget as rr
-from robot_retarget.balance.foot_spacing import gaps, parted
-from robot_retarget.balance.planter import Planter
+from robot_retarget.balance.balanced_ik import BalancedIk
+from robot_retarget.balance.foot_spacing import gaps, spread
 from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, PlaybackClip, timeline_of
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import kept_down, planted_feet
 from robot_retarget.balance.swing import foothold_places
-from robot_retarget.balance.timeline import Pacing, motion_needs, unhurried
+from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
 from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.pipeline import Result
@@ -50,8 +50,8 @@ def squat() -> Result:
 
 
 @pytest.fixture(scope="module")
-def planter() -> Planter:
-    return Planter(rr.describe(rr.read_motion(SAMPLES / "wave.bvh"), rr.load_robot("op3")).frames(0, 60))
+def ik() -> BalancedIk:
+    return BalancedIk(rr.describe(rr.read_motion(SAMPLES / "wave.bvh"), rr.load_robot("op3")).frames(0, 60))
 
 
 def mass_centres(robot: rr.Robot, qpos: np.ndarray) -> np.ndarray:
@@ -113,13 +113,13 @@ def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swin
 def test_swings_are_given_the_time_that_legs_need_and_stances_are_left_alone() -> None:
     planted = np.ones((90, 2), bool)
     planted[20:29, 0] = planted[50:80, 1] = False
-    durations = unhurried(planted, 30.0, Pacing(swing=0.8))
+    durations = least_durations(planted, 30.0, Pacing(swing=0.8))
     assert durations[19:29].sum() / 30 == pytest.approx(0.8) and (np.delete(durations, range(19, 29)) == 1).all()
 
 
-def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_not(planter: Planter) -> None:
-    robot = planter.robot
-    held = np.tile(planter.robot.standing(), (40, 1))
+def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_not(ik: BalancedIk) -> None:
+    robot = ik.robot
+    held = np.tile(ik.robot.standing(), (40, 1))
     turning, elbow = held.copy(), robot.joint_names.index("l_el")
     turning[:, robot.qpos_index[elbow]] -= np.linspace(0, 0.6 * robot.max_speed[elbow] * 39 / 30, 40)
     rest, load = np.zeros((40, len(robot.joint_names))), np.zeros((40, len(robot.joint_names)))
@@ -130,58 +130,58 @@ def test_a_load_beyond_the_torque_speed_line_asks_for_time_and_one_at_rest_does_
     assert (motion_needs(robot, held, (load, load), inside, friction, 30.0, Pacing()) == 1).all()
 
 
-def test_feet_that_would_slide_are_given_the_time_that_brings_them_under_their_friction(planter: Planter) -> None:
+def test_feet_that_would_slide_are_given_the_time_that_brings_them_under_their_friction(ik: BalancedIk) -> None:
     """Twice as slow, a motion needs a quarter of the friction."""
-    robot, rest = planter.robot, np.zeros((40, len(planter.robot.joint_names)))
-    held, inside = np.tile(planter.robot.standing(), (40, 1)), np.ones(40)
+    robot, rest = ik.robot, np.zeros((40, len(ik.robot.joint_names)))
+    held, inside = np.tile(ik.robot.standing(), (40, 1)), np.ones(40)
     pacing = Pacing(friction=0.2, most=10.0)
     for needed, factor in ((0.19, 1.0), (0.8, 2.0)):
         friction = np.full(40, needed)
         assert motion_needs(robot, held, (rest, rest), inside, friction, 30.0, pacing) == pytest.approx(factor)
 
 
-def torques_of(planter: Planter, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def torques_of(ik: BalancedIk, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of a pose held for a second: (n,) in motion and at rest by inverse dynamics, and what servos give in a simulation."""
-    robot, held = planter.robot, np.tile(pose, (30, 1))
-    moving, resting = joint_torques(robot, held, 30.0, planter.soles)
+    robot, held = ik.robot, np.tile(pose, (30, 1))
+    moving, resting = joint_torques(robot, held, 30.0, ik.soles)
     plant, trajectory = plant_of(robot, "free"), rr.Trajectory(held, 30.0, robot.joint_names, robot.name)
     playback = Playback(settle_before=2.0)
     rollout = roll_out(plant, trajectory, "free", playback, compensated(plant, trajectory, "free", playback))
     return moving[-1], resting[-1], rollout.torque[-1]
 
 
-def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(planter: Planter) -> None:
-    moving, resting, simulated = torques_of(planter, balanced_stand(planter, stand_places(planter)))
+def test_torques_at_rest_are_those_that_servos_give_in_a_simulated_stand(ik: BalancedIk) -> None:
+    moving, resting, simulated = torques_of(ik, balanced_stand(ik, stand_places(ik)))
     np.testing.assert_allclose(moving, resting, atol=1e-9)
-    pitch = [k for k, name in enumerate(planter.robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
+    pitch = [k for k, name in enumerate(ik.robot.joint_names) if name.endswith(("knee", "hip_pitch", "el"))]
     np.testing.assert_allclose(simulated[pitch], resting[pitch], atol=0.06)
 
 
-def test_a_foot_that_hovers_over_the_floor_bears_nothing_yet(planter: Planter) -> None:
+def test_a_foot_that_hovers_over_the_floor_bears_nothing_yet(ik: BalancedIk) -> None:
     """Else the servos are told to let go of the leg that stands, and the other one comes down before its time."""
-    places = stand_places(planter)
-    stand, middle = balanced_stand(planter, places), places[1].mean(axis=0)[:2]
+    places = stand_places(ik)
+    stand, middle = balanced_stand(ik, places), places[1].mean(axis=0)[:2]
     places[0, :, 2] += 0.004
-    pose = planter.stand(stand, places, middle)
-    _, resting, simulated = torques_of(planter, pose)
-    hips = [planter.robot.joint_names.index(f"{side}_hip_roll") for side in "lr"]
+    pose = ik.stand(stand, places, middle)
+    _, resting, simulated = torques_of(ik, pose)
+    hips = [ik.robot.joint_names.index(f"{side}_hip_roll") for side in "lr"]
     assert np.abs(resting[hips[1]]) > 0.5
     np.testing.assert_allclose(simulated[hips], resting[hips], atol=0.1)
 
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=15, deadline=None)
-def test_stands_have_their_soles_on_their_places_and_their_mass_over_its_spot(planter: Planter, seed: int) -> None:
+def test_stands_have_their_soles_on_their_places_and_their_mass_over_its_spot(ik: BalancedIk, seed: int) -> None:
     """Wherever they stand, whichever way they face and somewhat astride, first over the middle and then beside it."""
-    draw, robot = np.random.default_rng(seed), planter.robot
-    turn, places = draw.uniform(-np.pi, np.pi), stand_places(planter)
+    draw, robot = np.random.default_rng(seed), ik.robot
+    turn, places = draw.uniform(-np.pi, np.pi), stand_places(ik)
     places[:, :, :2] += draw.uniform([-0.01, 0.0], [0.01, 0.02], (2, 1, 2)) * [[[1, 1]], [[1, -1]]]
     spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     places[..., :2] = places[..., :2] @ spin.T + draw.normal(size=2)
-    stand, middle = balanced_stand(planter, places), places.mean(axis=(0, 1))[:2]
+    stand, middle = balanced_stand(ik, places), places.mean(axis=(0, 1))[:2]
     spot = middle + draw.uniform(-0.015, 0.015, 2)
-    for pose, centre in ((stand, middle), (planter.stand(stand, places, spot), spot)):
-        assert np.abs(planter.corners(pose[None])[0] - places).max() < 5e-4
+    for pose, centre in ((stand, middle), (ik.stand(stand, places, spot), spot)):
+        assert np.abs(ik.corners(pose[None])[0] - places).max() < 5e-4
         assert np.abs(mass_centres(robot, pose[None])[0, :2] - centre).max() < 5e-4
         angles = pose[robot.qpos_index]
         assert (angles >= robot.lower - 1e-9).all() and (angles <= robot.upper + 1e-9).all()
@@ -220,7 +220,7 @@ def test_feet_are_set_apart_sideways_as_far_as_in_the_stand_whichever_way_they_p
     own, corners = soles(0.0, frames=1)[0], soles(0.0, frames=1)
     corners[0, 0, :, 1] += gap
     corners[..., :2] = corners[..., :2] @ spin.T
-    set_apart = parted(corners, own)[0] @ np.block([[spin, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]])
+    set_apart = spread(corners, own)[0] @ np.block([[spin, np.zeros((2, 1))], [np.zeros((1, 2)), np.eye(1)]])
     assert (set_apart[0] - set_apart[1]).mean(axis=0)[1] == pytest.approx(0.12 + max(gap, 0.0), abs=1e-9)
 
 
@@ -341,10 +341,10 @@ def test_links_of_a_playback_stay_out_of_each_other_at_frames_and_between(standi
         assert max(deepest) < 1e-3
 
 
-def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(planter: Planter) -> None:
+def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(ik: BalancedIk) -> None:
     """Arms that swing against each other turn a robot over its feet."""
-    robot, time = planter.robot, np.arange(121) / 30
-    swung = np.tile(balanced_stand(planter, stand_places(planter)), (121, 1))
+    robot, time = ik.robot, np.arange(121) / 30
+    swung = np.tile(balanced_stand(ik, stand_places(ik)), (121, 1))
     swing = np.sin(np.pi * time / 4) ** 2 * np.sin(np.pi * time)
     for joint in ("l_sho_pitch", "r_sho_pitch"):
         swung[:, robot.qpos_index[robot.joint_names.index(joint)]] += swing
@@ -361,21 +361,21 @@ def test_the_moment_about_the_vertical_is_that_of_the_contact_forces(planter: Pl
 
 @pytest.mark.parametrize("pace", [1.0, 4.0])
 def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_goes(
-    planter: Planter, pace: float
+    ik: BalancedIk, pace: float
 ) -> None:
     """A clip that begins on both feet and ends with the left one in the air."""
-    places = stand_places(planter)
+    places = stand_places(ik)
     clip = PlaybackClip(
-        planter.graph,
-        np.tile(planter.robot.standing(), (60, 1)),
+        ik.graph,
+        np.tile(ik.robot.standing(), (60, 1)),
         np.tile(places, (60, 1, 1, 1)),
         np.ones((60, 2), bool),
         30.0,
     )
     clip.planted[20:40, 1] = clip.planted[50:, 0] = False
     clip.corners[50:, 0, :, 2] = 0.03
-    stands = [balanced_stand(planter, places)] * 2
-    timeline = timeline_of(planter, clip, stands, np.full(59, pace))
+    stands = [balanced_stand(ik, places)] * 2
+    timeline = timeline_of(ik, clip, stands, np.full(59, pace))
     assert (~timeline.planted[:, 1]).sum() == pytest.approx(20 * pace, abs=pace)
     lifted = LIFT * min(pace, SLOWEST_LIFT) * 30
     assert (~timeline.planted[:, 0]).sum() == pytest.approx(9.5 * pace + lifted, abs=pace + 1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.planter import Planter, PlantOptions
+from robot_retarget.balance.balanced_ik import BalancedIk, BalanceOptions
 from robot_retarget.describe.edits import Edit
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
@@ -78,7 +78,7 @@ def test_without_separation_and_floor_there_are_no_such_rows() -> None:
 
 
 def test_balance_shows_the_margins_and_knees_that_it_uses() -> None:
-    planted, options = Planter(graph()).graph, PlantOptions()
+    planted, options = BalancedIk(graph()).graph, BalanceOptions()
     margins = planted.kinds["separation"].lower[0] / planted.match.robot_leg
     assert set(np.round(margins, 6)) == {options.margin, options.legs_margin}
     knee = [name for name, _ in planted.kinds["range"].ends].index("l_knee")
@@ -176,8 +176,8 @@ def test_a_new_kind_works_in_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_new_kind_works_in_balance_and_touch_up() -> None:
     new = with_new_kinds()
-    planter = Planter(new)
-    assert planter.solver.problem.values(new.robot.standing()).shape == (sum(map(len, new.costs)) + 2,)
+    ik = BalancedIk(new)
+    assert ik.solver.problem.values(new.robot.standing()).shape == (sum(map(len, new.costs)) + 2,)
     solved = solve_graph(new, smoothing=CAUSAL).trajectory
     edit = Edit("edge", {"a": "r_hand", "b": "head", "at": 0.2, "frames": [12, 14]})
     done = mended(new, solved, edit)

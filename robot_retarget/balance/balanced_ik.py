@@ -28,7 +28,7 @@ from robot_retarget.solve.sqp import FrameSolver
 
 
 @dataclass(frozen=True)
-class PlantOptions:
+class BalanceOptions:
     """Options of a planted robot; lengths are shares of a leg."""
 
     margin: float = 0.06
@@ -51,22 +51,22 @@ class PlantOptions:
     """Depth of a stand's pelvis below that of the robot's standing pose: straight knees cannot shift weight."""
 
 
-class Planter:
+class BalancedIk:
     """Plant the robot of one graph: feet F in the order of `feet`, corners in the order of `soles.CORNER_NAMES`."""
 
     robot: Robot
     match: Match
-    options: PlantOptions
+    options: BalanceOptions
     leg: float
     feet: tuple[str, ...]
     graph: RobotGraph
     solver: FrameSolver
 
-    def __init__(self, graph: RobotGraph, options: PlantOptions | None = None):
-        self.robot, self.match, self.options = graph.robot, graph.match, options or PlantOptions()
+    def __init__(self, graph: RobotGraph, options: BalanceOptions | None = None):
+        self.robot, self.match, self.options = graph.robot, graph.match, options or BalanceOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
-        self.graph = held_apart(knees_bent(graph, own.bent), own)
+        self.graph = with_playback_margins(with_bent_knees(graph, own.bent), own)
         """The graph with the limits of a playback."""
         tracks = [*self.graph.tracks, MassKind().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
@@ -147,7 +147,7 @@ class Planter:
         return [*tracks, MassKind().track(centre, self.leg)]
 
 
-def knees_bent(graph: RobotGraph, bent: float) -> RobotGraph:
+def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
     """Return the graph with joint ranges that exclude knees that are straight or bent backward."""
     robot, anatomy = graph.robot, graph.match.anatomy
     for knee in ("l_knee", "r_knee"):
@@ -162,7 +162,7 @@ def knees_bent(graph: RobotGraph, bent: float) -> RobotGraph:
     return graph
 
 
-def held_apart(graph: RobotGraph, options: PlantOptions) -> RobotGraph:
+def with_playback_margins(graph: RobotGraph, options: BalanceOptions) -> RobotGraph:
     """Return the graph with the margins between surfaces of a playback: smaller between links that are not on arms."""
     arms = {graph.robot.model.body(int(b)).name for b in np.flatnonzero(_on_arms(graph.robot, graph.match))}
     leg, tracks = graph.match.robot_leg, []
