@@ -167,7 +167,7 @@ def retarget(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
-    favour: str = "balanced",
+    preset: str = "balanced",
     options: SolveOptions | None = None,
     search: Search | None = None,
     smoothing: Smoothing | None = None,
@@ -175,14 +175,27 @@ def retarget(
     balance: str = "off",
     progress: Progress | None = None,
 ) -> Result:
-    """Retarget a human motion to a robot: `describe`, then `solve`; arguments and errors are theirs.
+    """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
 
     Args:
         motion: a motion, or a file that `read_motion` reads.
         robot: a robot, or a name or model file that `load_robot` loads.
+        fps: frames per second of the result; None takes the motion's own, 30 at most.
+        overrides: a TOML file that replaces lines of the keypoint map.
+        weights: weights of the kinds of edges.
+        preset: `directions` of limbs, `distances` between parts, or `balanced`.
+        options: tolerances and margins of a frame.
+        search: starts, and the moments at which poses are sought.
+        smoothing: passes over the whole clip.
+        legs: `auto`, `follow` or `stand`, with balance.
+        balance: `off`, `static`, `dynamic` or `auto`.
+        progress: receives (steps done, steps in all).
+
+    Returns:
+        The trajectory with its graph and solution.
     """
     began = time.perf_counter()
-    graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights, favour=favour)
+    graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights, preset=preset)
     prepared = time.perf_counter() - began
     result = solve(
         graph, options=options, search=search, smoothing=smoothing, legs=legs, balance=balance, progress=progress

@@ -172,7 +172,7 @@ def describe_stress(solution: Solution, count: int = 8) -> dict[str, Any]:
             {
                 "edge": edge.name,
                 "frame": edge.frame,
-                "wished": round(edge.target, 4),
+                "target": round(edge.target, 4),
                 "measured": round(edge.measured, 4),
                 "error": round(edge.error, 4),
                 "priority": round(edge.priority, 3),

@@ -14,7 +14,7 @@ class Settings:
 
     fps: float | None = None
     """Frames per second of the trajectories; None takes each motion's own, 30 at most."""
-    favour: str = "balanced"
+    preset: str = "balanced"
     legs: str = "auto"
     balance: str = "off"
     up: str | None = None

@@ -122,9 +122,9 @@ def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[
 
     common: dict[str, Any] = {"fps": settings.fps, "overrides": settings.map_file}
     if motion.duration > LONG and settings.balance == "off":
-        solved = solve_long(motion, robot, weights=Weights().favouring(settings.favour), **common)
+        solved = solve_long(motion, robot, weights=Weights().with_preset(settings.preset), **common)
         return solved, (*motion.notes, "Solved piece by piece.")
-    result = retarget(motion, robot, favour=settings.favour, legs=settings.legs, balance=settings.balance, **common)
+    result = retarget(motion, robot, preset=settings.preset, legs=settings.legs, balance=settings.balance, **common)
     return result.trajectory, result.notes
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Balance, Favour, Fps, Json, Legs, Limits, Overrides, Quiet, Repair, Up
+from robot_retarget.cli.options import Balance, Fps, Json, Legs, Limits, Overrides, Preset, Quiet, Repair, Up
 from robot_retarget.errors import OutputError, UsageError, known
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def batch(
     repair: Repair = True,
     map_file: Overrides = None,
     limits: Limits = None,
-    favour: Favour = "balanced",
+    preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "off",
     json: Json = False,
@@ -82,7 +82,7 @@ def batch(
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
     _require(format, pack, retry)
     settings = Settings(
-        fps, favour, legs, balance, up, repair, tuple(format or ()), mirror, _text(map_file), _text(limits)
+        fps, preset, legs, balance, up, repair, tuple(format or ()), mirror, _text(map_file), _text(limits)
     )
     job = Job(
         tuple(folders), tuple(robot), out, settings, Allowance(timeout, memory), tuple(include or ()), tuple(exclude or ()),

@@ -144,7 +144,7 @@ def _show_stress(facts: dict[str, Any]) -> None:
     """Stress per kind and the edges that lost most."""
     table("Stress, a frame on the mean", ("kind", "stress"), list(facts["stress"].items()))
     rows = [
-        (e["edge"], e["wished"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
+        (e["edge"], e["target"], e["measured"], e["error"], e["priority"], e["frame"]) for e in facts["worst_edges"]
     ]
     table("Edges that lost most", ("edge", "target", "measured", "error", "priority", "frame"), rows)
 

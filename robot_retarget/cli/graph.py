@@ -9,13 +9,13 @@ from robot_retarget.cli.bars import progress
 from robot_retarget.cli.options import (
     DefaultRobot,
     Edges,
-    Favour,
     Fps,
     Frames,
     Json,
     Limits,
     MotionFile,
     Overrides,
+    Preset,
     Quiet,
     Up,
 )
@@ -37,7 +37,7 @@ def graph(
     map_file: Overrides = None,
     limits: Limits = None,
     edges: Edges = None,
-    favour: Favour = "balanced",
+    preset: Preset = "balanced",
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -47,7 +47,7 @@ def graph(
     from robot_retarget.summary import describe_graph, describe_stress
 
     clip = read_clip(motion, frames, up=up)
-    found = described(clip, load(robot, limits), fps, map_file, edges, favour)
+    found = described(clip, load(robot, limits), fps, map_file, edges, preset)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         with progress({"retarget": retarget_cost(clip)}) as stages:

@@ -81,9 +81,13 @@ Balance = Annotated[
         "servos.toml and for legs that stand."
     ),
 ]
-Favour = Annotated[
+Preset = Annotated[
     Literal["directions", "balanced", "distances"],
-    typer.Option(help="What counts more: directions of limbs, distances between parts, or both as they look best."),
+    typer.Option(
+        "--preset",
+        "--favour",
+        help="Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
+    ),
 ]
 Edges = Annotated[Path | None, typer.Option(help="TOML file of edges to add, weigh or drop.")]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]

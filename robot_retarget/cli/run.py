@@ -11,7 +11,6 @@ from robot_retarget.cli.options import (
     BodyModel,
     DefaultRobot,
     Draws,
-    Favour,
     Fps,
     Frames,
     Json,
@@ -19,6 +18,7 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Preset,
     Quiet,
     Repair,
     RobotName,
@@ -45,7 +45,7 @@ def run(
     map_file: Overrides = None,
     limits: Limits = None,
     servos: Servos = None,
-    favour: Favour = "balanced",
+    preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
@@ -54,7 +54,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
-    options = RetargetOptions(fps, map_file, legs, balance, favour=favour)
+    options = RetargetOptions(fps, map_file, legs, balance, preset=preset)
     verdict = fill_folder(
         read_clip(motion, frames, source_fps, body_model, up, repair),
         load(robot, limits, servos),

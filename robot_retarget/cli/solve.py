@@ -12,7 +12,6 @@ from robot_retarget.cli.options import (
     BodyModel,
     DefaultRobot,
     Edges,
-    Favour,
     Fps,
     Frames,
     Json,
@@ -20,6 +19,7 @@ from robot_retarget.cli.options import (
     Limits,
     MotionFile,
     Overrides,
+    Preset,
     Quiet,
     Repair,
     SourceFps,
@@ -44,7 +44,7 @@ def solve(
     map_file: Overrides = None,
     limits: Limits = None,
     edges: Edges = None,
-    favour: Favour = "balanced",
+    preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
     explain: Annotated[bool, typer.Option(help="Print the edges that lost most.")] = False,
@@ -57,7 +57,7 @@ def solve(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    options = RetargetOptions(fps, map_file, legs, balance, edges, favour)
+    options = RetargetOptions(fps, map_file, legs, balance, edges, preset)
     clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits)
     with progress({"retarget": retarget_cost(clip)}) as stages:
         result = carried_over(clip, model, options, stages.begin("retarget"))

@@ -42,7 +42,7 @@ class RetargetOptions:
     legs: str
     balance: str
     edges: Path | None = None
-    favour: str = "balanced"
+    preset: str = "balanced"
 
 
 def fill_folder(
@@ -279,14 +279,14 @@ def described(
     fps: float | None,
     map_file: Path | None,
     edges: Path | None,
-    favour: str = "balanced",
+    preset: str = "balanced",
 ) -> "RobotGraph":
     """The graph of a motion on a robot, with the edits of a file."""
     from robot_retarget.describe.edits import edited, read_edits
     from robot_retarget.describe.graph import describe
 
     edits = read_edits(edges) if edges else []
-    return edited(describe(motion, robot, fps=fps, overrides=map_file, favour=favour), edits)
+    return edited(describe(motion, robot, fps=fps, overrides=map_file, preset=preset), edits)
 
 
 def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
@@ -300,7 +300,7 @@ def carried_over(motion: "Motion", robot: "Robot", options: RetargetOptions, pro
     """The motion on the robot."""
     from robot_retarget.pipeline import solve
 
-    graph = described(motion, robot, options.fps, options.map_file, options.edges, options.favour)
+    graph = described(motion, robot, options.fps, options.map_file, options.edges, options.preset)
     return solve(graph, legs=options.legs, balance=options.balance, progress=progress)
 
 

@@ -136,7 +136,7 @@ def describe(
     fps: float | None = None,
     overrides: str | Path | None = None,
     weights: Weights | None = None,
-    favour: str = "balanced",
+    preset: str = "balanced",
     kinds: Iterable[MotionKind] = KINDS,
 ) -> RobotGraph:
     """Build the graph of a human motion on a robot.
@@ -147,14 +147,14 @@ def describe(
         fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
-        favour: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.favouring`).
+        preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
         kinds: the kinds of edges that describe the motion.
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
-        UsageError: fps out of range, or an unknown word to favour.
+        UsageError: fps out of range, or an unknown preset.
     """
-    weighed = (weights or Weights()).favouring(favour)
+    weighed = (weights or Weights()).with_preset(preset)
     motion = at_rate(motion if isinstance(motion, Motion) else read_motion(motion), fps)
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     matched = match(motion, robot, overrides)

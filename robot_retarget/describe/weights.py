@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from robot_retarget.dgp.adapt import NEAR
 from robot_retarget.errors import UsageError, known
 
-FAVOURS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
+PRESETS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
 """Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
 
 
@@ -73,15 +73,19 @@ class Weights:
     def _numbers(self) -> list[tuple[str, float]]:
         return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
 
-    def favouring(self, what: str) -> "Weights":
-        """Return the weights with the weights of distances between keypoints multiplied by `FAVOURS`.
+    def with_preset(self, preset: str) -> "Weights":
+        """Multiply the weights of distances between keypoints by the factor of a preset.
 
-        `directions` keeps limb directions like the human's, `distances` keeps distances like the human's, `balanced`
-        changes nothing.
+        Args:
+            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's) or `balanced`
+                (no change): a key of `PRESETS`.
+
+        Returns:
+            The weights; all other weights are unchanged.
 
         Raises:
-            UsageError: the word is unknown.
+            UsageError: the preset is unknown.
         """
-        if what not in FAVOURS:
-            raise UsageError(f"nothing to favour is called {what!r}; {known(FAVOURS, typed=what)}")
-        return replace(self, near=FAVOURS[what] * self.near, far=FAVOURS[what] * self.far)
+        if preset not in PRESETS:
+            raise UsageError(f"no preset {preset!r}; {known(PRESETS, typed=preset)}")
+        return replace(self, near=PRESETS[preset] * self.near, far=PRESETS[preset] * self.far)

@@ -85,7 +85,7 @@ def test_a_changed_clip_changed_settings_and_a_lost_output_are_done_again(tmp_pa
     assert [outcome.clip for outcome in run(job, pretend)[1]] == ["wave"]
     (job.out / "op3/clap.npz").unlink()
     assert [outcome.clip for outcome in run(job, pretend)[1]] == ["clap"]
-    other = replace(job, settings=Settings(favour="directions"))
+    other = replace(job, settings=Settings(preset="directions"))
     assert len(run(other, pretend)[1]) == 3
 
 

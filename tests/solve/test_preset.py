@@ -1,9 +1,9 @@
-"""The dial between directions and distances: each side gets what it asks for, the middle changes nothing."""
+"""Presets of the weights: `directions` and `distances` lower their own error, `balanced` changes nothing."""
 
 import numpy as np
 import pytest
 
-from robot_retarget.describe.weights import FAVOURS, Weights
+from robot_retarget.describe.weights import PRESETS, Weights
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
@@ -12,17 +12,17 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.summary import describe_solution
 
 
-def test_the_middle_is_the_weights_as_they_are() -> None:
-    assert Weights().favouring("balanced") == Weights()
-    assert list(FAVOURS) == ["directions", "balanced", "distances"]
+def test_the_balanced_preset_changes_no_weight() -> None:
+    assert Weights().with_preset("balanced") == Weights()
+    assert list(PRESETS) == ["directions", "balanced", "distances"]
 
 
-def test_what_is_favoured_is_followed_more_closely() -> None:
+def test_each_preset_lowers_the_error_that_it_favours() -> None:
     """At minima of  f π + r  the loss f falls and the rest r grows with π."""
     motion, robot = read_motion(SAMPLES / "walk.bvh").frames(0, 60), load_robot("op3")
     distances, rest = [], []
-    for favour, factor in FAVOURS.items():
-        solution = retarget(motion, robot, fps=15, favour=favour).solution
+    for preset, factor in PRESETS.items():
+        solution = retarget(motion, robot, fps=15, preset=preset).solution
         posture = solution.stress["posture"].mean()
         distances.append(posture / factor)
         rest.append(solution.cost.mean() - posture)
@@ -30,19 +30,20 @@ def test_what_is_favoured_is_followed_more_closely() -> None:
     assert rest[0] < 0.98 * rest[1] < 0.98**2 * rest[2]
 
 
-def test_an_unknown_word_names_those_there_are() -> None:
+def test_an_unknown_preset_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match=r"'angles'; known: directions, balanced, distances"):
-        Weights().favouring("angles")
+        Weights().with_preset("angles")
 
 
 def test_frames_a_second_count_the_time_that_balance_took() -> None:
     motion, robot = read_motion(SAMPLES / "wave.bvh").frames(0, 60), load_robot("op3")
     result = retarget(motion, robot, fps=15, legs="stand", balance="static")
     seconds = result.solution.timings["solve"] + result.solution.timings["balance"]
-    told = describe_solution(result.solution)
-    assert told["frames"] == len(result.trajectory) > len(motion.resample(15))
-    assert told["solved_per_second"] == pytest.approx(len(result.trajectory) / seconds, abs=0.1)
+    facts = describe_solution(result.solution)
+    assert facts["frames"] == len(result.trajectory) > len(motion.resample(15))
+    assert facts["solved_per_second"] == pytest.approx(len(result.trajectory) / seconds, abs=0.1)
     assert result.solution.timings["balance"] > 0
     assert (
-        told["sigma"].keys() == {"relative", "half squared", "squared"} and np.isfinite([*told["sigma"].values()]).all()
+        facts["sigma"].keys() == {"relative", "half squared", "squared"}
+        and np.isfinite([*facts["sigma"].values()]).all()
     )
