@@ -210,7 +210,7 @@ def _to_page(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
     from robot_retarget.live.sinks.page import PageSink
 
     sink = PageSink(poses.robot, place.page)
-    console.aside(f"{sink.served.address} shows it; from elsewhere first: {sink.served.way_in()}")
+    console.aside(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
     thread = Thread(target=sink.served.forever, daemon=True)
     thread.start()
     try:

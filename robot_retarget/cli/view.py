@@ -93,8 +93,8 @@ def _takes(
         raise UsageError(f"--robot is given once, or {len(trajectories)} times; got {len(robots)}")
     models = {name: load(name, limits) for name in robots}
     takes = []
-    told = file_names(trajectories) if len(trajectories) > 1 else [""]
-    for path, name, file in zip(trajectories, robots * (len(trajectories) // len(robots)), told, strict=True):
+    names = file_names(trajectories) if len(trajectories) > 1 else [""]
+    for path, name, file in zip(trajectories, robots * (len(trajectories) // len(robots)), names, strict=True):
         played = load_trajectory(path, models[name])
         if clip is not None:
             require_source(played, clip, force)
@@ -160,7 +160,7 @@ def _answer(served: "Served", browser: bool, json: bool) -> None:
     import sys
     import webbrowser
 
-    sentence = f"{served.address} shows it; from elsewhere first: {served.way_in()}. Ctrl-C ends."
+    sentence = f"{served.address} shows it; from elsewhere first: {served.tunnel_command()}. Ctrl-C ends."
     console.tell({"address": served.address}, sentence, json)
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)

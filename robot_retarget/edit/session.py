@@ -90,7 +90,7 @@ class Session:
         """
         return write_edits(self.edits, self._files[0]), self.trajectory.save(self._files[1])
 
-    def told(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the state of the session, for a page."""
         seconds = None if self.last is None else round(self.last.seconds, 3)
         reached = "" if self.last is None else "; ".join([self.last.reached, *self.last.own_unmet])

@@ -98,16 +98,16 @@ def _reasons(report: Report) -> str:
 
 def _advice(f: Any) -> list[str]:
     """Return advice on failures that an option can prevent, a sentence each."""
-    told = []
+    advice = []
     if f.get("fall_s") is not None:
-        told.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
+        advice.append("To stay upright: keep both feet in place (--legs stand), or use balance (--balance static).")
     if f["speed_ratio"] > 1:
-        told.append(
+        advice.append(
             f"{f['speed_ratio_joint']} exceeds its speed limit in the plan: slow the clip, or leave the quick move out."
         )
     if f["self_contact_share"] > 0 or f["tracked_self_contact_share"] > 0:
-        told.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
-    return told
+        advice.append("Where links touch, and when: see the warnings below, and the near pairs in the viewer.")
+    return advice
 
 
 def _facts(f: Any) -> str:
@@ -120,10 +120,10 @@ def _facts(f: Any) -> str:
 
 
 def _foreseen(f: Any) -> list[tuple[str, str, str]]:
-    told = f.get("foreseen")
-    if not told or not told["tracked_contacts"]:
+    predicted = f.get("foreseen")
+    if not predicted or not predicted["tracked_contacts"]:
         return []
-    share = f"{told['tracked_contacts_foreseen']} of {told['tracked_contacts']}"
+    share = f"{predicted['tracked_contacts_foreseen']} of {predicted['tracked_contacts']}"
     return [("contacts foreseen", share, "touches on the servos that were warned of")]
 
 
@@ -178,10 +178,10 @@ def _checks(report: Report) -> str:
     """Return how many limits are kept, the broken ones in full view, and all of them folded."""
     lines = judged_lines(report)
     broken = [line for line in lines if not line.held]
-    told = f"{len(lines) - len(broken)} of {len(lines)} limits kept"
+    summary = f"{len(lines) - len(broken)} of {len(lines)} limits kept"
     if not broken:
-        return f"<details><summary>{told}</summary>{_judged(lines)}</details>"
-    return f"<h2>{told}</h2>{_judged(broken)}<details><summary>All limits</summary>{_judged(lines)}</details>"
+        return f"<details><summary>{summary}</summary>{_judged(lines)}</details>"
+    return f"<h2>{summary}</h2>{_judged(broken)}<details><summary>All limits</summary>{_judged(lines)}</details>"
 
 
 def _judged(lines: Sequence[Line]) -> str:

@@ -14,7 +14,7 @@ from robot_retarget.simulate.rollout import simulate
 from robot_retarget.simulate.verdict import Badge
 from robot_retarget.view.page import save_page
 from robot_retarget.view.web.pack import Packer
-from robot_retarget.view.web.show import told
+from robot_retarget.view.web.show import take_header
 from robot_retarget.view.web.take import take_of
 
 OP3 = load_robot("op3")
@@ -46,7 +46,7 @@ def test_all_outputs_show_the_same_badge(
     page = save_page(report, report.trajectory, tmp_path / "report.html")
     assert isinstance(page, Path) and f'<div class="badge">{text}</div>' in page.read_text()
     assert report.contract()["badge"]["text"] == text and report.contract()["verdict"] == "pass"
-    shown = told(take_of(report.trajectory, OP3, report=report), Packer())["report"]
+    shown = take_header(take_of(report.trajectory, OP3, report=report), Packer())["report"]
     assert shown["badge"] == report.contract()["badge"] and shown["reasons"] == list(unlike)
     with console.out.capture() as printed:
         console.show_report(report)

@@ -11,15 +11,15 @@ from robot_retarget.view.web.live import LiveRobot
 from robot_retarget.view.web.serve import serve
 
 
-def test_the_latest_pose_is_told_and_older_ones_are_not_kept() -> None:
+def test_only_the_latest_pose_is_sent() -> None:
     live = LiveRobot(robot := load_robot("op3"))
     assert live.next(0, 0.01) is None
     for height in (0.3, 0.4, 0.5):
         qpos = robot.standing()
         qpos[2] = height
         live.show(qpos)
-    count, told = live.next(0, 1.0) or (0, b"")
-    assert count == 3 and b"0.5" in told
+    count, pose = live.next(0, 1.0) or (0, b"")
+    assert count == 3 and b"0.5" in pose
     assert live.next(count, 0.01) is None
 
 

@@ -24,7 +24,7 @@ from robot_retarget.view.web import Take, Viewer, file_names, take_of, view
 from robot_retarget.view.web.pack import Packer
 from robot_retarget.view.web.serve import serve
 from robot_retarget.view.web.shapes import shapes_of
-from robot_retarget.view.web.show import told
+from robot_retarget.view.web.show import take_header
 from robot_retarget.view.web.take import human_of
 
 G1 = SHARED / "robots/unitree_g1/unitree_g1.xml"
@@ -199,7 +199,7 @@ def solved() -> Viewer:
 
 def test_edges_come_in_order_of_their_cost_over_the_clip(solved: Viewer) -> None:
     packer, (take,) = Packer(), solved.takes
-    edges = told(take, packer)["stress"]["edges"]
+    edges = take_header(take, packer)["stress"]["edges"]
     assert take.solution is not None
     keypoints = take.solution.graph.match.keypoints
     cost = {
@@ -220,7 +220,7 @@ def test_five_edges_are_shown_with_what_they_ask_for_until_more_are_chosen(solve
         browser.run("document.getElementById('layer-edges').click()")
         assert browser.run(seen) == 5
         words = "[...document.querySelectorAll('#labels .edge, #labels .alarm')].map(e => e.textContent)"
-        browser.until(f"return {words}.filter(text => /cm, asked for .* cm$/.test(text)).length >= 5")
+        browser.until(f"return {words}.filter(text => /cm, target .* cm$/.test(text)).length >= 5")
         assert not browser.run(f"return {words}.some(text => text.includes('_hand'))")
         browser.run(
             "const c = document.getElementById('edge-count'); c.value = 15; c.dispatchEvent(new Event('change'))"
@@ -301,10 +301,12 @@ def test_arrays_come_back_from_a_page_as_they_went_in() -> None:
     data = gzip.decompress(packer.packed({"a": packer.add(values, 1e-3), "b": packer.add(values * 100, 1e-3)}))
     size = int.from_bytes(data[:4], "little")
     for name, scale in (("a", 1), ("b", 100)):
-        told = json.loads(data[4 : 4 + size])[name]
-        kind = np.dtype(f"<{told['type']}")
-        whole = np.frombuffer(data, kind, int(np.prod(told["shape"])), 4 + size + told["offset"]).reshape(told["shape"])
+        entry = json.loads(data[4 : 4 + size])[name]
+        kind = np.dtype(f"<{entry['type']}")
+        whole = np.frombuffer(data, kind, int(np.prod(entry["shape"])), 4 + size + entry["offset"]).reshape(
+            entry["shape"]
+        )
         with np.errstate(over="ignore"):
             summed = np.cumsum(whole, axis=0, dtype=kind)
-        found = np.where(summed == np.iinfo(kind).min, np.nan, summed * told["step"])
+        found = np.where(summed == np.iinfo(kind).min, np.nan, summed * entry["step"])
         np.testing.assert_allclose(found, scale * values, atol=0.51e-3)

@@ -21,7 +21,7 @@ class LiveRobot:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._shapes = robot, shapes_of(robot)
-        self._count, self._told = 0, b""
+        self._count, self._pose = 0, b""
         self._changed = Condition()
         still = Trajectory(robot.standing()[None], 1.0, robot.joint_names, robot.name, source="live")
         self.viewer = Viewer((Take(robot, still),))
@@ -30,7 +30,7 @@ class LiveRobot:
         """The robot stands so now (nq,)."""
         rows = np.round(poses(self._robot, qpos[None], self._shapes), 4)
         with self._changed:
-            self._count, self._told = self._count + 1, json.dumps(rows.ravel().tolist()).encode()
+            self._count, self._pose = self._count + 1, json.dumps(rows.ravel().tolist()).encode()
             self._changed.notify_all()
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
@@ -38,4 +38,4 @@ class LiveRobot:
         with self._changed:
             if not self._changed.wait_for(lambda: self._count != seen, timeout):
                 return None
-            return self._count, self._told
+            return self._count, self._pose

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from robot_retarget.files import replacing
 from robot_retarget.view.web.pack import Packer
-from robot_retarget.view.web.show import told
+from robot_retarget.view.web.show import take_header
 from robot_retarget.view.web.take import Take, human_of
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Viewer:
     def packed(self, more: dict[str, Any]) -> bytes:
         """The takes, and more that the page is to know."""
         packer = Packer()
-        return packer.packed({"takes": [told(take, packer) for take in self.takes], **more})
+        return packer.packed({"takes": [take_header(take, packer) for take in self.takes], **more})
 
     @property
     def page(self) -> str:

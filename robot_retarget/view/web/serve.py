@@ -47,18 +47,18 @@ class Editor(Protocol):
         ...
 
     def undo(self) -> None:
-        """Take it back."""
+        """Undo the last edit."""
         ...
 
     def redo(self) -> None:
-        """Make it again."""
+        """Redo the last undone edit."""
         ...
 
     def save(self) -> tuple[Path, Path]:
         """Write the edits and the trajectory."""
         ...
 
-    def told(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the state of the edits for the page."""
         ...
 
@@ -71,7 +71,7 @@ class Served:
 
     @property
     def address(self) -> str:
-        """What to open."""
+        """URL of the page."""
         return f"http://localhost:{self.server.server_port}/"
 
     def forever(self) -> None:
@@ -83,8 +83,8 @@ class Served:
         finally:
             self.server.server_close()
 
-    def way_in(self) -> str:
-        """How to come from another machine."""
+    def tunnel_command(self) -> str:
+        """Return the ssh command that forwards the port to another machine."""
         return f"ssh -L {self.server.server_port}:localhost:{self.server.server_port} {socket.gethostname()}"
 
 
@@ -92,7 +92,7 @@ class Following(Protocol):
     """Source of the latest pose."""
 
     def next(self, seen: int, timeout: float) -> tuple[int, bytes] | None:
-        """The latest pose and its number, once that is not the one seen last; None after a while [s]."""
+        """Return the number of the latest pose and the pose, once the number differs from `seen`; None after `timeout` [s]."""
         ...
 
 
@@ -100,7 +100,7 @@ Judge = Callable[[Trajectory], Report]
 """Passes a verdict on a trajectory."""
 
 
-class Desk:
+class EditServer:
     """Answers requests for the page, for touch-ups and for verdicts on them, one at a time."""
 
     page: bytes
@@ -114,7 +114,7 @@ class Desk:
         with self._lock:
             try:
                 if self._editor is None:
-                    raise UsageError("nothing can be touched up without the motion")
+                    raise UsageError("touch-ups need the motion: open the viewer with it")
                 return self._done(what, self._editor, content)
             except (RobotRetargetError, ValueError) as error:
                 return _refused(HTTPStatus.BAD_REQUEST, str(error))
@@ -136,12 +136,11 @@ class Desk:
         report = self._judged(now) if what == "judge" else first.report
         take = replace(first, trajectory=now, warnings=warnings, report=report, solution=None, before=editor.before)
         self._viewer = replace(self._viewer, takes=(take, *others))
-        told = {"touch": editor.told()}
-        return HTTPStatus.OK, "application/octet-stream", Viewer((take,)).packed(told)
+        return HTTPStatus.OK, "application/octet-stream", Viewer((take,)).packed({"touch": editor.state()})
 
     def _judged(self, trajectory: Trajectory) -> Report:
         if self._judge is None:
-            raise UsageError("nothing passes a verdict here")
+            raise UsageError("this viewer has no simulation for a verdict")
         return self._judge(trajectory)
 
 
@@ -186,7 +185,7 @@ def serve(
     Raises:
         UsageError: the port is taken, or may not be used.
     """
-    desk = Desk(viewer, editor, following is not None, judge)
+    edit_server = EditServer(viewer, editor, following is not None, judge)
 
     class Handler(BaseHTTPRequestHandler):
         def parse_request(self) -> bool:
@@ -200,14 +199,14 @@ def serve(
 
         def do_GET(self) -> None:
             if self.path.split("?")[0] in ("/", "/index.html"):
-                self._answer(HTTPStatus.OK, "text/html; charset=utf-8", desk.page)
+                self._answer(HTTPStatus.OK, "text/html; charset=utf-8", edit_server.page)
             elif self.path == "/live" and following is not None:
-                self._tell(following)
+                self._send_poses(following)
             else:
                 self.send_error(HTTPStatus.NOT_FOUND)
 
-        def _tell(self, following: Following) -> None:
-            """Poses as events of the server, till the page is closed."""
+        def _send_poses(self, following: Following) -> None:
+            """Send poses as server-sent events until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Cache-Control", "no-store")
@@ -215,20 +214,19 @@ def serve(
             seen = 0
             with suppress(ConnectionError):
                 while True:
-                    seen, told = following.next(seen, WAIT) or (seen, b"")
-                    self.wfile.write(b"data: " + told + b"\n\n" if told else b":\n\n")
+                    seen, pose = following.next(seen, WAIT) or (seen, b"")
+                    self.wfile.write(b"data: " + pose + b"\n\n" if pose else b":\n\n")
 
         def do_POST(self) -> None:
             what, length = self.path.strip("/"), self.headers.get("Content-Length", "0")
-            asked = self.headers.get("Content-Type", "").startswith(
-                "application/json"
-            )  # no form of another site's page
-            if what not in ACTS or not asked:
+            kind = self.headers.get("Content-Type", "")
+            own = kind.startswith("application/json")  # no form of another site's page
+            if what not in ACTS or not own:
                 self.send_error(HTTPStatus.NOT_FOUND)
             elif not (length.isascii() and length.isdigit() and int(length) <= LONGEST):
                 self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"Content-Length is 0 to {LONGEST}")
             else:
-                self._answer(*desk.act(what, self.rfile.read(int(length))))
+                self._answer(*edit_server.act(what, self.rfile.read(int(length))))
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
             self.send_response(status)

@@ -23,8 +23,8 @@ COARSE = 1e-3
 """Resolution of charts: degrees, centimetres, newton metres."""
 
 
-def told(take: Take, packer: Packer) -> dict[str, Any]:
-    """The header of one take, its arrays given to the packer."""
+def take_header(take: Take, packer: Packer) -> dict[str, Any]:
+    """Return the header of one take; its arrays go into the packer."""
     robot, trajectory = take.robot, take.trajectory
     times = np.arange(len(trajectory)) / trajectory.fps
     figure = take.human

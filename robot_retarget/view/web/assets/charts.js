@@ -32,13 +32,13 @@ const limit = (label, value, clock) => line(label, clock.map(() => value), colou
 /** What is known of one joint of a take: titles, units, and lines under the name of the take, if there are several. */
 function jointCharts({ take, joint, clock, color, label }) {
   const { joints, report, fps } = take, name = joints.names[joint], of = (array, scale) => array && column(array, joint, fps, clock, scale);
-  const asked = of(joints.angles, DEGREES), speed = of(joints.speeds, DEGREES), error = of(report?.error), torque = of(report?.torque);
+  const planned = of(joints.angles, DEGREES), speed = of(joints.speeds, DEGREES), error = of(report?.error), torque = of(report?.torque);
   const chart = (what, unit, own, values, more) => values && { title: `${name}: ${what}`, unit, lines: [line(label ?? own, values, color)], ...more };
   const charts = [
-    chart("angle", "°", "asked", asked), chart("speed", "°/s", "speed", speed),
+    chart("angle", "°", "planned", planned), chart("speed", "°/s", "speed", speed),
     chart("tracking error", "°", "error", error, { zero: true }), chart("torque", "N m", "torque", torque),
   ];
-  if (error) charts[0].lines.push(simulatedLine(asked.map((angle, t) => (error[t] === null ? null : angle + error[t])), color, label));
+  if (error) charts[0].lines.push(simulatedLine(planned.map((angle, t) => (error[t] === null ? null : angle + error[t])), color, label));
   return charts.filter(Boolean);
 }
 

@@ -57,14 +57,14 @@ export class Edges extends Group {
       return Math.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y);
     });
     const nearest = away.indexOf(Math.min(...away));
-    return away[nearest] < NEAR ? `${this.edges.ends[nearest][0]}: ${this.said(nearest)}, ${this.counted(nearest)}` : null;
+    return away[nearest] < NEAR ? `${this.edges.ends[nearest][0]}: ${this.described(nearest)}, ${this.counted(nearest)}` : null;
   }
 
-  /** An edge in words: what it joins, how far apart they are, and how far it asks for. */
-  said(k) {
+  /** An edge in words: its ends, their distance, and its target. */
+  described(k) {
     const at = this.frame * this.pairs.length + k, { ends, lower, upper, measured } = this.edges, [, from, to] = ends[k];
-    const asked = interval(lower.values[at], upper.values[at]);
-    return `${worded(from)} – ${worded(to)}: ${inCm(measured.values[at])}, asked for ${asked}`;
+    const target = interval(lower.values[at], upper.values[at]);
+    return `${worded(from)} – ${worded(to)}: ${inCm(measured.values[at])}, target ${target}`;
   }
 
   /** How much an edge counts, and what it costs. */
@@ -77,7 +77,7 @@ export class Edges extends Group {
     if (this.shown > LABELLED) return [];
     return this.pairs.slice(0, this.shown).map((_, k) => {
       const middle = [0, 1, 2].map((axis) => (this.ends[6 * k + axis] + this.ends[6 * k + 3 + axis]) / 2);
-      return { at: new Vector3(...middle), text: this.said(k), kind: this.share(k) > 0.5 ? "alarm" : "edge" };
+      return { at: new Vector3(...middle), text: this.described(k), kind: this.share(k) > 0.5 ? "alarm" : "edge" };
     });
   }
 }

@@ -164,10 +164,10 @@ export class Stage {
 
   /** Ask for a picture; any number of requests before the next one make one. */
   draw() {
-    if (this.asked) return;
-    this.asked = true;
+    if (this.requested) return;
+    this.requested = true;
     requestAnimationFrame(() => {
-      this.asked = false;
+      this.requested = false;
       this.renderer.shadowMap.needsUpdate = this.pictures % 2 === 0;
       this.renderer.render(this.scene, this.camera);
       this.pictures += 1;

@@ -83,8 +83,8 @@ export class Touch {
   /** Choose the ends of an edge: names of keypoints, or a place as a Vector3. */
   pick(picks) {
     this.picks = picks;
-    const told = picks.map((pick) => (typeof pick === "string" ? pick : "where you dragged it"));
-    this.ends.textContent = told.length ? told.join(" – ") : "nothing picked";
+    const names = picks.map((pick) => (typeof pick === "string" ? pick : "where you dragged it"));
+    this.ends.textContent = names.length ? names.join(" – ") : "nothing picked";
     const { time, duration } = this.player, hundredths = (value) => Math.round(value * 100) / 100;
     this.from.value = hundredths(Math.max(time - HALF, 0));
     this.to.value = hundredths(Math.min(time + HALF, duration));
@@ -159,8 +159,8 @@ export class Touch {
     this.pick([...names.slice(-1), name]);
   }
 
-  /** The edge that the form asks for, as EDITS.toml has it. */
-  asked() {
+  /** The edge of the form, as EDITS.toml has it. */
+  edge() {
     const cm = Number(this.far.value) / 100, kind = this.#place() ? "touch" : this.relation.value, { fps, frames } = this.casts[0].take;
     const at = { touch: 0, is: cm, least: [cm, "inf"], most: [0, cm] }[kind];
     const [a, b] = this.picks.map((pick) => (typeof pick === "string" ? pick : [...pick].map((value) => Math.round(value * 1e4) / 1e4)));
@@ -170,7 +170,7 @@ export class Touch {
 
   async make() {
     if (this.picks.length < 2) return;
-    await this.send("edit", this.asked());
+    await this.send("edit", this.edge());
   }
 
   async #post(what, content = {}) {
@@ -192,7 +192,7 @@ export class Touch {
     try {
       const answer = await this.#post(what, content);
       this.#shown(await decoded(answer.body));
-      this.#told(what, (performance.now() - began) / 1000);
+      this.#report(what, (performance.now() - began) / 1000);
       if (what !== "judge") this.later = setTimeout(() => this.#check(), PATIENCE);
     } catch (error) {
       this.#say(error.message, true);
@@ -209,7 +209,7 @@ export class Touch {
     this.#mark();
   }
 
-  #told(what, seconds) {
+  #report(what, seconds) {
     const { edits, seconds: solving, reached } = this.state, count = `${edits} edit${edits === 1 ? "" : "s"}`;
     if (what === "judge") return this.#say(`${count} · ${this.casts[0].take.report.badge.text}, judged in ${seconds.toFixed(1)} s`);
     this.#say(what === "edit" ? `solved in ${solving.toFixed(2)} s, shown after ${seconds.toFixed(2)} s; before in blue · ${count}${reached ? ` · ${reached}` : ""}` : count);
