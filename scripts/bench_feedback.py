@@ -1,7 +1,7 @@
 """Measure the balance feedback: survived pushes, falls in hard worlds, faults of the sensor, and a film of a push.
 
     python scripts/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
-    python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction
+    python scripts/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
     python scripts/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
     python scripts/bench_feedback.py lag walk.npz                    # lag of the fused tilt, and the loop on the emulated bus
     python scripts/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback
@@ -23,12 +23,12 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
 from robot_retarget.actuators.map import ServoMap
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.fusion import Fusion
 from robot_retarget.feedback.reading import Reading
 from robot_retarget.feedback.sensor import VirtualImu, calibrated
-from robot_retarget.goals import RATE
+from robot_retarget.goals import RATE, Goals
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import goal_plan
@@ -42,8 +42,12 @@ from robot_retarget.simulate.push import DIRECTIONS, pushed, standing, survived_
 from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.trajectory import Trajectory, load_trajectory
 
-HARD = Spread(mass=(0.8, 1.2), friction=(0.4, 0.4), delay=(0.04, 0.04), tilt=(-np.pi / 60, np.pi / 60))
-"""Worlds at the bounds: mass ± 20 %, friction 0.4, delay 40 ms, floor tilted by up to 3° about both axes."""
+HARD = Spread(
+    mass=(0.8, 1.2), friction=(0.4, 0.4), delay=(0.04, 0.04), tilt=(-np.pi / 60, np.pi / 60), backlash=(1.0, 1.0)
+)
+"""Worlds at the bounds: mass ± 20 %, friction 0.4, delay 40 ms, floor tilted by up to 3° about both axes, all of the backlash."""
+BACKLASH = np.pi / 720
+"""Backlash of the joints in hard worlds, either way: 0.25° [rad]."""
 LATER = 9.0
 """When a fault strikes that begins while the robot plays [s after the emulator's start]: approach and lean take 6 s."""
 PATIENCE = 1.0
@@ -109,15 +113,23 @@ def pushes(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None
 
 
 def falls(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
-    """The number of hard worlds in which the robot falls."""
-    row = table("motion", "without feedback", "with feedback")
+    """The number of hard worlds in which the robot falls, and of those in which it falls with or without feedback alone."""
+    row = table("motion", "without feedback", "with feedback", "without alone", "with alone")
+    total, loose = np.zeros(4, dtype=int), plant_of(plant.robot, "free", backlash=BACKLASH)
     for name, motion in motions.items():
-        goals, cells = compensated(plant, motion, "free"), []
-        for command in (goals, with_feedback(plant, motion, goals)):
-            found = rollouts(plant, motion, draws(worlds, spread=HARD), command=command)
-            fell = [r.unstable is not None or fall_figures(r, plant.robot, motion)["fall_s"] is not None for r in found]
-            cells.append(f"{sum(fell)} of {worlds}")
-        row(name, *cells)
+        goals = compensated(plant, motion, "free")
+        without, fed = (fell(loose, motion, g, worlds) for g in (goals, with_feedback(plant, motion, goals)))
+        counts = np.array([without.sum(), fed.sum(), (without & ~fed).sum(), (fed & ~without).sum()])
+        total += counts
+        row(name, *counts)
+    row("all", *total)
+
+
+def fell(plant: Plant, motion: Trajectory, goals: Goals, worlds: int) -> Bools:
+    """Whether the robot falls in each hard world (worlds,)."""
+    found = rollouts(plant, motion, draws(worlds, spread=HARD), command=goals)
+    falls = [fall_figures(world, plant.robot, motion)["fall_s"] for world in found]
+    return np.array([r.unstable is not None or at is not None for r, at in zip(found, falls, strict=True)])
 
 
 def faults(plant: Plant, stand: Trajectory) -> None:

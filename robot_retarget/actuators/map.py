@@ -7,7 +7,7 @@ Radians outside, ticks inside the two functions that convert.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import pi, tau
 from pathlib import Path
@@ -163,7 +163,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class ServoMap:
-    """All servos of a robot on one bus."""
+    """All servos of a robot on one bus; without servos, the sensor and gains of a robot on its model's actuators."""
 
     robot: str
     servos: tuple[Servo, ...]
@@ -180,8 +180,8 @@ class ServoMap:
     """By servo model."""
 
     def __post_init__(self) -> None:
-        if not self.servos:
-            raise ServoError("a servo map needs at least one servo")
+        if not self.servos and self.balance is None:
+            raise ServoError("a servo map needs at least one servo, or [imu] and [balance]")
         if self.baud not in BAUDS:
             raise MapError(f"baud {self.baud} is not a rate of servos; {known(map(str, BAUDS))}", "baud")
         for what, values in (("joint", self.joints), ("id", self.ids)):
@@ -206,12 +206,23 @@ class ServoMap:
         """The sensor and its gains are of this map."""
         if self.balance is not None and self.imu is None:
             raise MapError("[balance] needs an [imu]", "balance")
-        strange = [joint for joint in (self.balance.joints if self.balance else ()) if joint not in self.joints]
-        if strange:
-            message = f"[balance] names {strange[0]!r}, which has no servo; {known(self.joints)}"
-            raise MapError(message, "balance", "joints", strange[0])
+        if self.servos:
+            self.require_gains_of(self.joints)
         if self.imu is not None and self.imu.kind == "opencr" and self.imu.id in self.ids:
             raise MapError(f"[imu] has the id {self.imu.id} of a servo", "imu", "id")
+
+    def require_gains_of(self, joints: Sequence[str]) -> None:
+        """Check that all gains are of some joints.
+
+        Raises:
+            MapError: one is of another joint.
+        """
+        strange = [joint for joint in (self.balance.joints if self.balance else ()) if joint not in joints]
+        if strange:
+            message = (
+                f"[balance] names {strange[0]!r}, which is not among the joints; {known(joints, typed=strange[0])}"
+            )
+            raise MapError(message, "balance", "joints", strange[0])
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -244,11 +255,14 @@ def shipped_maps() -> dict[str, Path]:
     return {path.parent.name: path for path in sorted(SHIPPED.glob("*/servos.toml"))}
 
 
-def load_map(name: str | Path) -> ServoMap:
+def load_map(name: str | Path, bare: bool = False) -> ServoMap:
     """Read a servo map: a shipped robot's name, or a TOML file.
 
+    Args:
+        bare: accept a map without servos, which has a sensor and gains alone.
+
     Raises:
-        ServoError: the file is missing, or has an unknown key or an invalid value.
+        ServoError: the file is missing, has no servos, or has an unknown key or an invalid value.
     """
     path = shipped_maps().get(str(name), Path(name))
     try:
@@ -257,7 +271,10 @@ def load_map(name: str | Path) -> ServoMap:
         raise ServoError(f"{error}; shipped maps: {', '.join(shipped_maps())}") from error
     table = parse_toml(text, path, ServoError)
     try:
-        return _from_table(table)
+        found = _from_table(table)
+        if not (found.servos or bare):
+            raise ServoError("it has no servos: its feedback acts in simulation alone")
+        return found
     except MapError as error:
         line = line_of(text, error.key)
         raise ServoError(f"{path}:{line}: {error}" if line else f"{path}: {error}") from None

@@ -69,7 +69,7 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
     robot = _stood(robot, tables) if robot.floating or not robot.root_joints.size else robot
     own = path.with_name("servos.toml")
     found = servos if servos is not None else own if own.is_file() else None
-    return robot if found is None else with_servos(robot, load_map(found))
+    return robot if found is None else with_servos(robot, load_map(found, bare=True))
 
 
 def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quaternion | None = None) -> Robot:

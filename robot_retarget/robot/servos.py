@@ -18,7 +18,11 @@ def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
 
     Raises:
         RobotError: a joint has no servo, or its range does not overlap that of its servo.
+        MapError: a map without servos has a gain for an absent joint.
     """
+    if not servo_map.servos:
+        servo_map.require_gains_of(robot.joint_names)
+        return replace(robot, servo_map=servo_map)
     bare = [joint for joint in robot.joint_names if joint not in (*servo_map.joints, *servo_map.passive)]
     if bare:
         raise RobotError(f"{robot.name}: no servo for the joint {bare[0]!r}; {known(servo_map.joints)}")

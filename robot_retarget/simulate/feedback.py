@@ -26,25 +26,37 @@ from robot_retarget.trajectory import Trajectory
 
 
 def has_feedback(plant: Plant) -> bool:
-    """Whether the plant's servo map has a sensor and gains, and the robot a root that can tilt."""
-    servo_map = plant.servo_map
+    """Whether the robot's servo map has a sensor and gains, and the robot a root that can tilt."""
+    servo_map = plant.robot.servo_map
     return plant.robot.floating and servo_map is not None and servo_map.balance is not None
 
 
 def with_feedback(plant: Plant, trajectory: Trajectory, goals: Goals) -> Goals:
-    """The same goals with the feedback of the plant's servo map."""
-    servo_map, robot = plant.servo_map, plant.robot
+    """The same goals with the feedback of the robot's servo map."""
+    robot, servo_map = plant.robot, plant.robot.servo_map
     assert servo_map is not None and servo_map.balance is not None and servo_map.imu is not None
-    balance, limits = servo_map.balance, servo_map.limits
-    low, high = np.array([servo_map[joint].reach for joint in robot.joint_names]).T
+    balance, (low, high, top_speed) = servo_map.balance, _bounds(plant, goals)
     rate, tilt = gain_matrices(robot, balance)
     feedback = Feedback(
         rate=rate, tilt=tilt, lower=low, upper=high, reference=planned_tilt(robot, trajectory, goals),
-        bound=balance.bound, speed=balance.speed, top_speed=limits.speed, lag=round(servo_map.imu.delay * goals.rate),
+        bound=balance.bound, speed=balance.speed, top_speed=top_speed, lag=round(servo_map.imu.delay * goals.rate),
         fusion=balance.fusion, fade=balance.fade, stop=np.array([balance.stop_roll, balance.stop_pitch]),
         crouch=_crouch(robot, servo_map, goals), lean=lean_over_feet(robot, trajectory.qpos[0]),
     )  # fmt: skip
     return replace(goals, feedback=feedback)
+
+
+def _bounds(plant: Plant, goals: Goals) -> tuple[Floats, Floats, float]:
+    """Return the range (n,) [rad] and the top speed [rad/s] of goals with feedback.
+
+    They are those of the servo map. A model's own actuators have those of its joints, or of the goals where these exceed them.
+    """
+    robot, servo_map, angles = plant.robot, plant.servo_map, goals.angles
+    if servo_map is not None:
+        low, high = np.array([servo_map[joint].reach for joint in robot.joint_names]).T
+        return low, high, servo_map.limits.speed
+    fastest = np.abs(np.diff(angles, axis=0)).max(initial=robot.max_speed.max() / goals.rate) * goals.rate
+    return np.minimum(robot.lower, angles.min(0)), np.maximum(robot.upper, angles.max(0)), float(fastest)
 
 
 def gain_matrices(robot: Robot, balance: Balance) -> tuple[Floats, Floats]:
@@ -92,6 +104,14 @@ def _crouch(robot: Robot, servo_map: ServoMap, goals: Goals) -> Floats:
     pose = servo_map.stop.pose
     first = zip(robot.joint_names, goals.angles[0], strict=True)
     return np.array([pose.get(joint, float(angle)) for joint, angle in first])
+
+
+def closed_loop(plant: Plant, goals: Goals, seed: int) -> "ClosedLoop | None":
+    """Return the loop of goals with feedback; None without a sensor in the robot's servo map."""
+    servo_map = plant.robot.servo_map
+    if goals.feedback is None or servo_map is None or servo_map.imu is None:
+        return None
+    return ClosedLoop(plant, goals, servo_map.imu, seed)
 
 
 class ClosedLoop:

@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw, drawn
-from robot_retarget.simulate.feedback import ClosedLoop, with_feedback
+from robot_retarget.simulate.feedback import ClosedLoop, closed_loop, with_feedback
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Plant
@@ -140,8 +140,7 @@ def _begun(plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, feet:
     data.qpos[:] = world.places.lifted(trajectory.qpos[0])
     set_on_floor(world.model, data)
     mujoco.mj_forward(world.model, data)
-    imu = plant.servo_map.imu if plant.servo_map else None
-    closed = goals.feedback is not None and imu is not None
-    loop = ClosedLoop(world, goals, imu, how.seed) if closed and imu is not None else None
     data.ctrl[:] = world.controls(goals.angles[:1])[0]
-    return PushedWorld(world, data, goals, loop, round(how.delay / world.model.opt.timestep), feet)
+    return PushedWorld(
+        world, data, goals, closed_loop(world, goals, how.seed), round(how.delay / world.model.opt.timestep), feet
+    )

@@ -156,7 +156,7 @@ class Drives:
 
 
 def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = None) -> Drives | None:
-    """The servos of the robot's map, or None for a robot without one.
+    """The servos of the robot's map, or None for a robot without servos.
 
     Args:
         voltage: of the supply [V]; by default the motors' nominal one.
@@ -166,7 +166,7 @@ def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = N
         RobotError: a hinge has no servo.
     """
     servo_map = robot.servo_map
-    if servo_map is None:
+    if servo_map is None or not servo_map.servos:
         return None
     bare = [joint for joint in robot.joint_names if joint not in servo_map.joints]
     if bare:

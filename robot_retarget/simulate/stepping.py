@@ -12,7 +12,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.goals import Goals
 from robot_retarget.robot.timing import sample
 from robot_retarget.simulate.contacts import ContactLog, Contacts
-from robot_retarget.simulate.feedback import ClosedLoop
+from robot_retarget.simulate.feedback import ClosedLoop, closed_loop
 from robot_retarget.simulate.goals import Playback, plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
 from robot_retarget.trajectory import Trajectory
@@ -81,7 +81,7 @@ def roll_out(
     if mode == "pinned":
         roots = root_coordinates(robot)
         carried = plant.places.qpos[roots], plant.root_dofs, sample(trajectory, robot, times)[:, roots]
-    loop = _closed(plant, goals, playback) if mode == "free" else None
+    loop = closed_loop(plant, goals, playback.seed) if mode == "free" else None
     log = _Log(plant, len(times))
     began = time.perf_counter()
     with _quiet():
@@ -94,13 +94,6 @@ def roll_out(
         return rollout
     stopped = None if loop.stopped is None else float(times[loop.stopped])
     return replace(rollout, added=loop.added[:done], stopped=stopped)
-
-
-def _closed(plant: Plant, goals: Goals, playback: Playback) -> ClosedLoop | None:
-    """The loop of goals that have feedback."""
-    if goals.feedback is None or plant.servo_map is None or plant.servo_map.imu is None:
-        return None
-    return ClosedLoop(plant, goals, plant.servo_map.imu, playback.seed)
 
 
 def _steps(

@@ -211,7 +211,7 @@ def test_a_map_with_a_sensor_is_read_back_as_written(tmp_path) -> None:
         ('[imu]\naxes = ["x", "y", "-z"]', "mirror image"),
         ("[imu]\nid = 3", "id 3 of a servo"),
         ("[imu]\ngyro_noise = -1", "gyro_noise"),
-        ("[imu]\n[balance.joints]\nno_joint = { rate = 0.1 }", "'no_joint', which has no servo"),
+        ("[imu]\n[balance.joints]\nno_joint = { rate = 0.1 }", "'no_joint', which is not among the joints"),
         ("[imu]\n[balance.joints]\nl_knee = { speed = 0.1 }", "l_knee cannot be"),
         ("[imu]\n[balance.joints]\nl_knee = { rate = 7.0 }", "rate 7"),
         ("[balance]\nbound = 0.1", r"\[balance\] needs an \[imu\]"),

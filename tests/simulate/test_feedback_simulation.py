@@ -1,16 +1,19 @@
 """The feedback law in the simulation: what it changes, what it leaves alone, and what the verdict reports."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from made_trajectories import hold
+from made_trajectories import hold, swing
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.actuators.balance_tables import Balance
-from robot_retarget.errors import UsageError
+from robot_retarget.actuators.map import load_map
+from robot_retarget.errors import ServoError, UsageError
 from robot_retarget.feedback.reading import tilt_of
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.feedback import with_feedback
 from robot_retarget.simulate.feedback_figures import oscillation
@@ -53,6 +56,48 @@ def test_on_a_tilted_floor_feedback_brings_the_trunk_nearer_to_upright(world: Dr
     axis = 0 if world.roll else 1
     before, after = (abs(final_tilt(r, gravity)[axis]) for r in (leaning, upright))
     assert after < 0.8 * before
+
+
+BARE = """[imu]
+delay = 0.005
+[balance.joints]
+"""
+"""A map without servos, up to its gains."""
+
+
+def on_own_actuators(folder: Path, gains: str) -> Robot:
+    """The OP3 on its model's actuators, with a sensor and gains alone."""
+    path = folder / "sensor.toml"
+    path.write_text(BARE + gains)
+    return load_robot("op3", servos=str(path))
+
+
+def test_gains_of_zero_leave_goals_of_own_actuators_as_they_are(tmp_path: Path) -> None:
+    robot = on_own_actuators(tmp_path, "l_knee = { rate = 0.0 }")
+    plant, moving = plant_of(robot, "free"), swing(robot, "l_sho_pitch", 0.5, 2.0, 1.0)
+    goals = compensated(plant, moving, "free")
+    closed = roll_out(plant, moving, "free", command=with_feedback(plant, moving, goals))
+    assert closed.added is not None
+    assert np.array_equal(closed.qpos, roll_out(plant, moving, "free", command=goals).qpos)
+
+
+def test_own_actuators_bring_the_trunk_nearer_to_upright_too(tmp_path: Path) -> None:
+    robot = on_own_actuators(tmp_path, "l_ank_pitch = { tilt = 1.0 }\nr_ank_pitch = { tilt = 1.0 }")
+    plant, world = plant_of(robot, "free"), Draw(pitch=0.05)
+    assert plant.drives is None
+    goals = plain_goals(plant, STAND)
+    gravity = drawn(plant, world, Playback())[0].model.opt.gravity
+    commands = goals, with_feedback(plant, STAND, goals)
+    before, after = (abs(final_tilt(rollouts(plant, STAND, [world], command=c)[0], gravity)[1]) for c in commands)
+    assert after < 0.8 * before
+
+
+def test_a_map_without_servos_moves_none_and_names_joints_of_the_robot(tmp_path: Path) -> None:
+    on_own_actuators(tmp_path, "l_knee = { rate = 0.1 }")
+    with pytest.raises(ServoError, match="no servos: its feedback acts in simulation alone"):
+        load_map(tmp_path / "sensor.toml")
+    with pytest.raises(ServoError, match="'l_kneee', which is not among the joints; did you mean 'l_knee'"):
+        on_own_actuators(tmp_path, "l_kneee = { rate = 0.1 }")
 
 
 def test_pinned_goals_have_no_feedback() -> None:
