@@ -19,7 +19,7 @@ from robot_retarget.errors import MatchError
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
-from robot_retarget.progress import Progress, one_after_another
+from robot_retarget.progress import Progress, consecutive
 from robot_retarget.robot import Robot
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.plausibility import mismatch
@@ -147,7 +147,7 @@ def solve(
         graph = graph.with_bounds("speed", factor=BalanceOptions().speed)
     draft, planting = progress, None
     if mode != "off" and progress:
-        draft, planting = one_after_another(progress, expected_steps(graph))
+        draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
     doubt = mismatch(graph.motion, graph.robot, graph.match, solution.trajectory.qpos)
     if doubt and not graph.mapped and (smoothing is None or smoothing.passes):

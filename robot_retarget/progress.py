@@ -27,7 +27,7 @@ class Count:
         self.total = self.done + left
 
 
-def one_after_another(progress: Progress, left: int) -> tuple[Progress, Progress]:
+def consecutive(progress: Progress, left: int) -> tuple[Progress, Progress]:
     """The progress of two computations that follow each other, the second expected to take so many steps."""
     before = 0
 

@@ -24,7 +24,7 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
-from robot_retarget.servo.clock import on_time, wide_awake
+from robot_retarget.servo.clock import real_time, without_sleep_states
 from robot_retarget.servo.emulator.pace import TURNAROUND
 from robot_retarget.servo.link import READING, Link
 from robot_retarget.servo.outcome import PlaybackOptions
@@ -44,7 +44,7 @@ def bus_limit(servos: int, baud: int, size: int, fast: bool) -> float:
 
 def cycles(port: str, servo_map: ServoMap, fast: bool, seconds: float) -> tuple[float, float]:
     """Exchanges a second, one after the other: on the average, and by the median exchange."""
-    with Bus(port, servo_map.baud) as bus, on_time(), wide_awake():
+    with Bus(port, servo_map.baud) as bus, real_time(), without_sleep_states():
         conditions, _ = check(bus, servo_map)
         link = Link(bus, servo_map, conditions)
         link.fast = fast

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.progress import Count, one_after_another
+from robot_retarget.progress import Count, consecutive
 
 
 @given(st.integers(1, 50), st.integers(1, 50), st.integers(0, 80))
 def test_two_computations_count_as_one(first: int, second: int, expected: int) -> None:
     told: list[tuple[int, int]] = []
-    before, after = one_after_another(lambda done, total: told.append((done, total)), expected)
+    before, after = consecutive(lambda done, total: told.append((done, total)), expected)
     for progress, steps in ((before, first), (after, second)):
         count = Count(progress, steps)
         for _ in range(steps):

@@ -13,11 +13,11 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.foot_spacing import spread
-from robot_retarget.balance.footstep_limits import carried, within_reach
+from robot_retarget.balance.footstep_limits import reachable_footholds, step_length
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
 from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
-from robot_retarget.balance.support import kept_down, planted_feet
+from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.describe.graph import RobotGraph, graph_from
 from robot_retarget.describe.likeness import likeness_of
@@ -145,12 +145,12 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps)
     own = stand_places(ik)
     corners = spread(corners, own)
-    kept = kept_down(planted, corners, ik.leg, fps)
+    kept = without_small_swings(planted, corners, ik.leg, fps)
     if kept.all():
         return PlaybackClip(graph, draft, corners, kept, fps)
-    placed = within_reach(kept, corners, own, ik.leg)
+    placed = reachable_footholds(kept, corners, own, ik.leg)
     root = slice(ik.robot.root_address, ik.robot.root_address + 2)
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
-    stride = carried(kept, placed) / max(carried(kept, corners), 1e-9)
+    stride = step_length(kept, placed) / max(step_length(kept, corners), 1e-9)
     return PlaybackClip(graph, posed, placed, kept, fps, stride)

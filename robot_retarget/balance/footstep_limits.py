@@ -15,7 +15,7 @@ REACH = 0.35
 """Largest distance of a foothold from its place next to the other foot, over the leg length."""
 
 
-def within_reach(planted: np.ndarray, corners: Floats, own: Floats, leg: float, reach: float = REACH) -> Floats:
+def reachable_footholds(planted: np.ndarray, corners: Floats, own: Floats, leg: float, reach: float = REACH) -> Floats:
     """Return (T, 2, 4, 3) soles with footholds within reach of each other.
 
     Args:
@@ -55,7 +55,7 @@ def _beyond(apart: np.ndarray, reach: float) -> np.ndarray:
     return apart * (1 - np.minimum(1.0, reach / np.maximum(np.abs(apart), 1e-9)))
 
 
-def carried(planted: np.ndarray, corners: Floats) -> float:
+def step_length(planted: np.ndarray, corners: Floats) -> float:
     """Return the total length of all steps [m]."""
     middle, total = corners.mean(axis=2)[..., :2], 0.0
     for foot in range(planted.shape[1]):

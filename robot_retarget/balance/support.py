@@ -60,7 +60,9 @@ def planted_feet(
     return planted
 
 
-def kept_down(planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None) -> np.ndarray:
+def without_small_swings(
+    planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None
+) -> np.ndarray:
     """Return (T, F) without swings that neither lift nor displace a foot; weight transfers have both feet down."""
     chosen, kept = rule or StepRule(), planted.copy()
     low = _over_floor(corners, chosen.drift * fps)

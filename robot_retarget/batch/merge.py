@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robot_retarget.batch.manifest import INDEX, NAME, Manifest, Row
-from robot_retarget.batch.run import LOCK, occupied
+from robot_retarget.batch.run import LOCK, locked_folder
 from robot_retarget.batch.task import DONE
 from robot_retarget.errors import OutputError, UsageError
 from robot_retarget.files import replacing
@@ -26,7 +26,7 @@ def merge(parts: Sequence[Path], out: Path) -> int:
     for part in parts:
         if not (part / NAME).is_file():
             raise UsageError(f"{part} holds no {NAME}")
-    with occupied(out) as target, Manifest(target) as whole:
+    with locked_folder(out) as target, Manifest(target) as whole:
         rows = {row.key: row for row in whole.rows()}
         for part in parts:
             with Manifest(part) as manifest:

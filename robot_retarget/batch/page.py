@@ -27,7 +27,7 @@ BINS, WIDTH, HEIGHT = 24, 220, 70
 
 
 @dataclass(frozen=True)
-class Shown:
+class ClipCard:
     """A clip with its pictures, named relative to the page."""
 
     row: Row
@@ -36,7 +36,7 @@ class Shown:
 
 
 def save_page(
-    rows: Sequence[Row], chosen: Sequence[Chosen], extremes: Sequence[Shown], duplicates: int, path: Path
+    rows: Sequence[Row], chosen: Sequence[Chosen], extremes: Sequence[ClipCard], duplicates: int, path: Path
 ) -> Path:
     """Write the page, whole or not at all."""
     states = Counter(row.state for row in rows)
@@ -90,7 +90,7 @@ def _histogram(rows: Sequence[Row], name: str) -> str:
     )
 
 
-def _extreme(shown: Shown) -> str:
+def _extreme(shown: ClipCard) -> str:
     row = shown.row
     title = html.escape(f"{row.clip} on {row.robot}")
     link = f'<a href="{html.escape(shown.viewer)}">{title}</a>' if shown.viewer else title

@@ -8,7 +8,7 @@ from pathlib import Path
 from robot_retarget.batch.duplicates import near_duplicates
 from robot_retarget.batch.filters import Chosen, Filter, choose
 from robot_retarget.batch.manifest import Row
-from robot_retarget.batch.page import Shown, extremes_of, save_page
+from robot_retarget.batch.page import ClipCard, extremes_of, save_page
 from robot_retarget.batch.settings import Job
 from robot_retarget.batch.summary import save_csv, save_parquet
 from robot_retarget.batch.task import robot_of
@@ -54,7 +54,7 @@ def _save_table(path: Path, columns: Sequence[str], lines: Sequence[Sequence[str
         scratch.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _pictured(row: Row, job: Job) -> Shown:
+def _pictured(row: Row, job: Job) -> ClipCard:
     """Draw a strip and a viewer of a row."""
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view import Picture, strip
@@ -68,8 +68,8 @@ def _pictured(row: Row, job: Job) -> Shown:
         Viewer((Take(robot, trajectory),)).save(target / f"{stem}.html")
         picture = strip(robot, trajectory, count=6, height=240)
     except RobotRetargetError:
-        return Shown(row, None, None)
+        return ClipCard(row, None, None)
     if isinstance(picture, Picture):
         picture.save(target / f"{stem}.png")
     drawn = f"{PICTURES}/{stem}.png" if isinstance(picture, Picture) else None
-    return Shown(row, drawn, f"{PICTURES}/{stem}.html")
+    return ClipCard(row, drawn, f"{PICTURES}/{stem}.html")

@@ -54,7 +54,7 @@ class RunSummary:
 
 
 @contextmanager
-def occupied(out: Path) -> Iterator[Path]:
+def locked_folder(out: Path) -> Iterator[Path]:
     """The folder of results, locked for one run; temporary files of a killed run are removed.
 
     Raises:

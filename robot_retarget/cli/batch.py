@@ -104,12 +104,12 @@ def _run(
     from robot_retarget.batch.manifest import Manifest
     from robot_retarget.batch.pack import pack_all
     from robot_retarget.batch.report import write_reports
-    from robot_retarget.batch.run import occupied, perform_all, plan_of
+    from robot_retarget.batch.run import locked_folder, perform_all, plan_of
     from robot_retarget.cli.bars import tally
     from robot_retarget.servo.interrupts import Interrupts
 
     interrupts = Interrupts()
-    with occupied(job.out) as out, Manifest(out) as manifest:
+    with locked_folder(job.out) as out, Manifest(out) as manifest:
         for sentence in manifest.notes:
             console.note(sentence)
         plan = plan_of(job, manifest)
@@ -185,7 +185,7 @@ def _merge(parts: list[Path], out: Path, json: bool) -> None:
     if not parts:
         raise UsageError("merge takes folders of results: batch merge A B --out ALL")
     count = merge(parts, out)
-    console.tell(
+    console.show_result(
         {"out": str(out), "rows": count}, f"{count} rows in {out}; run batch on it again for the summary", json
     )
 

@@ -24,7 +24,7 @@ side: Console = Console(stderr=True, highlight=False, soft_wrap=True)
 """Remarks and progress."""
 
 
-def hush(quiet: bool) -> None:
+def set_quiet(quiet: bool) -> None:
     """Print errors only, and the JSON of `--json`."""
     out.quiet = side.quiet = quiet
 
@@ -256,7 +256,7 @@ def show_score(score: "Score") -> None:
         note(sentence)
 
 
-def tell(facts: dict[str, Any], sentence: str, json: bool) -> None:
+def show_result(facts: dict[str, Any], sentence: str, json: bool) -> None:
     """Print a result as JSON or as a sentence."""
     if json:
         dump(facts)

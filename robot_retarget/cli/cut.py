@@ -42,7 +42,7 @@ def cut(
     made = made if repeat == 1 else edit.repeated(made, model, repeat, seam)
     made.save(output)
     facts = {"output": str(output), "frames": len(made), "fps": made.fps, "duration_s": round(made.duration, 4)}
-    console.tell(facts, f"wrote {output}, {made.duration:.3g} s", json)
+    console.show_result(facts, f"wrote {output}, {made.duration:.3g} s", json)
 
 
 def _span(text: str, duration: float) -> tuple[float, float]:

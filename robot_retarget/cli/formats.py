@@ -65,7 +65,7 @@ def export(
 
     options = options_of(joints, fps, servos)
     write(load_trajectory(trajectory), load(robot, limits), format, output, options)
-    console.tell({"output": str(output), "format": format}, f"wrote {output}", json)
+    console.show_result({"output": str(output), "format": format}, f"wrote {output}", json)
 
 
 @commands.command(
@@ -95,7 +95,9 @@ def import_(
         console.note(note)
     trajectory.save(output)
     facts = {"output": str(output), "frames": len(trajectory), "fps": trajectory.fps, "notes": list(trajectory.notes)}
-    console.tell(facts, f"wrote {output}: {len(trajectory)} frames at {trajectory.fps:g} frames per second", json)
+    console.show_result(
+        facts, f"wrote {output}: {len(trajectory)} frames at {trajectory.fps:g} frames per second", json
+    )
 
 
 @commands.command(
@@ -127,7 +129,7 @@ def convert(
         console.note(note)
     write(trajectory, model, to, output, options_of(to_joints, fps, servos))
     facts = {"output": str(output), "format": to, "frames": len(trajectory), "notes": list(trajectory.notes)}
-    console.tell(facts, f"wrote {output}", json)
+    console.show_result(facts, f"wrote {output}", json)
 
 
 def options_of(

@@ -7,7 +7,7 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.options import BodyModel, Json, Limits, Quiet, Repair, SourceFps, Up
-from robot_retarget.cli.stages import load, names_robot, read_clip
+from robot_retarget.cli.stages import is_robot_name, load, read_clip
 from robot_retarget.errors import UsageError
 
 commands: typer.Typer = typer.Typer()
@@ -32,7 +32,7 @@ def info(
 
     if (file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
-    if robot is not None or names_robot(str(file)):
+    if robot is not None or is_robot_name(str(file)):
         facts = describe_robot(load(str(robot or file), limits))
     else:
         facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model, up, repair))

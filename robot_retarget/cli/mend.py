@@ -32,7 +32,7 @@ def mend(
     """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
     from robot_retarget.describe.edits import read_edits
     from robot_retarget.edit.session import graph_of
-    from robot_retarget.edit.touchup import all_mended
+    from robot_retarget.edit.touchup import apply_edits
     from robot_retarget.files import require_writable
     from robot_retarget.formats import load_trajectory
 
@@ -40,11 +40,11 @@ def mend(
     model, edits = load(robot, limits), read_edits(edges)
     played, clip = load_trajectory(trajectory, model), read_clip(motion, frames, up=up)
     require_source(played, clip, force)
-    made, outcomes = all_mended(graph_of(clip, model, played, map_file), played, edits)
+    made, outcomes = apply_edits(graph_of(clip, model, played, map_file), played, edits)
     made.save(output)
     reached = [outcome.reached for outcome in outcomes if outcome.reached]
     unmet = own_unmet(edge for outcome in outcomes for edge in outcome.unmet)
     facts = {"output": str(output), "edits": len(edits), "reached": reached, "unmet": unmet}
-    console.tell(facts, "\n".join([*reached, *unmet, f"wrote {output}; simulate it before you play it"]), json)
+    console.show_result(facts, "\n".join([*reached, *unmet, f"wrote {output}; simulate it before you play it"]), json)
     if unmet:
         raise typer.Exit(1)

@@ -53,7 +53,7 @@ Quiet = Annotated[
     typer.Option(
         "--quiet",
         "-q",
-        callback=console.hush,
+        callback=console.set_quiet,
         is_eager=True,
         help="Say nothing but errors, and what --json prints.",
     ),

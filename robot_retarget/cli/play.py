@@ -81,7 +81,7 @@ def play(
     from robot_retarget.servo.outcome import PlaybackOptions
     from robot_retarget.servo.plan import goal_plan
     from robot_retarget.servo.play import play as perform
-    from robot_retarget.servo.play import rehearse
+    from robot_retarget.servo.play import preview
     from robot_retarget.trajectory import load_trajectory
 
     options, servo_map = PlaybackOptions(end_pose, release, grace=grace, test_lean=test_lean), load_map(servos)
@@ -101,7 +101,7 @@ def play(
     if not feedback:
         plan = replace(plan, feedback=None)
     if dry_run:
-        facts = rehearse(plan, servo_map, port or None)
+        facts = preview(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
         return
     if not port:

@@ -139,7 +139,7 @@ def calibrate(
     _write(output, dump_map(new))
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
     lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
-    console.tell({"output": str(output), "zeros": moved}, "\n".join([*lines, f"wrote {output}"]), json)
+    console.show_result({"output": str(output), "zeros": moved}, "\n".join([*lines, f"wrote {output}"]), json)
 
 
 @servos.command(
@@ -172,7 +172,7 @@ def identify(
     _write(output, dump_map(with_identified(servo_map, joint, found.servo)))
     facts = {**vars(found.servo), "delay_s": round(found.delay, 5), "error_rad": round(found.error, 5)}
     lines = [f"{name} {value:g}" for name, value in facts.items()]
-    console.tell({"output": str(output), **facts}, "\n".join([*lines, f"wrote {output}"]), json)
+    console.show_result({"output": str(output), **facts}, "\n".join([*lines, f"wrote {output}"]), json)
 
 
 @servos.command("import", epilog="Example: robot-retarget servos import OP3.robot --offsets offset.yaml -o op3.toml")
@@ -191,7 +191,7 @@ def import_map(
     servo_map = read_foreign(file, offsets, model)
     _write(output, dump_map(servo_map))
     cut, count = [servo.joint for servo in servo_map.servos if servo.cut], len(servo_map.servos)
-    console.tell(
+    console.show_result(
         {"output": str(output), "servos": count, "cut": cut},
         f"wrote {output}: {count} servos; look over signs, zeros and ranges before playing",
         json,

@@ -7,7 +7,7 @@ import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.options import Draws, Json, Limits, Quiet, RobotName, Servos, Thresholds, TrajectoryFile
-from robot_retarget.cli.stages import foreseen, judged, keep, load, write_page
+from robot_retarget.cli.stages import judged, keep, load, warnings_or_none, write_page
 
 commands: typer.Typer = typer.Typer()
 
@@ -59,7 +59,7 @@ def simulate(
     for path in (*([trajectory, where] if store else []), *([page] if page else [])):
         require_writable(path)
     model, played = load(robot, limits, servos), load_trajectory(trajectory)
-    warnings = foreseen(played, model)
+    warnings = warnings_or_none(played, model)
     report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
     if store:
         keep(report, trajectory, where)

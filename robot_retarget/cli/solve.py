@@ -25,7 +25,7 @@ from robot_retarget.cli.options import (
     SourceFps,
     Up,
 )
-from robot_retarget.cli.stages import RetargetOptions, carried_over, load, own_unmet, read_clip, retarget_cost
+from robot_retarget.cli.stages import RetargetOptions, load, own_unmet, read_clip, retarget_cost, retargeted
 
 commands: typer.Typer = typer.Typer()
 
@@ -60,7 +60,7 @@ def solve(
     options = RetargetOptions(fps, map_file, legs, balance, edges, preset)
     clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits)
     with progress({"retarget": retarget_cost(clip)}) as stages:
-        result = carried_over(clip, model, options, stages.begin("retarget"))
+        result = retargeted(clip, model, options, stages.begin("retarget"))
     result.trajectory.save(output)
     facts = describe_solution(result.solution, result.notes)
     if json:

@@ -66,7 +66,7 @@ def fill_folder(
     from robot_retarget.summary import describe_solution
 
     with filling(out) as filled, progress(costs_of(motion, robot, film, draws)) as stages:
-        result = carried_over(motion, robot, options, stages.begin(f"retarget to {robot.name}"))
+        result = retargeted(motion, robot, options, stages.begin(f"retarget to {robot.name}"))
         target = filled.path
         report, warnings = _tried(result, target, draws, stages.begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
@@ -195,7 +195,7 @@ def judged(
         )
 
 
-def foreseen(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
+def warnings_or_none(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
     """The warnings of a trajectory; a single frame has no next one to warn of."""
     from robot_retarget.collision.warn import warnings_of
 
@@ -296,7 +296,7 @@ def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
     return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == OwnKind.name))
 
 
-def carried_over(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":
+def retargeted(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":
     """The motion on the robot."""
     from robot_retarget.pipeline import solve
 
@@ -359,7 +359,7 @@ def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
     return load_robot(name, limits, servos)
 
 
-def names_robot(name: str) -> bool:
+def is_robot_name(name: str) -> bool:
     """Return whether a name is that of a robot, not of a motion file."""
     from robot_retarget.robot import shipped_robots
     from robot_retarget.robot.catalog import MODEL_FILES

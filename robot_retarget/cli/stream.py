@@ -96,15 +96,15 @@ def stream(
     from robot_retarget.cli.stages import load
 
     model = load(robot, limits, servos)
-    with _opened(Wanted(source, port, host, tcp, sender, skeleton, speed)) as frames:
-        poses = Poses(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
-        figures, code = _SHOWN[target](poses, Place(servos, serial, mode, window, page, log))
+    with _opened(StreamInput(source, port, host, tcp, sender, skeleton, speed)) as frames:
+        poses = StreamRun(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
+        figures, code = _SHOWN[target](poses, StreamOutput(servos, serial, mode, window, page, log))
     _tell(figures, json, target)
     raise typer.Exit(code)
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StreamInput:
     """Where frames come from."""
 
     source: str
@@ -117,7 +117,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Place:
+class StreamOutput:
     """What poses are for."""
 
     servos: str | None
@@ -129,7 +129,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class StreamRun:
     """A robot that follows frames."""
 
     robot: "Robot"
@@ -171,7 +171,7 @@ class Poses:
 
 
 @contextmanager
-def _opened(wanted: Wanted) -> "Iterator[FrameSource]":
+def _opened(wanted: StreamInput) -> "Iterator[FrameSource]":
     """A source, closed at the end."""
     from robot_retarget.live.open import opened
 
@@ -196,7 +196,7 @@ def _stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _to_stdout(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+def _to_stdout(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
     import sys
 
     from robot_retarget.live.sinks.lines import LineSink
@@ -204,7 +204,7 @@ def _to_stdout(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
     return poses.run(LineSink(sys.stdout)), 0
 
 
-def _to_page(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+def _to_page(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
     from threading import Thread
 
     from robot_retarget.live.sinks.page import PageSink
@@ -220,7 +220,7 @@ def _to_page(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
         thread.join()
 
 
-def _to_physics(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+def _to_physics(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
     from robot_retarget.live.sinks.physics import PhysicsSink
 
     sink = PhysicsSink(poses.robot, place.mode, place.window)
@@ -231,7 +231,7 @@ def _to_physics(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
     return figures | sink.figures(), 0
 
 
-def _to_servos(poses: Poses, place: Place) -> tuple[dict[str, Any], int]:
+def _to_servos(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
     from robot_retarget.files import require_writable
     from robot_retarget.live.sinks.servos import ServoSink, moved
     from robot_retarget.servo.emulated import emulator_process

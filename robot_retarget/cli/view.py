@@ -69,7 +69,7 @@ def view(
         page = Viewer(takes).save(static)
         console.note(f"{page} has {page.stat().st_size / 1e6:.1f} MB")
     if written := [str(path) for path in (strip, video, gif, static) if path is not None]:
-        console.tell({"files": written}, f"wrote {', '.join(written)}", json)
+        console.show_result({"files": written}, f"wrote {', '.join(written)}", json)
     else:
         editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
         served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, simulated or "pinned"))
@@ -161,7 +161,7 @@ def _answer(served: "Served", browser: bool, json: bool) -> None:
     import webbrowser
 
     sentence = f"{served.address} shows it; from elsewhere first: {served.tunnel_command()}. Ctrl-C ends."
-    console.tell({"address": served.address}, sentence, json)
+    console.show_result({"address": served.address}, sentence, json)
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
         webbrowser.open(served.address)
     served.forever()

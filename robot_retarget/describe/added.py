@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from robot_retarget.arrays import Floats
 from robot_retarget.describe.kinds.own import End, OwnKind
-from robot_retarget.dgp.track import HARD, Track, beside
+from robot_retarget.dgp.track import HARD, Track, merged
 from robot_retarget.errors import GraphError, known
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -121,7 +121,7 @@ def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, le
         same = (track.lower[0, k], track.upper[0, k]) == (edge.lower, edge.upper)
         if same and (track.priority[:, k].max() >= HARD) == (edge.priority >= HARD):
             return replace(track, priority=_raised(track.priority, int(k), profile))
-    return beside(track, alone)
+    return merged(track, alone)
 
 
 def checked_end(match: Match, robot: Robot, end: End) -> End:

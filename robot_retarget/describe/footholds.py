@@ -49,9 +49,9 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
-        places[:, k] = settled(held[:, k], sole_of(human, match, robot, foot).places(human))
+        places[:, k] = foothold_corners(held[:, k], sole_of(human, match, robot, foot).places(human))
     stands = np.asarray(held.any(axis=2))
-    return Footholds(feet, held, places, nearing(stands, round(LANDING * human.fps)))
+    return Footholds(feet, held, places, stance_ramp(stands, round(LANDING * human.fps)))
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]
     return float(np.linalg.norm((left - right)[:2])) / 2, own
 
 
-def relaxed(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
+def without_unreachable(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
     """Free both feet while the robot's legs cannot put them on their footholds together.
 
     The legs alone put the feet at `corners`. Footholds that differ from these by more than `reach`, after the best
@@ -136,7 +136,7 @@ def relaxed(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> 
     """
     held = held.copy()
     while True:
-        places = np.stack([settled(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])], axis=1)
+        places = np.stack([foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])], axis=1)
         both = np.flatnonzero(np.asarray(held.any(axis=2)).sum(axis=1) > 1)
         apart = [t for t in both if t >= fixed and _misfit(corners[t][held[t]], places[t][held[t]]) > reach]
         if not apart:
@@ -151,7 +151,7 @@ def _misfit(corners: Floats, places: Floats) -> float:
     return float(np.abs(a * turn / max(abs(turn), 1e-12) - b).max())
 
 
-def settled(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
+def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
     """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
 
     Args:
@@ -213,7 +213,7 @@ def _blended(stands: np.ndarray, offset: Floats) -> Floats:
     return (1 - share) * offset[first] + share * offset[last]
 
 
-def nearing(stands: np.ndarray, frames: int) -> Floats:
+def stance_ramp(stands: np.ndarray, frames: int) -> Floats:
     """Return (T, F) 1 while feet stand, falling quadratically to 0 over this number of frames before and after.
 
     Args:

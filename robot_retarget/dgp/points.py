@@ -13,7 +13,7 @@ from robot_retarget.dgp.edges import Edges, expand
 from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.interaction import Interaction
 from robot_retarget.dgp.role import FRAME
-from robot_retarget.dgp.track import Track, beside
+from robot_retarget.dgp.track import Track, merged
 from robot_retarget.errors import GraphError, known
 
 
@@ -179,7 +179,7 @@ class PointGraph(Graph):
                     f"{self.dimension} and {len(other.vertices)} × {other.frames} in dimension {other.dimension}"
                 )
             for name, track in other.kinds.items():
-                tracks[name] = beside(tracks[name], track) if name in tracks else track
+                tracks[name] = merged(tracks[name], track) if name in tracks else track
         return replace(self, tracks=tuple(tracks.values()))
 
     def induced(self, vertices: ArrayLike, first: int, last: int) -> "PointGraph":

@@ -263,13 +263,13 @@ def limit(
     return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
 
 
-def joined(parts: Sequence[Track]) -> Track:
+def concatenated(parts: Sequence[Track]) -> Track:
     """Return the same edges over consecutive frames."""
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
     return replace(parts[0], **columns)
 
 
-def beside(first: Track, second: Track) -> Track:
+def merged(first: Track, second: Track) -> Track:
     """Return the edges of two tracks of one kind over the same frames.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 
 from robot_retarget.describe.edits import Edit, write_edits
 from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.edit.touchup import Mended, mended
+from robot_retarget.edit.touchup import EditResult, apply_edit
 from robot_retarget.errors import UsageError
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -32,7 +32,7 @@ class Session:
         self._edits: list[Edit] = []
         self._files = edits_file, trajectory_file
         self._at = 0
-        self.last: Mended | None = None
+        self.last: EditResult | None = None
         """The latest touch-up."""
 
     @property
@@ -57,7 +57,7 @@ class Session:
             GraphError: the graph refuses it.
         """
         edit = Edit("edge", dict(table))
-        self.last = mended(*self._states[self._at], edit)
+        self.last = apply_edit(*self._states[self._at], edit)
         self._states[self._at + 1 :] = [(self.last.graph, self.last.trajectory)]
         self._edits[self._at :] = [edit]
         self._at += 1

@@ -41,7 +41,7 @@ FIXED = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Mended:
+class EditResult:
     """A trajectory after a touch-up."""
 
     graph: RobotGraph
@@ -63,7 +63,7 @@ class Mended:
         return tuple(edge.sentence for edge in self.unmet if edge.kind == OwnKind.name)
 
 
-def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
+def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditResult:
     """Solve the frames around an edit again.
 
     Args:
@@ -98,7 +98,7 @@ def mended(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> Mended:
     measured = measured_by(solver.problem, solved, qpos[window])
     unmet = unmet_edges(solver, solved, measured, qpos[window])
     reached = _reached(solved, edit, measured, slice(first - start, last + 1 - start))
-    return Mended(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
+    return EditResult(edited_graph, done, start, stop - 1, time.perf_counter() - began, reached, unmet)
 
 
 def _offsets(
@@ -150,7 +150,9 @@ def _faded(graph: RobotGraph, known: Sequence[Floats], poses: Sequence[Floats], 
     return np.array([integrate(graph.robot, q, w * v) for q, w, v in zip(known, shares, changes, strict=True)])
 
 
-def all_mended(graph: RobotGraph, trajectory: Trajectory, edits: Sequence[Edit]) -> tuple[Trajectory, list[Mended]]:
+def apply_edits(
+    graph: RobotGraph, trajectory: Trajectory, edits: Sequence[Edit]
+) -> tuple[Trajectory, list[EditResult]]:
     """Apply edits in order, each to the result of the one before.
 
     Returns:
@@ -161,6 +163,6 @@ def all_mended(graph: RobotGraph, trajectory: Trajectory, edits: Sequence[Edit])
     """
     outcomes = []
     for edit in edits:
-        outcomes.append(mended(graph, trajectory, edit))
+        outcomes.append(apply_edit(graph, trajectory, edit))
         graph, trajectory = outcomes[-1].graph, outcomes[-1].trajectory
     return trajectory, outcomes

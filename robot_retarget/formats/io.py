@@ -10,7 +10,7 @@ from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.quaternions import doubt, reordered
 from robot_retarget.formats.robot_motion import continuous, robot_motion
-from robot_retarget.formats.sidecar import beside, describing
+from robot_retarget.formats.sidecar import sidecar_path, sidecar_text
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.table import FORMATS
 from robot_retarget.formats.unsupported import unsupported
@@ -36,12 +36,12 @@ def export(
     require_same_robot(trajectory, robot)
     motion = robot_motion(trajectory, robot, options, kind.fps, kind.ordered, kind.name)
     if not kind.complete:
-        require_writable(beside(target))
+        require_writable(sidecar_path(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:
         kind.write(motion, scratch)
-        said = "" if kind.complete else describing(motion, kind.name, kind.quaternion, scratch)
+        said = "" if kind.complete else sidecar_text(motion, kind.name, kind.quaternion, scratch)
     if said:
-        with replacing(beside(target)) as scratch:
+        with replacing(sidecar_path(target)) as scratch:
             scratch.write_text(said, encoding="utf-8")
     return target
 

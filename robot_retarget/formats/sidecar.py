@@ -12,12 +12,12 @@ from robot_retarget.formats.robot_motion import RobotMotion
 KEYS = ("format", "robot", "joint_names", "quaternion", "fps", "sha256")
 
 
-def beside(path: Path) -> Path:
+def sidecar_path(path: Path) -> Path:
     """Where the JSON file of a file stands."""
     return path.with_name(path.name + ".json")
 
 
-def describing(motion: RobotMotion, format: str, quaternion: str, written: Path) -> str:
+def sidecar_text(motion: RobotMotion, format: str, quaternion: str, written: Path) -> str:
     """The JSON text about a file just written."""
     return (
         json.dumps(
@@ -42,7 +42,7 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     Raises:
         TrajectoryError: it is broken, or its sha256 is that of another content.
     """
-    where = beside(path)
+    where = sidecar_path(path)
     if not (path.is_file() and where.is_file()):
         return None
     said = read_json(where, TrajectoryError)

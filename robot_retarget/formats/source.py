@@ -97,7 +97,7 @@ class TrajectorySource:
         return tuple(self.sidecar["joint_names"]) if self.sidecar else None
 
     @property
-    def told_fps(self) -> float | None:
+    def user_fps(self) -> float | None:
         """The rate in the JSON file next to it."""
         return float(self.sidecar["fps"]) if self.sidecar else None
 

@@ -17,7 +17,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.human.rotations import UP, constant_between, own_joint, own_rotation
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
-from robot_retarget.robot.axes import BENT, levelled
+from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.hands import hand_frames
 
 LEVEL = {"trunk": 0.1, "end": 0.6}
@@ -55,7 +55,7 @@ def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats
     constant = constant_between(own, built)
     if segment == "head":  # at rest it faces as the chest does
         constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"])
-    return own @ levelled(constant, LEVEL["end" if segment == "head" else "trunk"])
+    return own @ snapped_to_axes(constant, LEVEL["end" if segment == "head" else "trunk"])
 
 
 def trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
@@ -117,7 +117,7 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
     fingers = motion.skeleton.outward(own_joint(motion, match, f"{side}_hand"))
     constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
     constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers))
-    return own @ levelled(constant, LEVEL["end"])
+    return own @ snapped_to_axes(constant, LEVEL["end"])
 
 
 def _resting(motion: Motion, match: Match) -> dict[str, Floats]:

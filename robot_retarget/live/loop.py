@@ -41,7 +41,7 @@ class LivePose(Protocol):
         ...
 
 
-def said_of(status: Any) -> str:
+def status_name(status: Any) -> str:
     """Return the name of a status in lower case."""
     return str(getattr(status, "name", status)).lower()
 
@@ -107,7 +107,7 @@ class StreamStats:
         self.frames += 1
         self.late += frame.arrived - frame.time > LATE
         self.latencies.append(time.monotonic() - frame.arrived)
-        status = said_of(pose.status)
+        status = status_name(pose.status)
         self.statuses[status] = self.statuses.get(status, 0) + 1
 
     def figures(self, source: FrameSource) -> dict[str, Any]:

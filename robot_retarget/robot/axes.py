@@ -10,7 +10,7 @@ BENT = 0.2
 """An elbow or a knee whose bones enclose an angle with a smaller sine shows no axis."""
 
 
-def levelled(turn: Floats, most: float) -> Floats:
+def snapped_to_axes(turn: Floats, most: float) -> Floats:
     """The nearest of the 24 rotations (3, 3) that take axes to axes, if it is within `most` [rad] of `turn`; else `turn` itself.
 
     Args:

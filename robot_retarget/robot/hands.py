@@ -8,7 +8,7 @@ of a robot whose wrist hinges are at zero.
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.robot.axes import BENT, levelled
+from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.links import Links
 
 LEVEL = 0.2
@@ -43,4 +43,4 @@ def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | Non
     frame, bend = hand_frames(*arm)
     if len(bent.axes_along(beyond)) < 3 or bend < BENT:
         return None
-    return levelled(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)
+    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)

@@ -37,7 +37,7 @@ def measure(subject: Subject) -> tuple[Value, ...]:
         return (None,)
     sizes, lowest = Sizes(), subject.lowest
     third = np.diff(subject.angles, 3, axis=0)
-    down = subject.down[1:]
+    down = subject.on_floor[1:]
     parts = (
         (np.maximum(lowest[subject.standing], 0).mean() if subject.standing.any() else 0.0) / sizes.float_height,
         np.maximum(-lowest, 0).mean() / sizes.penetration,

@@ -101,19 +101,19 @@ class Subject:
         return self.trajectory.qpos[:, first : first + 3]
 
     @cached_property
-    def level(self) -> float:
+    def floor_level(self) -> float:
         """Height of the lowest sole point where the clip stands: its 5th percentile [m]."""
         return float(np.percentile(self.lowest, 5))
 
     @cached_property
     def standing(self) -> Bools:
         """(T,) whether any foot is on the floor."""
-        return self.lowest < self.level + FLIGHT
+        return self.lowest < self.floor_level + FLIGHT
 
     @cached_property
-    def down(self) -> Bools:
+    def on_floor(self) -> Bools:
         """(T, 2) whether each foot is on the floor."""
-        return np.stack([foot.lowest for foot in self.feet], axis=1) < self.level + TOUCH
+        return np.stack([foot.lowest for foot in self.feet], axis=1) < self.floor_level + TOUCH
 
     @cached_property
     def forces(self) -> Floats:

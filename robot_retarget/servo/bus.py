@@ -141,7 +141,7 @@ class Bus:
         request = protocol.read(identity, address, length)
         return self._insist(request, identity, length, tries, f"read {length} bytes at {address}")
 
-    def glance(self, request: bytes, identity: int, length: int, patience: float) -> bytes | None:
+    def try_read(self, request: bytes, identity: int, length: int, patience: float) -> bytes | None:
         """Read bytes of one device once. Returns None if they do not arrive within `patience` [s]."""
         reply = self._ask(request, identity, length, patience)
         return reply.data if reply is not None and not reply.error else None

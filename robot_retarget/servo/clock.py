@@ -16,7 +16,7 @@ LOCK_CURRENT, LOCK_ON_FAULT = 1, 4
 
 
 @contextlib.contextmanager
-def on_time() -> Iterator[None]:
+def real_time() -> Iterator[None]:
     """Disable garbage collection; request precise timers, locked memory and real-time priority."""
     _precise_timers()
     with _uncollected(), _resident(), _preferred():
@@ -24,7 +24,7 @@ def on_time() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def wide_awake() -> Iterator[None]:
+def without_sleep_states() -> Iterator[None]:
     """Disable sleep states of the processor (Linux PM QoS): leaving one takes 50 µs or more, twice per exchange."""
     request = None
     with contextlib.suppress(OSError):

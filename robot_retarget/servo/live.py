@@ -156,8 +156,8 @@ def follow(
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
             follower = TargetFollower(targets, cycle.guard, servo_map.limits, say)
-            player.tick_on(cycle, lambda k: follower.step(time.monotonic()))
-            player.end_softly(cycle)
+            player.run_ticks(cycle, lambda k: follower.step(time.monotonic()))
+            player.move_to_stop_pose(cycle)
             return PlaybackEnd.FINISHED.value
 
         return player.perform(rate, tick)

@@ -43,5 +43,5 @@ class OpenCr:
 
     def read(self) -> Reading | None:
         """The present reading, or None if no answer came in time."""
-        data = self._bus.glance(self._question, self._imu.id, SIZE, PATIENCE)
+        data = self._bus.try_read(self._question, self._imu.id, SIZE, PATIENCE)
         return None if data is None else decoded(data, self._imu.mounting)

@@ -14,7 +14,7 @@ from robot_retarget.feedback.lean import LEAN, LeanTest
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, ServoFinding, check
-from robot_retarget.servo.clock import on_time, wait_until, wide_awake
+from robot_retarget.servo.clock import real_time, wait_until, without_sleep_states
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.feedback import Balancer, require_sound
 from robot_retarget.servo.guard import Guard
@@ -99,7 +99,7 @@ class Player:
         """
         conditions = self.examine()
         self._rate = rate
-        with self.interrupts.listening(), on_time(), wide_awake():
+        with self.interrupts.listening(), real_time(), without_sleep_states():
             try:
                 self.link = Link(self.bus, self.map, conditions)
                 self.link.fast &= self.options.fast
@@ -140,7 +140,7 @@ class Player:
             self._lean(cycle, balancer.test(plan.angles[0]), balancer)
         self.say(f"playing {plan.duration:.1f} s")
         self._follow(cycle, plan, "play", balancer)
-        self.end_softly(cycle)
+        self.move_to_stop_pose(cycle)
         return PlaybackEnd.FINISHED.value
 
     def _lean(self, cycle: Cycle, test: LeanTest, balancer: Balancer) -> None:
@@ -158,10 +158,10 @@ class Player:
             balancer.lean(test, k)
             return Step(goals[k], "lean", goals[min(k + 1, last)])
 
-        self.tick_on(cycle, step, last)
+        self.run_ticks(cycle, step, last)
         balancer.require_leant(test)
 
-    def end_softly(self, cycle: Cycle) -> None:
+    def move_to_stop_pose(self, cycle: Cycle) -> None:
         """Move to the map's stop pose, if it has one and the options allow it."""
         if self.options.end_pose and self.map.stop.pose:
             here = zip(self.map.joints, cycle.guard.goal, strict=True)
@@ -181,9 +181,9 @@ class Player:
                 balancer.listen()
             return Step(target, phase, targets[min(k + 1, last)], None if plan.motion is None else plan.motion[k])
 
-        self.tick_on(cycle, step, last)
+        self.run_ticks(cycle, step, last)
 
-    def tick_on(self, cycle: Cycle, step: Callable[[int], Step | None], final: float = math.inf) -> None:
+    def run_ticks(self, cycle: Cycle, step: Callable[[int], Step | None], final: float = math.inf) -> None:
         """Ticks on an even clock until there is no step any more, or the final one is made.
 
         Those that come too late are left out, but the last two.
@@ -202,7 +202,7 @@ class Player:
             if self.interrupts.count:
                 raise _InterruptError
             late = 0.0 if self.options.lockstep else time.monotonic() - due
-            left_out = int(min(overdue(late, period), max(0, final - k - 1)))
+            left_out = int(min(ticks_to_skip(late, period), max(0, final - k - 1)))
             self.record.skipped += left_out
             k += 1 + left_out
         cycle.finish()
@@ -325,7 +325,7 @@ def perform(
             record.save(log)
 
 
-def overdue(elapsed: float, period: float) -> int:
+def ticks_to_skip(elapsed: float, period: float) -> int:
     """Return the number of ticks to skip after one that began `elapsed` ago [s]: the motion keeps its time.
 
     None of a short delay: those are made up for.
@@ -334,7 +334,7 @@ def overdue(elapsed: float, period: float) -> int:
     return int(late / period) if late > MADE_UP else 0
 
 
-def rehearse(plan: ServoPlan, servo_map: ServoMap, port: str | Path | None = None) -> dict[str, Any]:
+def preview(plan: ServoPlan, servo_map: ServoMap, port: str | Path | None = None) -> dict[str, Any]:
     """What playing would ask of the servos; with a port, the robot is examined, too. Nothing moves.
 
     Raises:

@@ -49,7 +49,7 @@ def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", pla
         qpos[:, index] += change
         torque, speed = _torques(plant, qpos, rate, mode)
     friction = plant.model.dof_frictionloss[plant.dofs] * np.tanh(speed / SLOW)
-    leads = plant.leads(torque + friction, speed)
+    leads = plant.goal_offsets(torque + friction, speed)
     return settled(plant, _ahead(qpos[:, index] + leads, rate, playback.delay), playback)
 
 

@@ -57,7 +57,7 @@ class ContactLog:
         self._geoms: list[Ints] = []
         self._distances: list[Floats] = []
 
-    def note(self, frame: int, data: mujoco.MjData) -> None:
+    def record(self, frame: int, data: mujoco.MjData) -> None:
         """Take down the contacts of this moment."""
         if data.ncon:
             contact = data.contact
@@ -79,10 +79,10 @@ class ContactLog:
 
 def replay_contacts(robot: Robot, qpos: Floats) -> Contacts:
     """Self-contacts over the configurations (T, nq), without any dynamics, less the `built_in` ones."""
-    return _overlaps(robot, qpos).own.without(built_in(robot))
+    return _overlaps(robot, qpos).own.without(reference_overlaps(robot))
 
 
-def built_in(robot: Robot) -> set[tuple[int, int]]:
+def reference_overlaps(robot: Robot) -> set[tuple[int, int]]:
     """Pairs of bodies that overlap already in the reference pose `qpos0`: the model's own affair, no motion's."""
     return _overlaps(robot, np.array(robot.model.qpos0)[None]).own.pairs()
 
@@ -111,5 +111,5 @@ def _overlaps(robot: Robot, qpos: Floats) -> Contacts:
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        log.note(frame, data)
+        log.record(frame, data)
     return log.table()

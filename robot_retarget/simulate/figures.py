@@ -8,7 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import joint_velocities, resample
-from robot_retarget.simulate.contacts import Contacts, built_in, replay_contacts, summary
+from robot_retarget.simulate.contacts import Contacts, reference_overlaps, replay_contacts, summary
 from robot_retarget.simulate.feet import feet_of, with_toes
 from robot_retarget.simulate.load import load_figures
 from robot_retarget.simulate.plant import Plant
@@ -157,7 +157,7 @@ def rollout_figures(rollout: Rollout, robot: Robot, until: float | None) -> dict
 
 def own_contacts(rollout: Rollout, robot: Robot, until: float | None) -> Contacts:
     """Contacts of the robot with itself up to a fall, less the `built_in` ones."""
-    contacts = rollout.contacts.own.without(built_in(robot))
+    contacts = rollout.contacts.own.without(reference_overlaps(robot))
     return contacts if until is None else contacts.of(rollout.times[contacts.frame] < until)
 
 

@@ -63,7 +63,7 @@ def other_drives(drives: Drives) -> dict[str, Drives]:
     return {**found, DRAWN: drives.scaled(_factors((3, len(drives.stiffness))))}
 
 
-def tried(
+def run_trials(
     plants: dict[str, Plant], trajectory: Trajectory, mode: Mode, playback: Playback | None, goals: Goals
 ) -> list[Trial]:
     """Simulate a trajectory on every plant."""
@@ -71,7 +71,7 @@ def tried(
     return [_trial(name, plants[name], trajectory, rollout, mode) for name, rollout in rollouts.items()]
 
 
-def harshest(trials: list[Trial]) -> Trial:
+def worst_trial(trials: list[Trial]) -> Trial:
     """Return the trial that stops first or, if none stops, the one with the largest tracking error of a joint."""
     return min(trials, key=lambda trial: (trial.stopped, -trial.worst_rms))
 

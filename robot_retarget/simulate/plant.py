@@ -84,7 +84,7 @@ class Plant:
                 bounds[k] = np.abs(model.actuator_forcerange[servo] * model.actuator_gear[servo, 0]).max()
         return bounds
 
-    def unshared(self) -> "Plant":
+    def with_own_model(self) -> "Plant":
         """Return the plant itself, or one with a model of its own where friction changes from step to step."""
         varies = self.drives is not None and self.drives.gears is not None
         return replace(self, model=copy.copy(self.model)) if varies else self
@@ -123,7 +123,7 @@ class Plant:
         controls[:, servo] = -bias / model.actuator_gainprm[servo, 0]
         return controls
 
-    def leads(self, torque: Floats, speed: Floats) -> Floats:
+    def goal_offsets(self, torque: Floats, speed: Floats) -> Floats:
         """How far before the joints the goals must be (N, n) [rad] for the servos to give `torque` [N m] at `speed` [rad/s].
 
         τ = r (g c + b₀ + b₁ r q + b₂ r ω) gives u − q = (τ − r² b₂ ω) / (−r² b₁).

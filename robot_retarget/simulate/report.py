@@ -137,7 +137,7 @@ class Report:
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class SimulatedTrajectory:
     """A trajectory with its simulations."""
 
     trajectory: Trajectory
@@ -154,7 +154,7 @@ class Played:
 
 
 def build_report(
-    played: Played, sha256: str, thresholds: Thresholds, servos: Mapping[str, Any] | None = None
+    played: SimulatedTrajectory, sha256: str, thresholds: Thresholds, servos: Mapping[str, Any] | None = None
 ) -> Report:
     """Put the figures together and pass the verdict.
 
@@ -199,7 +199,7 @@ def build_report(
     )  # fmt: skip
 
 
-def _choices(played: Played) -> list[str]:
+def _choices(played: SimulatedTrajectory) -> list[str]:
     """Notes on tests that were left out, and how to run them."""
     notes, robot = [], played.plant.robot
     if played.mode == "pinned" and robot.floating and feet_of(robot).names:
@@ -209,7 +209,7 @@ def _choices(played: Played) -> list[str]:
     return notes
 
 
-def _foreseen(played: Played, until: float | None) -> dict[str, Any]:
+def _foreseen(played: SimulatedTrajectory, until: float | None) -> dict[str, Any]:
     if played.warnings is None:
         return {}
     contacts = own_contacts(played.rollout, played.plant.robot, until)

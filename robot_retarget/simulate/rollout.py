@@ -21,9 +21,9 @@ from robot_retarget.simulate.domain import draws as drawn_worlds
 from robot_retarget.simulate.feedback import has_feedback, with_feedback
 from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.goals import plain_goals
-from robot_retarget.simulate.judges import NOMINAL, harshest, judges, trial_figures, tried
+from robot_retarget.simulate.judges import NOMINAL, judges, run_trials, trial_figures, worst_trial
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
-from robot_retarget.simulate.report import Played, Report, build_report
+from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_report
 from robot_retarget.simulate.servo_model import Drives, drives_of
 from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
@@ -97,13 +97,13 @@ def simulate(
         goals = with_feedback(plant, played, goals)
     count.one(COMPENSATION)
     told = replace(played, goals=goals)
-    trials = tried(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
-    chosen = harshest(trials)
+    trials = run_trials(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
+    chosen = worst_trial(trials)
     count.one()
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.one()
     fallen = _fallen(plant, told, playback, draws, count) if how == "free" and not chosen.fell else ()
-    outcome = Played(told, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen)
+    outcome = SimulatedTrajectory(told, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen)
     return build_report(outcome, fingerprint(told), thresholds or Thresholds(), trial_figures(trials, chosen))
 
 

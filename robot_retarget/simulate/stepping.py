@@ -68,7 +68,7 @@ def roll_out(
         command: goals (`compensate.compensated`); by default the trajectory itself. Its feedback acts in
             mode `free`.
     """
-    playback, plant = playback or Playback(), plant.unshared()
+    playback, plant = playback or Playback(), plant.with_own_model()
     model, robot = plant.model, plant.robot
     goals = command or plain_goals(plant, trajectory, playback)
     nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
@@ -146,7 +146,7 @@ class _Log:
         self.place[k], self.turn[k] = data.xpos[self._body], data.xmat[self._body]
         if self._root is not None:
             self.wrench[k] = data.qfrc_constraint[self._root]
-        self.contacts.note(k, data)
+        self.contacts.record(k, data)
 
     def rollout(self, times: Floats, unstable: float | None, pace: float) -> Rollout:
         """Everything noted, as far as the times go."""

@@ -43,9 +43,9 @@ def coarse_path(
     found = Candidates(solver, graph, all_targets, frames, search)
     stride = max(1, round(search.every * fps / step))
     if first:
-        found.set_out(first[-1])
+        found.start_from(first[-1])
     for moment in range(stride if first else 0, len(frames), stride):
-        found.seek(moment)
+        found.multistart(moment)
     found.bridge()
     path = found.cheapest()
     before = first[max(start - 2, 0) : start]
@@ -72,14 +72,14 @@ class Candidates:
         self.poses: list[list[FrameSolution]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
 
-    def set_out(self, qpos: Floats) -> None:
+    def start_from(self, qpos: Floats) -> None:
         """Start with a given pose, which stays the only one of the first moment, and follow it."""
         pose = FrameSolution(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
         self._follow(pose, 0, range(1, len(self.frames)))
 
-    def seek(self, moment: int) -> None:
+    def multistart(self, moment: int) -> None:
         """Find the cheapest pose of a moment and follow it to both sides, to the ends if it meets no other."""
         pose = seek(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)[0]
         if self._add(moment, pose):
@@ -177,7 +177,7 @@ def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution,
 
 def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search: Search) -> list[Floats]:
     best = [base.copy() for _ in range(search.starts)]
-    for limb, angles in drawn_limbs(solver, search).items():
+    for limb, angles in limb_starts(solver, search).items():
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
@@ -187,7 +187,7 @@ def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search
     return best
 
 
-def drawn_limbs(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
+def limb_starts(solver: FrameSolver, search: Search) -> dict[tuple[int, ...], Floats]:
     """Return per limb the angles (drawn, n) to try [rad]; the right arm tries the mirror images of the left arm's.
 
     The name of its end seeds the draws of a limb, and its hinges are drawn along the chain, so that the order in which a
@@ -216,10 +216,10 @@ def _left(robot: Robot, forward: Floats) -> Floats:
 
 def place_root(graph: RobotGraph, qpos: Floats, frame: int) -> Floats:
     """Return a pose with its root turned and moved so that the pelvis has its target position and heading."""
-    return rooted(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
+    return with_root(graph.robot, graph.match.anatomy, qpos, graph.pelvis[frame], graph.human.facing[frame])
 
 
-def rooted(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
+def with_root(robot: Robot, anatomy: Anatomy, qpos: Floats, pelvis: Floats, facing: Floats) -> Floats:
     """Return a pose with its root moved so that the pelvis is at a position (3,) [m] with a rotation (3, 3)."""
     body, axes = anatomy.frames.get("pelvis", (robot.root_body, np.eye(3)))
     site = anatomy.sites.get("pelvis")

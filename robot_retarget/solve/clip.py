@@ -11,7 +11,7 @@ from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.kind import Past, TwoPassKind
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
 from robot_retarget.dgp.status import Status
-from robot_retarget.dgp.track import Track, joined
+from robot_retarget.dgp.track import Track, concatenated
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import coarse_path
@@ -22,7 +22,7 @@ from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import FrameSolution, FrameSolver
-from robot_retarget.solve.swept_collision import Between, on_the_way
+from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 from robot_retarget.solve.windows import ClipPiece
 
 ROUNDS = 3
@@ -82,7 +82,7 @@ def clip_poses(
         poses += [replace(pose, model=None) for pose in clip_passes(clip, coarse, count)[kept]]
         asked.append([track.at(kept) for track in tracks])
     solved = graph if part is None else graph.at(slice(len(known), len(poses)))
-    renewed = tuple(joined(parts) for parts in zip(*asked, strict=True))
+    renewed = tuple(concatenated(parts) for parts in zip(*asked, strict=True))
     return poses[len(known) :], replace(solved, tracks=renewed)
 
 
@@ -203,10 +203,12 @@ def _neighbours(poses: list[FrameSolution], t: int) -> list[Floats]:
     return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
 
-def _between(clip: ClipProblem, poses: list[FrameSolution], t: int, interpenetrating: set[int]) -> tuple[Between, ...]:
+def _between(
+    clip: ClipProblem, poses: list[FrameSolution], t: int, interpenetrating: set[int]
+) -> tuple[SweptConfiguration, ...]:
     """Where links are kept apart between a frame and its neighbours: after the frames in `interpenetrating`."""
     neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in interpenetrating)
-    return tuple(way for q in neighbours for way in on_the_way(clip.solver.robot, q, poses[t].qpos))
+    return tuple(way for q in neighbours for way in swept_configurations(clip.solver.robot, q, poses[t].qpos))
 
 
 def _interpenetrating(clip: ClipProblem, poses: list[FrameSolution]) -> set[int]:

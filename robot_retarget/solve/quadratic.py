@@ -13,7 +13,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
-from robot_retarget.solve.swept_collision import Between
+from robot_retarget.solve.swept_collision import SweptConfiguration
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class CostModel:
         self,
         q: Floats,
         targets: EdgeTargets,
-        between: tuple[Between, ...] = (),
+        between: tuple[SweptConfiguration, ...] = (),
         known: LinearizedDistances | None = None,
     ) -> Quadratic:
         """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
@@ -201,7 +201,12 @@ class CostModel:
         return LinearizedDistances(np.array(q), *self.separation.near(q))
 
     def _apart(
-        self, q: Floats, near: LinearizedDistances, between: tuple[Between, ...], rows: Floats, row_lower: Floats
+        self,
+        q: Floats,
+        near: LinearizedDistances,
+        between: tuple[SweptConfiguration, ...],
+        rows: Floats,
+        row_lower: Floats,
     ) -> float:
         """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
         distance, slope, rest = self._with_ways(q, near, between)
@@ -213,7 +218,7 @@ class CostModel:
         return self._clearance_deficit(wanted)
 
     def _with_ways(
-        self, q: Floats, near: LinearizedDistances, between: tuple[Between, ...]
+        self, q: Floats, near: LinearizedDistances, between: tuple[SweptConfiguration, ...]
     ) -> tuple[Floats, Floats, Floats]:
         """Return distances, slopes and rests at a configuration and between it and its neighbours.
 

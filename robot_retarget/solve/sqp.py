@@ -16,7 +16,7 @@ from robot_retarget.solve.limits import joint_bounds
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
-from robot_retarget.solve.swept_collision import Between, on_the_way
+from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 
 SHORT = 0.1
 """A refused step hands its contact rows to the next one if it moved nothing farther [rad, m]: slopes from farther off do not
@@ -117,7 +117,7 @@ class FrameSolver:
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
-        between: tuple[Between, ...] = (),
+        between: tuple[SweptConfiguration, ...] = (),
     ) -> FrameSolution:
         """Take steps within box, floor and separation until the gain is small or the limit is reached; close chains.
 
@@ -173,7 +173,7 @@ class FrameSolver:
         return self._closed(FrameSolution(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
 
     def _ended(
-        self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[Between, ...]
+        self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[SweptConfiguration, ...]
     ) -> FrameSolution:
         """Return the pose with its model as a warm start, unless the model has rows between the frame and its neighbours."""
         return self._closed(
@@ -227,7 +227,7 @@ class FrameSolver:
 
     def depth_between(self, before: Floats, after: Floats) -> float:
         """Return the deepest overlap of two links between two configurations [m]."""
-        return max(self.depth(way.at(self.robot, after)) for way in on_the_way(self.robot, before, after))
+        return max(self.depth(way.at(self.robot, after)) for way in swept_configurations(self.robot, before, after))
 
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than is accepted."""

@@ -13,7 +13,7 @@ TURN = 0.07
 
 
 @dataclass(frozen=True)
-class Between:
+class SweptConfiguration:
     """A configuration between this frame and a neighbour in time, at which links are kept apart as well."""
 
     neighbour: Floats
@@ -25,8 +25,8 @@ class Between:
         return integrate(robot, self.neighbour, self.share * difference(robot, self.neighbour, q))
 
 
-def on_the_way(robot: Robot, neighbour: Floats, q: Floats) -> tuple[Between, ...]:
+def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[SweptConfiguration, ...]:
     """Return even checks between a neighbour (nq,) and a frame (nq,); no hinge turns further than `TURN`."""
     hinges = robot.qpos_index
     checks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
-    return tuple(Between(neighbour, k / (checks + 1)) for k in range(1, checks + 1))
+    return tuple(SweptConfiguration(neighbour, k / (checks + 1)) for k in range(1, checks + 1))

@@ -26,7 +26,7 @@ class Sketch:
     """Draws the moments of one staging."""
 
     def __init__(self, staging: Staging, width: int, height: int):
-        self._figure = human.figure(staging)
+        self._figure = human.stick_figure(staging)
         self._staging, self._size = staging, (width * FINE, height * FINE)
         model = staging.robot.model
         geoms = visible(model)

@@ -30,7 +30,7 @@ class StickFigure:
     """(L,) [m]."""
 
 
-def figure(staging: Staging) -> StickFigure:
+def stick_figure(staging: Staging) -> StickFigure:
     """Bones as capsules and the head as a sphere."""
     if not staging.human.size:
         return StickFigure(staging.bones, np.zeros(0))

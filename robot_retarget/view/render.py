@@ -39,7 +39,7 @@ class Stage:
 
     def __init__(self, staging: Staging, width: int, height: int, context: Any, finish: Finish):
         self._staging, self._context = staging, context
-        self._figure = human.figure(staging)
+        self._figure = human.stick_figure(staging)
         self._model = _scenery(staging, width, height, finish)
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, MAX_GEOMS)

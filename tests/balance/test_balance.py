@@ -16,7 +16,7 @@ from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.foot_spacing import gaps, spread
 from robot_retarget.balance.playback_plan import LIFT, SLOWEST_LIFT, PlaybackClip, timeline_of
 from robot_retarget.balance.stand import balanced_stand, stand_places
-from robot_retarget.balance.support import kept_down, planted_feet
+from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
 from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
@@ -209,7 +209,7 @@ def test_only_a_foot_that_is_lifted_well_or_put_elsewhere_leaves_the_floor(
     lift: float, travel: float, steps: bool
 ) -> None:
     corners = soles(lift, travel)
-    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
+    planted = without_small_swings(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
     assert planted[:, 1].all() and (not planted[:, 0].all()) == steps
 
 
@@ -279,7 +279,7 @@ def test_a_jump_is_refused_with_its_time_and_the_way_out() -> None:
 
 def test_a_swing_leaves_and_meets_its_footholds_flat_and_clears_the_floor_between() -> None:
     corners = soles(0.02, 0.1)
-    planted = kept_down(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
+    planted = without_small_swings(planted_feet(labels(corners), ("l", "r"), corners, 0.22, 30.0), corners, 0.22, 30.0)
     places = foothold_places(planted, corners, 0.03, 0.01)
     swing = np.flatnonzero(~planted[:, 0])
     assert np.abs(np.diff(places[:, 0], axis=0)).max() < 0.015

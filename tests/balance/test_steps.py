@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.balance.footstep_limits import REACH, carried, within_reach
+from robot_retarget.balance.footstep_limits import REACH, reachable_footholds, step_length
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])
@@ -29,26 +29,26 @@ def walk(step: float, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 def test_steps_within_reach_stay_as_they_are() -> None:
     planted, corners = walk(2 * 0.99 * REACH * LEG)
-    assert within_reach(planted, corners, OWN, LEG) == pytest.approx(corners, abs=1e-12)
+    assert reachable_footholds(planted, corners, OWN, LEG) == pytest.approx(corners, abs=1e-12)
 
 
 @given(st.floats(1.1, 6.0), st.floats(-np.pi, np.pi))
 @settings(max_examples=30, deadline=None)
 def test_steps_out_of_reach_become_as_long_as_legs_reach_whichever_way_they_go(longer: float, turn: float) -> None:
     planted, corners = walk(2 * longer * REACH * LEG, turn)
-    placed = within_reach(planted, corners, OWN, LEG)
+    placed = reachable_footholds(planted, corners, OWN, LEG)
     for foot, start, stop, share in SWINGS:
         way = np.linalg.norm((placed[stop, foot] - placed[start - 1, foot]).mean(axis=0))
         assert way == pytest.approx(2 * share * REACH * LEG, rel=1e-6)
         assert np.ptp(placed[stop : stop + 10, foot], axis=0).max() < 1e-9
     shape = placed - placed.mean(axis=2, keepdims=True)
     assert shape == pytest.approx(corners - corners.mean(axis=2, keepdims=True), abs=1e-9)
-    assert carried(planted, placed) / carried(planted, corners) == pytest.approx(1 / longer)
+    assert step_length(planted, placed) / step_length(planted, corners) == pytest.approx(1 / longer)
 
 
 def test_a_foot_in_the_air_is_no_farther_from_its_place_beside_the_other_than_one_that_stands() -> None:
     planted, corners = walk(0.0)
     corners[12:18, 0, :, 0] += 3 * REACH * LEG
-    placed = within_reach(planted, corners, OWN, LEG)
+    placed = reachable_footholds(planted, corners, OWN, LEG)
     assert (placed[12:18, 0] - OWN[0])[..., 0] == pytest.approx(REACH * LEG)
     assert placed[20:] == pytest.approx(corners[20:], abs=1e-12)

@@ -9,7 +9,7 @@ from shared_files import ROOT
 import robot_retarget as rr
 from robot_retarget.batch.manifest import Manifest, Row
 from robot_retarget.batch.pool import Report, Stopping
-from robot_retarget.batch.run import Engine, RunSummary, occupied, perform_all, plan_of
+from robot_retarget.batch.run import Engine, RunSummary, locked_folder, perform_all, plan_of
 from robot_retarget.batch.settings import Allowance, Job
 from robot_retarget.batch.task import Task, TaskResult, perform
 
@@ -52,7 +52,7 @@ def run(job: Job, engine: Engine = here, stop_after: int | None = None) -> tuple
     def stopping() -> bool:
         return stop_after is not None and len(reported) >= stop_after
 
-    with occupied(job.out) as out, Manifest(out) as manifest:
+    with locked_folder(job.out) as out, Manifest(out) as manifest:
         ended = perform_all(plan_of(job, manifest), manifest, job, engine, reported.append, stopping)
     return ended, reported
 

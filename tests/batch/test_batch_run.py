@@ -148,12 +148,12 @@ def test_a_folder_of_other_results_is_refused_and_left_as_it_is(clips: Path, tmp
 
 
 def test_two_runs_do_not_work_in_one_folder(clips: Path, tmp_path: Path) -> None:
-    from robot_retarget.batch.run import occupied
+    from robot_retarget.batch.run import locked_folder
 
     with (
-        occupied(tmp_path / "out"),
+        locked_folder(tmp_path / "out"),
         pytest.raises(OutputError, match="another run is at work"),
-        occupied(tmp_path / "out"),
+        locked_folder(tmp_path / "out"),
     ):
         pass
 

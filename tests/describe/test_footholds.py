@@ -12,7 +12,13 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.footholds import footholds_of, median_pose, nearing, relaxed, settled
+from robot_retarget.describe.footholds import (
+    foothold_corners,
+    footholds_of,
+    median_pose,
+    stance_ramp,
+    without_unreachable,
+)
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.describe.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.dgp.track import HARD
@@ -99,8 +105,8 @@ def test_feet_near_their_stances_before_and_after_alike_and_are_far_in_between(s
     standing = np.flatnonzero(stands)
     away = np.abs(np.arange(len(stands))[:, None] - standing).min(axis=1, initial=10**6)
     wanted = np.maximum(1 - away / (frames + 1), 0.0) ** 2
-    assert np.allclose(nearing(stands[:, None], frames)[:, 0], wanted)
-    assert np.allclose(nearing(stands[::-1, None], frames)[::-1, 0], wanted)
+    assert np.allclose(stance_ramp(stands[:, None], frames)[:, 0], wanted)
+    assert np.allclose(stance_ramp(stands[::-1, None], frames)[::-1, 0], wanted)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -125,7 +131,7 @@ def test_a_step_between_0_and_1_is_at_rest_at_both_ends() -> None:
 @given(stances, st.integers(0, 2**32 - 1))
 def test_a_foot_that_stands_is_flat_and_still_wherever_it_goes_by_itself(stands: np.ndarray, seed: int) -> None:
     corners = tilted(np.random.default_rng(seed), len(stands))
-    places = settled(np.repeat(stands[:, None], 4, axis=1), corners)
+    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners)
     for start, stop in intervals(stands):
         assert (places[start:stop] == places[start]).all() and (places[start][:, 2] == 0).all()
         assert np.allclose(shape(places[start]), shape(SOLE), atol=1e-9)
@@ -140,7 +146,7 @@ def test_a_foot_on_its_toes_or_heels_alone_keeps_its_edges_as_wide_and_on_the_fl
     corners = tilted(np.random.default_rng(seed), 6)
     held = np.zeros((6, 4), dtype=bool)
     held[1:5, edge] = True
-    down = settled(held, corners)[1]
+    down = foothold_corners(held, corners)[1]
     for one, other in (TOE, HEEL):
         assert np.allclose(down[[one, other], 2], 0)
         assert np.linalg.norm(down[one] - down[other]) == pytest.approx(np.linalg.norm(SOLE[one] - SOLE[other]))
@@ -151,7 +157,7 @@ def test_footholds_turn_with_the_human(seed: int, yaw: float) -> None:
     draw = np.random.default_rng(seed)
     corners, held = tilted(draw, 30), np.repeat(draw.random((30, 2)) < 0.8, 2, axis=1)
     turn = Rotation.from_euler("z", yaw).as_matrix()
-    assert np.allclose(settled(held, corners @ turn.T), settled(held, corners) @ turn.T, atol=1e-9)
+    assert np.allclose(foothold_corners(held, corners @ turn.T), foothold_corners(held, corners) @ turn.T, atol=1e-9)
 
 
 def test_the_pose_of_a_stance_is_that_of_most_of_its_frames() -> None:
@@ -166,7 +172,7 @@ def test_a_swing_goes_its_own_way_shifted_from_one_foothold_to_the_next_without_
     corners = tilted(np.random.default_rng(seed), 40)
     stands = np.ones(40, dtype=bool)
     stands[10:30] = False
-    places = settled(np.repeat(stands[:, None], 4, axis=1), corners)
+    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners)
     offset = places - corners
     before, after = offset[9], offset[30]
     share = smoothstep((np.arange(40) - 9) / 21)[10:30, None, None]
@@ -180,7 +186,7 @@ def test_fixed_frames_stay_and_a_stance_that_began_in_them_goes_on_where_it_was(
     corners, held = tilted(np.random.default_rng(seed), 40), np.zeros((40, 4), dtype=bool)
     corners[:12] = flattened(corners[:1])  # stands there, as the window before had it
     held[:20] = held[30:] = True
-    places = settled(held, corners, fixed)
+    places = foothold_corners(held, corners, fixed)
     assert np.allclose(places[:20], corners[0], atol=1e-12) and np.ptp(places[30:], axis=0).max() == 0
     offset = (places - corners)[19:31]
     assert np.abs(np.diff(offset, axis=0)).max() < 1.5 / 11 * np.abs(offset[-1] - offset[0]).max() + 1e-9
@@ -198,16 +204,16 @@ def two_feet(turned: float) -> tuple[np.ndarray, Floats]:
 
 def test_both_feet_are_free_while_the_legs_cannot_reach_both_footholds() -> None:
     held, corners = two_feet(0.6)
-    free = relaxed(held, corners, reach=0.03)
+    free = without_unreachable(held, corners, reach=0.03)
     assert not free[10:18].any()
     assert np.array_equal(free[:10], held[:10]) and np.array_equal(free[20:], held[20:])
 
 
 def test_stances_that_the_legs_can_reach_are_kept() -> None:
     held, corners = two_feet(0.05)
-    assert np.array_equal(relaxed(held, corners, reach=0.03), held)
+    assert np.array_equal(without_unreachable(held, corners, reach=0.03), held)
     turn = Rotation.from_euler("z", 1.0).as_matrix()
-    assert np.array_equal(relaxed(held, corners @ turn.T + 0.3, reach=0.03), held)
+    assert np.array_equal(without_unreachable(held, corners @ turn.T + 0.3, reach=0.03), held)
 
 
 def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -> None:

@@ -13,7 +13,7 @@ import robot_retarget as rr
 from robot_retarget.describe.edits import Edit
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.edit.session import Session, graph_of
-from robot_retarget.edit.touchup import AROUND, mended
+from robot_retarget.edit.touchup import AROUND, apply_edit
 from robot_retarget.errors import GraphError, UsageError
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.trajectory import Trajectory, load_trajectory
@@ -47,7 +47,7 @@ def apart(graph: RobotGraph, trajectory: Trajectory, a: str, b: str) -> np.ndarr
 
 def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
-    done = mended(graph, trajectory, HANDS)
+    done = apply_edit(graph, trajectory, HANDS)
     held = slice(34, 38)  # the joints need an eighth of a second to come together and to part
     assert apart(graph, trajectory, "l_hand", "r_hand")[held].min() > 0.15
     assert apart(graph, done.trajectory, "l_hand", "r_hand")[held].max() < 0.13
@@ -58,14 +58,14 @@ def test_two_points_come_as_near_as_is_said_and_the_rest_stays(solved: tuple[Rob
 
 def test_a_hard_edge_holds_from_its_first_frame_to_its_last(solved: tuple[RobotGraph, Trajectory]) -> None:
     table = {"a": "l_hand", "b": "head", "at": 0.12, "frames": [30, 45], "hard": True}
-    done = mended(*solved, Edit("edge", table))
+    done = apply_edit(*solved, Edit("edge", table))
     assert np.abs(apart(solved[0], done.trajectory, "l_hand", "head")[30:46] - 0.12).max() < 1e-3
     assert not done.unmet
 
 
 def test_a_touch_up_keeps_ranges_and_speeds_and_comes_without_a_jerk(solved: tuple[RobotGraph, Trajectory]) -> None:
     graph, trajectory = solved
-    hinges = mended(graph, trajectory, HANDS).trajectory.qpos[:, OP3.qpos_index]
+    hinges = apply_edit(graph, trajectory, HANDS).trajectory.qpos[:, OP3.qpos_index]
     assert (hinges >= OP3.lower - 1e-6).all() and (hinges <= OP3.upper + 1e-6).all()
     assert (np.abs(np.diff(hinges, axis=0)) * graph.fps <= OP3.max_speed * 1.05).all()
 
@@ -105,4 +105,4 @@ def test_ends_and_times_beyond_the_clip_are_refused(solved: tuple[RobotGraph, Tr
         (Edit("edge", {**HANDS.values, "frames": [90, 99]}), "not within"),
     ):
         with pytest.raises(GraphError, match=said):
-            mended(*solved, edit)
+            apply_edit(*solved, edit)

@@ -13,7 +13,7 @@ from format_moves import motion_of, robot_called
 
 from robot_retarget.errors import RobotRetargetError, TrajectoryError
 from robot_retarget.formats import FORMATS, export, import_motion
-from robot_retarget.formats.sidecar import beside
+from robot_retarget.formats.sidecar import sidecar_path
 
 READ = {
     "omniretarget-training": {"joint_pos"},
@@ -37,7 +37,7 @@ def test_a_number_that_is_not_finite_is_refused(format: str, bad: str, column: i
     fields[column] = bad
     lines[5] = ",".join(fields)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     with pytest.raises(TrajectoryError, match=r"a.csv.*not finite"):
         import_motion(path, op3, format)
 
@@ -46,7 +46,7 @@ def test_a_number_that_is_not_finite_is_refused(format: str, bad: str, column: i
 @pytest.mark.parametrize("kind", ["text", "a lie about its size", "no frames", "nan"])
 def test_arrays_of_text_of_impossible_size_or_of_no_frames_are_refused(format: str, kind: str, op3, tmp_path) -> None:
     path = export(motion_of("op3", FORMATS[format].fps or 50.0), op3, format, tmp_path / "a.npz")
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     with np.load(path) as arrays:
         table = {key: arrays[key] for key in arrays.files}
     for key in [key for key, value in table.items() if value.ndim >= 2 and len(value) == 14]:
@@ -88,9 +88,9 @@ def test_a_table_cut_inside_its_last_number_is_refused_by_the_hash_beside_it(op3
         import_motion(path, op3, "unitree")
     path.write_bytes(whole)
     assert len(import_motion(path, op3)) == 14
-    other = json.loads(beside(path).read_text())
+    other = json.loads(sidecar_path(path).read_text())
     del other["sha256"]
-    beside(path).write_text(json.dumps(other))  # of another program: says nothing
+    sidecar_path(path).write_text(json.dumps(other))  # of another program: says nothing
     path.write_bytes(whole[:-4])
     assert len(import_motion(path, op3, "unitree")) == 14
 
@@ -133,7 +133,7 @@ def test_quaternions_of_zeros_and_joint_kinds_of_another_shape_are_refused(op3, 
 
 def test_a_pickle_cut_inside_a_number_is_refused(op3, tmp_path) -> None:
     path = export(motion_of("op3"), op3, "mimickit", tmp_path / "a.pkl")
-    beside(path).unlink()
+    sidecar_path(path).unlink()
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(TrajectoryError, match="broken pickle"):
         import_motion(path, op3, "mimickit")

@@ -8,7 +8,7 @@ from format_moves import motion_of, robot_called
 
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats import FormatOptions, export, import_motion
-from robot_retarget.formats.sidecar import beside
+from robot_retarget.formats.sidecar import sidecar_path
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def renamed(path, rename):
         header, *rows = csv.reader(stream)
     with path.open("w", encoding="utf-8", newline="") as stream:
         csv.writer(stream, lineterminator="\n").writerows([[rename(name) for name in header], *rows])
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     return path
 
 
@@ -50,7 +50,7 @@ def test_a_table_without_joint_columns_is_refused(format: str, op3, tmp_path) ->
         header, *rows = csv.reader(stream)
     kept = [k for k, name in enumerate(header) if not any(name.startswith(joint) for joint in op3.joint_names)]
     path.write_text("\n".join(",".join(row[k] for k in kept) for row in [header, *rows]) + "\n", encoding="utf-8")
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     with pytest.raises(TrajectoryError, match=r"no column of a joint|no 'time"):
         import_motion(path, op3, format)
 
@@ -72,6 +72,6 @@ def test_a_soma_table_that_skips_frames_is_refused(op3, tmp_path) -> None:
     path = export(motion_of("op3", 120.0), op3, "soma", tmp_path / "a.csv")
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join([*lines[:4], *lines[6:]]) + "\n", encoding="utf-8")
-    beside(path).unlink()
+    sidecar_path(path).unlink()
     with pytest.raises(TrajectoryError, match="frame 5 follows frame 2"):
         import_motion(path, op3)

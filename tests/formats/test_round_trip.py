@@ -7,7 +7,7 @@ from format_moves import THERE, motion_of, robot_called
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
 from robot_retarget.formats.io import recognised
-from robot_retarget.formats.sidecar import beside
+from robot_retarget.formats.sidecar import sidecar_path
 from robot_retarget.formats.source import TrajectorySource
 
 ROUNDED = 2e-6
@@ -61,7 +61,7 @@ def test_a_file_is_known_by_itself_and_what_stands_beside_it(format: str, tmp_pa
 def test_a_file_alone_is_known_or_the_reader_asks_naming_what_it_may_be(format: str, name: str, tmp_path) -> None:
     mapped(format, name)
     _, path = written(format, name, tmp_path)
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     source = TrajectorySource(path, robot_called(name))
     if format in ROWS:
         with pytest.raises(UsageError, match=r"unitree or kimodo or protomotions-csv.*--format"):
@@ -86,7 +86,7 @@ def test_joints_in_another_order_come_back_to_their_places(format: str, tmp_path
     motion, path = written(format, "op3", tmp_path, joints=names)
     back = import_motion(path, robot_called("op3"), format)
     np.testing.assert_allclose(held(back, format), held(motion, format), atol=tolerance(format))
-    beside(path).unlink(missing_ok=True)
+    sidecar_path(path).unlink(missing_ok=True)
     told = import_motion(path, robot_called("op3"), format, FormatOptions(joints=names))
     np.testing.assert_allclose(told.qpos, back.qpos, atol=1e-12)
 

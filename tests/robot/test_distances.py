@@ -11,7 +11,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.geoms import allowed
-from robot_retarget.simulate.contacts import built_in
+from robot_retarget.simulate.contacts import reference_overlaps
 
 ROBOTS = ["op3", *(f"{name}/{name}.xml" for name in ("unitree_g1", "booster_t1", "robotis_op3"))]
 
@@ -78,7 +78,7 @@ def test_pairs_watched_are_all_that_mujoco_lets_touch(name: str) -> None:
     robot = robot_named(name)
     model, data, draw = robot.model, mujoco.MjData(robot.model), np.random.default_rng(5)
     watched = {tuple(pair) for pair in LinkDistances(robot).links.tolist()}
-    built = built_in(robot)
+    built = reference_overlaps(robot)
     data.qpos[:] = robot.neutral()
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)

@@ -10,7 +10,7 @@ from robot_retarget.actuators.map import Limits
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import Goals
 from robot_retarget.servo.plan import glide, goal_plan, part_of, plain_plan
-from robot_retarget.servo.play import MADE_UP, overdue
+from robot_retarget.servo.play import MADE_UP, ticks_to_skip
 from robot_retarget.trajectory import Trajectory
 
 RAMP = Trajectory(np.linspace(0, 1, 101)[:, None] * np.ones(4), 50, ARM.joints, "arm")
@@ -78,7 +78,7 @@ def test_a_glide_goes_from_pose_to_pose_within_its_speed(start: list[float], end
 
 @given(st.floats(0.0, 2.0), st.floats(0.002, 0.1))
 def test_after_a_delay_the_next_tick_is_soon_due_and_a_short_one_costs_none(elapsed: float, period: float) -> None:
-    left_out = overdue(elapsed, period)
+    left_out = ticks_to_skip(elapsed, period)
     behind = elapsed - (1 + left_out) * period
     assert behind < max(period, MADE_UP) + 1e-9
     assert left_out == 0 or behind >= -1e-9

@@ -17,7 +17,7 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.swept_collision import TURN, Between, on_the_way
+from robot_retarget.solve.swept_collision import TURN, SweptConfiguration, swept_configurations
 
 Asked = tuple[FrameSolver, EdgeTargets]
 
@@ -50,7 +50,7 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
     for scale in (0.01, 0.1, 0.5):
         before, after = (robot.standing(), robot.standing())
         after[robot.qpos_index] += draw.normal(scale=scale, size=len(robot.joint_names))
-        looks = [before, *(way.at(robot, after) for way in on_the_way(robot, before, after)), after]
+        looks = [before, *(way.at(robot, after) for way in swept_configurations(robot, before, after)), after]
         turned = np.abs(np.diff([q[robot.qpos_index] for q in looks], axis=0)).max(axis=1)
         assert len(looks) > 2 and turned.max() <= TURN and np.allclose(turned, turned[0])
 
@@ -58,7 +58,7 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
 def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Asked) -> None:
     solver, targets = asked
     robot, soles, step = solver.robot, len(solver.problem.inequalities), 1e-6
-    separation, way = solver.costs.separation, Between(arms(robot, -0.5, 1.57, -1.57), 0.3)
+    separation, way = solver.costs.separation, SweptConfiguration(arms(robot, -0.5, 1.57, -1.57), 0.3)
     assert separation is not None
     q = arms(robot, -0.3, 1.57, -1.5)
     own = {tuple(row) for row in solver.costs.linearize(q, targets).rows[soles:]}
@@ -85,7 +85,7 @@ def test_a_frame_wished_beyond_links_stays_on_the_side_it_comes_from(asked: Aske
     assert solver.depth_between(front, through) > 10 * overlap
     found = front
     for _ in range(20):
-        ways = on_the_way(robot, front, found)
+        ways = swept_configurations(robot, front, found)
         found = solver.solve_frame(found, targets, proximal=drawn, iterations=1, between=ways).qpos
     assert solver.depth_between(front, found) <= 0.002
     assert np.abs(found - front).max() > 0.2

@@ -16,7 +16,7 @@ from robot_retarget.describe.kinds.kind import FRAME, ContactRows, MeasureRows, 
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
 from robot_retarget.dgp.role import SECOND_DIFFERENCE
 from robot_retarget.dgp.track import Track, exact
-from robot_retarget.edit.touchup import mended
+from robot_retarget.edit.touchup import apply_edit
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
@@ -180,7 +180,7 @@ def test_a_new_kind_works_in_balance_and_touch_up() -> None:
     assert ik.solver.problem.values(new.robot.standing()).shape == (sum(map(len, new.costs)) + 2,)
     solved = solve_graph(new, smoothing=CAUSAL).trajectory
     edit = Edit("edge", {"a": "r_hand", "b": "head", "at": 0.2, "frames": [12, 14]})
-    done = mended(new, solved, edit)
+    done = apply_edit(new, solved, edit)
     elbow = done.trajectory.qpos[:, new.robot.qpos_index[new.robot.joint_names.index("l_el")]]
     assert np.abs(elbow - 1).mean() < 0.05
 

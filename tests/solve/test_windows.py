@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.describe.footholds import settled
+from robot_retarget.describe.footholds import foothold_corners
 from robot_retarget.describe.soles import sole_corners
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import Result, retarget
@@ -56,7 +56,7 @@ def test_fixed_frames_stay_while_the_rest_solves_the_dense_least_squares(
 def test_a_stance_that_began_in_the_window_before_stays_where_it_was() -> None:
     corners = np.tile(np.array([[0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, 0.05, 0], [-0.1, -0.05, 0]]), (6, 1, 1))
     corners[2:, ..., 0] += 0.3  # the coarse path wanders off
-    assert np.allclose(settled(np.ones((6, 4), dtype=bool), corners, fixed=2), corners[0])
+    assert np.allclose(foothold_corners(np.ones((6, 4), dtype=bool), corners, fixed=2), corners[0])
 
 
 @pytest.fixture(scope="module")

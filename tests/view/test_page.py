@@ -16,7 +16,7 @@ from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.contacts import replay_contacts
-from robot_retarget.simulate.report import Played, Report, build_report
+from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_report
 from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
@@ -214,7 +214,7 @@ def test_a_simulation_that_broke_down_before_the_other_has_a_page(
 ) -> None:
     moved, plant = hold(OP3, 0.6), plant_of(OP3, "pinned")
     rollout, plain = (roll_out(plant, hold(OP3, seconds), "pinned", SHORT) for seconds in (reached, plainly))
-    played = Played(moved, plant, "pinned", replay_contacts(OP3, moved.qpos), rollout, plain)
+    played = SimulatedTrajectory(moved, plant, "pinned", replay_contacts(OP3, moved.qpos), rollout, plain)
     report = build_report(played, fingerprint(moved), Thresholds())
     assert report.series["plain"].shape == report.series["wanted"].shape
     assert np.isnan(report.series["plain"]).any() == (plainly < reached)

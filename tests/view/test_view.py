@@ -19,7 +19,7 @@ from robot_retarget.trajectory import Trajectory
 from robot_retarget.view import Film, Picture, Unavailable, strip, video
 from robot_retarget.view.draw import Sketch
 from robot_retarget.view.gl import open_context
-from robot_retarget.view.human import COLOUR, figure
+from robot_retarget.view.human import COLOUR, stick_figure
 from robot_retarget.view.render import TILE, open_stage
 from robot_retarget.view.staging import arrange, geom_corners, visible
 from robot_retarget.view.strip import GAP
@@ -77,7 +77,7 @@ def test_the_head_of_who_lies_on_the_back_is_the_head_and_no_raised_hand() -> No
     lying = stick_man()[..., [2, 1, 0]] * [-1, 1, 1] + [0, 0, 0.1]
     lying[:, 3, 2] += 1.0  # a hand is stretched up
     staging = arrange(OP3, hold(OP3), lying, arms_on_the_chest, np.array([0.0, 0.5]))
-    assert figure(staging).limbs[-1].tolist() == [2, 2]
+    assert stick_figure(staging).limbs[-1].tolist() == [2, 2]
 
 
 def test_a_robot_without_a_head_leaves_the_human_its_own():
@@ -86,7 +86,7 @@ def test_a_robot_without_a_head_leaves_the_human_its_own():
     matched = match_bodies(motion, OP3, motion_map(motion.skeleton, motion.positions), headless)
     staging = arrange(OP3, hold(OP3), *matched.figure(motion), np.linspace(0, 1, 3))
     head = matched.recognition.keypoints.index("head")
-    assert figure(staging).limbs[-1].tolist() == [head, head]
+    assert stick_figure(staging).limbs[-1].tolist() == [head, head]
 
 
 def test_who_walks_away_stays_in_the_picture():

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.footholds import Footholds, footholds_of, relaxed, settled
+from robot_retarget.describe.footholds import Footholds, foothold_corners, footholds_of, without_unreachable
 from robot_retarget.describe.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role
 from robot_retarget.describe.soles import CORNER_NAMES
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
@@ -86,8 +86,8 @@ class FootholdKind:
         """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
         stood = self._held(track)
         corners = measured.reshape(*stood.shape, len(AXES))
-        held = relaxed(stood, corners, self.reach * float(track.scale[0]), fixed)
-        places = [settled(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
+        held = without_unreachable(stood, corners, self.reach * float(track.scale[0]), fixed)
+        places = [foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
         places = np.stack(places, axis=1).reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))

@@ -3,7 +3,7 @@
 import json
 from typing import IO
 
-from robot_retarget.live.loop import LivePose, said_of
+from robot_retarget.live.loop import LivePose, status_name
 
 
 class LineSink:
@@ -14,5 +14,5 @@ class LineSink:
 
     def show(self, pose: LivePose) -> None:
         row = {"time": round(pose.time, 6), "qpos": pose.qpos.round(6).tolist()}
-        self._out.write(json.dumps(row | {"status": said_of(pose.status), "age": round(pose.age, 4)}) + "\n")
+        self._out.write(json.dumps(row | {"status": status_name(pose.status), "age": round(pose.age, 4)}) + "\n")
         self._out.flush()

@@ -83,14 +83,14 @@ class Device:
             if goal in registers and goal != "goal_velocity":
                 registers[goal] = registers[limit]
         self.expired, self._pending, self._booted, self._fed = False, None, self.now, self.now
-        self.motor.rest()
+        self.motor.switch_off()
         self._rebase()
         if registers["startup_configuration"] & 1:
             registers["torque_enable"] = 1
 
     def place(self, ticks: float) -> None:
         """Turn the shaft by hand to `ticks` as hosts see it; the goal register does not change."""
-        self.motor.position, self.motor.velocity = self.shaft.hidden(ticks), 0.0
+        self.motor.position, self.motor.velocity = self.shaft.to_encoder(ticks), 0.0
 
     def fail(self, bit: int) -> None:
         """Raise a hardware error; the servo lets go when `shutdown` says so."""
@@ -118,7 +118,7 @@ class Device:
         if self.torque and watch > 0 and not self.expired and self.now - self._fed > watch * WATCHDOG_UNIT:
             self.expired, self.writes.settled = True, self.now
             r["bus_watchdog"] = -1
-            self.shaft.stay(self.shaft.here, self.now)
+            self.shaft.stay(self.shaft.present, self.now)
         if self.motor.temperature > r["temperature_limit"]:
             self.fail(OVERHEATING)
         if not r["min_voltage_limit"] <= round(self.voltage * 10) <= r["max_voltage_limit"]:
@@ -219,7 +219,7 @@ class Device:
         changed = r[name] != value
         r[name] = value
         if name == "goal_position":
-            self.writes.note(value, self.shaft.here if self.torque else None)
+            self.writes.note(value, self.shaft.present if self.torque else None)
             self.shaft.start(value, self.now)
         elif name == "operating_mode" and changed:
             self._change_mode()
@@ -235,16 +235,16 @@ class Device:
         if value and not self.torque:
             r["torque_enable"] = 1
             if self.mode == POSITION:
-                self.shaft.fold()
+                self.shaft.drop_turns()
             self._fed = self.now
-            here = self.shaft.here
+            here = self.shaft.present
             self.shaft.stay(here, self.now)
             if self.mode in POSITIONS:
                 self.writes.step(r["goal_position"], here)
                 self.shaft.start(r["goal_position"], self.now)
         elif not value:
             r["torque_enable"] = 0
-            self.motor.rest()
+            self.motor.switch_off()
 
     def _change_mode(self) -> None:
         r = self.registers
@@ -259,8 +259,8 @@ class Device:
 
     def _rebase(self) -> None:
         """Fold the position to one turn, and have the goal where the shaft is."""
-        self.shaft.fold()
-        self.registers["goal_position"] = round(self.shaft.here)
+        self.shaft.drop_turns()
+        self.registers["goal_position"] = round(self.shaft.present)
         self.shaft.stay(self.registers["goal_position"], self.now)
 
 

@@ -50,7 +50,7 @@ class Wire:
     plugged: bool = True
     chance: random.Random = field(default_factory=lambda: random.Random(1))
 
-    def spoil(self, answer: bytes) -> bytes:
+    def received(self, answer: bytes) -> bytes:
         """Return an answer as the host receives it."""
         if self.drop and self.chance.random() < self.drop:
             return b""
@@ -125,7 +125,7 @@ class FaultInjector:
         except (TypeError, ValueError) as error:
             raise ServoError(f"fault {sentence!r}: {error}") from None
 
-    def due(self, now: float) -> None:
+    def run_due(self, now: float) -> None:
         """Carry out the sentences due until `now` [s]."""
         for planned in [p for p in self._later if p[0] <= now]:
             self._later.remove(planned)

@@ -57,7 +57,7 @@ class EmulatedMotor:
         """Of the winding, before what speed takes away [N m]."""
         return self.duty * self.stiffness(voltage)
 
-    def turn(self, voltage: float, dt: float) -> None:
+    def step_plant(self, voltage: float, dt: float) -> None:
         """Step the built-in plant: J ω' = τ(duty) − k ω − friction; damping and friction are taken implicitly."""
         omega = self.velocity * RADIANS + self.torque(voltage) * dt / self.inertia
         drag = self.friction * dt / self.inertia
@@ -67,7 +67,7 @@ class EmulatedMotor:
         self.velocity = 0.0 if self.jammed else omega / RADIANS
         self.position += self.velocity * dt
 
-    def feel(self, voltage: float, dt: float) -> None:
+    def update_load(self, voltage: float, dt: float) -> None:
         """Current, heat and strain from duty and speed."""
         back = self.velocity * RADIANS / self.model.motor.no_load_speed
         share = voltage / self.model.motor.voltage
@@ -82,7 +82,9 @@ class EmulatedMotor:
         """Whether a load beyond its output has lasted too long."""
         return self.strained > OVERLOAD_TIME
 
-    def follow(self, target: float, speed: float, gains: tuple[int, int, int], limit: float, dt: float) -> None:
+    def control_position(
+        self, target: float, speed: float, gains: tuple[int, int, int], limit: float, dt: float
+    ) -> None:
         """PID on the position: duty = (Kp e + Ki ∫e + Kd ė) / 885, with the table's scaling of gains."""
         p, i, d = gains
         error = target - self.position
@@ -101,11 +103,11 @@ class EmulatedMotor:
         ahead = speed * RADIANS / self.model.motor.no_load_speed
         self.duty = max(-limit, min(limit, p / 128 * error / FULL_PWM * 10 + self.integral + ahead))
 
-    def push(self, current: float, limit: float) -> None:
+    def control_current(self, current: float, limit: float) -> None:
         """Current control [A]: the duty that gives it at this speed."""
         back = self.velocity * RADIANS / self.model.motor.no_load_speed
         self.duty = max(-limit, min(limit, current / self.model.motor.stall_current + back))
 
-    def rest(self) -> None:
+    def switch_off(self) -> None:
         """Torque off."""
         self.duty = self.integral = self.strained = 0.0

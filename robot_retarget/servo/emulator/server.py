@@ -18,7 +18,7 @@ from typing import Any
 
 from robot_retarget.actuators.control_tables import BAUDS, XM430_W350
 from robot_retarget.errors import ServoError
-from robot_retarget.servo.clock import on_time
+from robot_retarget.servo.clock import real_time
 from robot_retarget.servo.emulator.faults import FaultInjector, Wire
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.pace import Pace
@@ -127,7 +127,7 @@ class Server:
         assert self.terminal is not None
         print(f"ready {self._link or self.terminal.path}", flush=True)
         try:
-            with on_time():
+            with real_time():
                 while not self._stop:
                     self._turn(commands)
         finally:
@@ -146,7 +146,7 @@ class Server:
         now = time.monotonic() - self._began
         if self._lockstep is None and (abs(now - self._through) > HUSH or now - self.world.time > TICK):
             self.world.advance(now)
-        self.faults.due(now)
+        self.faults.run_due(now)
         if self.terminal is not None:
             if self.terminal.master in ready:
                 self._listen(self.terminal, now)
@@ -182,7 +182,7 @@ class Server:
             self.pace.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
                 due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
-                self._out.append((due, self.wire.spoil(answer.data)))
+                self._out.append((due, self.wire.received(answer.data)))
                 self._through = due
 
     def _send(self, terminal: Terminal) -> None:

@@ -28,7 +28,7 @@ class Shaft:
         """When the path began [s]."""
 
     @property
-    def sense(self) -> int:
+    def direction(self) -> int:
         """−1 in reverse mode."""
         return -1 if self.registers["drive_mode"] & REVERSE else 1
 
@@ -39,21 +39,21 @@ class Shaft:
         single = self.registers["operating_mode"] == POSITION
         return 0 if single and abs(offset) > HOMING_REACH else offset
 
-    def shown(self, ticks: float) -> float:
+    def to_present(self, ticks: float) -> float:
         """Present position for an encoder position: reversed, then offset."""
-        return (TICKS_PER_TURN - ticks if self.sense < 0 else ticks) + self.offset
+        return (TICKS_PER_TURN - ticks if self.direction < 0 else ticks) + self.offset
 
-    def hidden(self, ticks: float) -> float:
+    def to_encoder(self, ticks: float) -> float:
         """Encoder position for a present position."""
         ticks -= self.offset
-        return TICKS_PER_TURN - ticks if self.sense < 0 else ticks
+        return TICKS_PER_TURN - ticks if self.direction < 0 else ticks
 
     @property
-    def here(self) -> float:
+    def present(self) -> float:
         """Present position, unrounded [ticks]."""
-        return self.shown(self.motor.position)
+        return self.to_present(self.motor.position)
 
-    def fold(self) -> None:
+    def drop_turns(self) -> None:
         """Forget full turns."""
         self.motor.position %= TICKS_PER_TURN
 
@@ -74,13 +74,13 @@ class Shaft:
     def publish(self, now: float, torque: bool) -> None:
         """Bring the registers of position, speed and effort up to date."""
         r, motor, elapsed = self.registers, self.motor, now - self.since
-        r["present_position"] = round(self.here)
-        r["present_velocity"] = round(self.sense * motor.velocity / profile.VELOCITY)
-        r["present_pwm"] = round(self.sense * motor.duty * FULL_PWM)
+        r["present_position"] = round(self.present)
+        r["present_velocity"] = round(self.direction * motor.velocity / profile.VELOCITY)
+        r["present_pwm"] = round(self.direction * motor.duty * FULL_PWM)
         if "present_current" in r:
-            r["present_current"] = round(self.sense * motor.current / motor.model.current_unit)
+            r["present_current"] = round(self.direction * motor.current / motor.model.current_unit)
         else:
-            r["present_load"] = round(self.sense * motor.duty * 1000)
+            r["present_load"] = round(self.direction * motor.duty * 1000)
         r["velocity_trajectory"] = round(self.path.velocity(elapsed) / profile.VELOCITY)
         r["position_trajectory"] = round(self.path.position(elapsed))
         r["moving"] = int(self.moving(now, torque))
@@ -92,8 +92,8 @@ class Shaft:
         return (torque and self.running(now)) or abs(self.motor.velocity) > threshold
 
     def _status(self, now: float, torque: bool) -> int:
-        off = abs(self.path.position(now - self.since) - self.here)
-        arrived = abs(self.registers["goal_position"] - self.here) < IN_POSITION
+        off = abs(self.path.position(now - self.since) - self.present)
+        arrived = abs(self.registers["goal_position"] - self.present) < IN_POSITION
         running = torque and self.running(now)
         lags = torque and off > FOLLOWING_ERROR
         return arrived | 2 * running | 8 * lags | (self.path.kind if running else 0)

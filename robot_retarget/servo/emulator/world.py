@@ -74,13 +74,13 @@ class World:
             device.control(self.time, self.step, volts - SUPPLY_RESISTANCE * drawn * (self.supply is not None))
         if self.plant is None:
             for device in self.devices:
-                device.motor.turn(device.voltage, self.step)
+                device.motor.step_plant(device.voltage, self.step)
         else:
             torques = [device.motor.torque(device.voltage) for device in self.devices]
             self.plant.advance(torques, [device.torque for device in self.devices])
             self._take_over()
         for device in self.devices:
-            device.motor.feel(device.voltage, self.step)
+            device.motor.update_load(device.voltage, self.step)
 
     def _take_over(self) -> None:
         """Bring the plant's shafts into the motors."""

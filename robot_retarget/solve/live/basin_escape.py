@@ -26,7 +26,7 @@ ROUNDING = 0.99
 
 
 @dataclass(eq=False)
-class Lead:
+class HomeTransition:
     """A transition to the home pose."""
 
     hinges: np.ndarray
@@ -64,14 +64,14 @@ class BasinEscape:
         self.solver, self.options = solver, options
         self.pose: FrameSolution | None = None
         self.steps, self.waited = 0, 0.0
-        self.lead: Lead | None = None
+        self.lead: HomeTransition | None = None
 
-    def at_once(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
+    def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
         """Seek to the end and lead over, from a robot that stands."""
         self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
         self._set_out(before)
 
-    def look(
+    def search_step(
         self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
     ) -> None:
         """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
@@ -107,4 +107,4 @@ class BasinEscape:
         hinges = way > LED * self.options.same
         if hinges.any():
             needed = (way / self.solver.speed)[hinges].max() / self.options.unhurried
-            self.lead = Lead(hinges, before[index].copy(), max(float(needed), self.options.ease))
+            self.lead = HomeTransition(hinges, before[index].copy(), max(float(needed), self.options.ease))

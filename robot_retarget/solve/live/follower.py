@@ -20,10 +20,10 @@ from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies
-from robot_retarget.solve.candidates import rooted
+from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled
 from robot_retarget.solve.limits import difference_weights
-from robot_retarget.solve.live.lag import FixedLag, Solved
+from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
 from robot_retarget.solve.problem import EdgeTargets, Problem, build_problem
@@ -98,13 +98,13 @@ class Follower:
         """Return the standing pose (nq,) with the human's pelvis position and heading."""
         robot = self.graph.robot
         place, turn = self.root_scaling.path(human)[0], human.facing[0]
-        return rooted(robot, self.graph.match.anatomy, robot.standing(), place, turn)
+        return with_root(robot, self.graph.match.anatomy, robot.standing(), place, turn)
 
     def _given(self, pose: FrameSolution, time: float, since: float) -> StreamPose:
         """Return the pose of the stream, smoothed if there is a lag."""
         if self.lag is None or self.targets is None:
             return StreamPose(pose.qpos, time, pose.status)
-        late, answered = self.lag.smoothed(Solved(pose, self.targets, time, since))
+        late, answered = self.lag.smoothed(SolvedFrame(pose, self.targets, time, since))
         return StreamPose(late.qpos, time, late.status, time - answered)
 
     def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:

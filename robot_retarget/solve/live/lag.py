@@ -20,7 +20,7 @@ GIVEN = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedFrame:
     """A frame of a stream after the real-time iteration."""
 
     pose: FrameSolution
@@ -49,10 +49,10 @@ class FixedLag:
         self.solver, self.lag, self.robot = solver, lag, solver.robot
         self.weight = smoothing.proximal * inertia
         self.stiffness = smooth / self.weight
-        self.waiting: deque[Solved] = deque()
+        self.waiting: deque[SolvedFrame] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
-    def smoothed(self, newest: Solved) -> tuple[FrameSolution, float]:
+    def smoothed(self, newest: SolvedFrame) -> tuple[FrameSolution, float]:
         """Return the oldest waiting pose, smoothed with the newest, and the time of its frame [s].
 
         Until `lag` frames wait, the first pose is returned repeatedly.
@@ -68,7 +68,7 @@ class FixedLag:
         self.given.append(pose.qpos)
         return pose, first.time
 
-    def _drawn(self, first: Solved, after: list[Floats]) -> FrameSolution:
+    def _drawn(self, first: SolvedFrame, after: list[Floats]) -> FrameSolution:
         before = self.given[-1]
         path = [*self.given, first.pose.qpos, *after]
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])

@@ -58,7 +58,7 @@ class RealTimeSolver:
     def stand(self, qpos: Floats, targets: EdgeTargets) -> FrameSolution:
         """Return the first pose at rest in a stand; later steps move it towards the targets."""
         pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0))
-        self.home.at_once(pose.qpos, targets, pose.qpos)
+        self.home.move_home(pose.qpos, targets, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
 
     @property
@@ -89,7 +89,7 @@ class RealTimeSolver:
             self.home.lead = None
             pose = self.solver.real_time_step(before, targets, proximal, self.solver.reachable([before], seconds), 1)
         pose = self.solver.repaired(before, pose)
-        self.home.look(pose, targets, standing, seconds)
+        self.home.search_step(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 
     def _kept(self, pose: FrameSolution, velocity: Floats) -> FrameSolution:

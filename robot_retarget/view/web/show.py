@@ -103,7 +103,7 @@ def poses(robot: Robot, qpos: Floats, shapes: list[Shape]) -> Floats:
 
 
 def _human(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
-    figure = human.figure(staging)
+    figure = human.stick_figure(staging)
     return {
         "names": list(take.human.names) if take.human else [],
         "points": packer.add(staging.human, LENGTH),
