@@ -24,12 +24,8 @@ _ARM_TO_LEG = 0.61
 """Shoulder to wrist over hip to ankle: the median of the same 14 (0.47 to 0.68)."""
 _LONGEST = 32
 """Joints of a chain that can be a limb, with the spine before it and a finger behind it; longer chains are ropes or hair."""
-_FARTHER = 0.01
-"""Loss of score per joint by which a choice is farther from the hub [-]: of equal choices the first counts."""
 _REACHING = 1.5
 """Weight of the logarithm of the share of the chain that the limb reaches over [-]."""
-_ENDING = 0.7
-"""Loss of score of a limb that ends where its chain ends, without a hand or foot [-]."""
 _ODD = -8.0
 """Score of odd proportions, however odd; names that agree raise it."""
 _SPREAD = 0.25
@@ -271,16 +267,15 @@ class _Sizes:
         return cls(mean, apart.std(axis=0), _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
 
     def score(self, places: tuple[int, int, int], kind: str, agreement: float) -> float:
-        """Two rigid straight bones of the usual ratio, from a joint off the other chain almost to the end of this one."""
+        """Score two rigid straight bones of the usual ratio, from a joint off the other chain to a hand or foot on this one."""
         a, b, c = places
         upper, lower = self.apart[a, b], self.apart[b, c]
         return float(
             _REACHING * min(0.0, np.log((upper + lower) / self.total))
             - 4 * (self.bulges[a, b] + self.bulges[b, c])
             - 20 * (self.spread[a, b] / upper + self.spread[b, c] / lower)
-            - _ENDING * max(0.0, 1 - self.below[c] / (SHORT * lower))
+            - max(0.0, 1 - self.below[c] / (SHORT * lower))
             - 4 * (self.beside[a] < SAME * (upper + lower))
-            - _FARTHER * (a + b + c)
             + max(-0.5 * (np.log(upper / lower / _RATIO[kind]) / _SPREAD) ** 2, _ODD + 2.0 * max(agreement, 0.0))
         )
 

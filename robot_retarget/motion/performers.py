@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from robot_retarget.errors import MatchError, known
+from robot_retarget.keypoints import SIDES
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.limbs import LIMBS
 from robot_retarget.motion.recognise import recognise
 from robot_retarget.motion.skeleton import Skeleton
 
-FEWEST = 12
-"""Joints of two legs and two arms, three each."""
+FEWEST = len(SIDES) * sum(map(len, LIMBS.values()))
+"""Joints of two legs and two arms."""
 
 
 def first_performer(capture: Capture) -> tuple[Capture, tuple[str, ...]]:

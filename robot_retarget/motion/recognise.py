@@ -22,14 +22,10 @@ from robot_retarget.motion.trunk import find_trunk
 _WORD = {"chest": "spine"}
 """Keypoints whose part has another name in `joint_names`."""
 
-DOUBT = 0.1
-"""Contradiction of geometry and names of left and right that is reported."""
 SILENT = 0.65
 """Confidence in a joint whose name is silent and that no other rivals."""
 LEAD = 4.0
 """Of two rivals the better one is right with the odds e^(LEAD · lead): even ones as often as not, by a lead of 0.5 7 in 8 times."""
-AGAINST = 0.3
-"""Loss of confidence in a joint per unit of disagreement of its name."""
 
 
 @dataclass(frozen=True)
@@ -148,13 +144,12 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
 def _sided(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> "_Sided":
     """Legs and arms with the left one first; names and knees together outvote the feet, else geometry the names."""
     seen, said = votes(body, legs, arms), named_leftness(body, legs)
-    bent = seen.knees + seen.elbows
-    heels = seen.feet * said < -HEEL and bent * said > HEEL
+    heels = seen.feet * said < -HEEL and (seen.knees + seen.elbows) * said > HEEL
     shown = seen.leftness(feet=not heels)
     decided = shown if abs(shown) > SURE or not said else said
     certainty = 1.0 if shown * said > 0 else max(abs(shown), 0.5)
     notes: list[str] = []
-    if shown * said < -DOUBT and decided == said:
+    if shown * said < 0 and decided == said:
         notes.append("Feet and knees hint that left and right are swapped; names were followed.")
     if heels:
         notes.append(
@@ -216,11 +211,11 @@ def _toe_mark(body: PosedSkeleton, side: str, leg: Limb, certainty: float) -> di
 def _mark(body: PosedSkeleton, part: str, joint: int, why: str, certainty: float, lead: float = np.inf) -> Mark:
     """A joint found by tree and geometry, by a lead over the next best place, and by its name.
 
-    How sure: c (1 − (1 − a)(1 − s)) with the agreement a of the name, the sureness s of tree and geometry alone and the
-    certainty c of the side. A name that says otherwise takes from s.
+    The confidence is c (1 − (1 − a)(1 − s)) with the agreement a of the name, the confidence s by tree and geometry alone
+    and the certainty c of the side; c s (1 + a) where the name disagrees, a < 0.
     """
     agreement = body.evidence[joint].agreement(_WORD.get(part, part))
     says = "the name agrees" if agreement > 0 else "the name says otherwise" if agreement < 0 else "the name is silent"
     alone = SILENT / (1 + np.exp(-LEAD * lead))
-    sure = 1 - (1 - agreement) * (1 - alone) if agreement > 0 else alone + AGAINST * agreement
-    return Mark((joint,), round(float(certainty * max(sure, 0.0)), 3), f"{body.skeleton.names[joint]!r}: {why}; {says}")
+    sure = 1 - (1 - agreement) * (1 - alone) if agreement > 0 else alone * (1 + agreement)
+    return Mark((joint,), round(float(certainty * sure), 3), f"{body.skeleton.names[joint]!r}: {why}; {says}")

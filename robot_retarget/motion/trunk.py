@@ -12,8 +12,6 @@ HEAD_ABOVE_SHOULDERS = 0.2
 LEVEL = 0.1
 """Joints of the spine that differ by no more in height are level with each other, and so are joints and shoulders [leg
 lengths]."""
-_LEAST = -5.0
-"""A joint that scores less is no head."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +104,5 @@ def _heads(
             + 0.5 * (len(body.children[joint]) > 1)
             - 0.08 * len(body.skeleton.above(joint))
         )
-        if score > _LEAST:
-            scores[joint] = float(score)
+        scores[joint] = float(score)
     return scores

@@ -34,7 +34,7 @@ class UpAxisRule:
 
     strong: float = 4.0
     """Of evidence that fails in one clip of fifty: the head is over the ankles, the lowest point of the body keeps its
-    height (per leg length), a flight is a free fall, the pelvis does not climb further than a person."""
+    height (per leg length), a flight is a free fall."""
     floor: float = 3.5
     """Of a lowest point that begins at 0; less than the posture, as points may be relative to the pelvis."""
     weak: float = 1.5
@@ -45,8 +45,6 @@ class UpAxisRule:
     """Duration of a flight that counts fully [s]."""
     free: float = 0.25
     """Share of gravity by which the acceleration of a free fall may differ from it [-]."""
-    climb: float = 1.5
-    """Way of the pelvis along the vertical from which it is a climb, halfway."""
     doubt: float = 2.3
     """A lead over the second best axis below this is reported: odds of less than 10 to 1."""
     tie: float = 0.2
@@ -102,7 +100,6 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
         "free fall": rule.strong * _flights(recognition, keypoints * metres, capture.fps, rule),
         "rest pose": rule.weak
         * (_rest(recognition, capture.skeleton) if capture.rotations is not None else np.zeros(len(AXES))),
-        "travel": -rule.strong * _climb(recognition, keypoints, leg, rule),
         "custom": -rule.weak / 2 * np.array([min(CUSTOM.index(axis), 3) for axis in AXES]),
     }
     total = sum(evidence.values(), np.zeros(len(AXES)))
@@ -180,9 +177,3 @@ def _rest(recognition: Recognition, skeleton: Skeleton) -> Floats:
     along = _stance(recognition, recognition.place(skeleton.rest()[None]))[0]
     clear = np.abs(along[1:]).max() > ALIGNED
     return np.maximum(_signed(along * [0.0, 1.0, 1.0]), 0.0) if clear else np.zeros(len(AXES))
-
-
-def _climb(recognition: Recognition, keypoints: Floats, leg: float, rule: UpAxisRule) -> Floats:
-    pelvis = keypoints[:, recognition.keypoints.index("pelvis")]
-    span = np.clip(np.ptp(pelvis, axis=0) / leg - rule.climb + 0.5, 0.0, 1.0)
-    return np.concatenate([span, span])
