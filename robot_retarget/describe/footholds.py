@@ -12,14 +12,12 @@ import numpy as np
 from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.describe.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.segments import heading
 from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
-
-LANDING = 0.1
-"""A swing foot follows its reference more strongly for this time after its last stance and before its next one [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class Footholds:
     places: Floats
     """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
     near: Floats
-    """(T, F) nearness in time to a stance: 1 during it, falling to 0 over `LANDING`."""
+    """(T, F) nearness in time to a stance: 1 during it, falling to 0 over `RAMP`."""
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
@@ -51,7 +49,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
         places[:, k] = foothold_corners(held[:, k], sole_of(human, match, robot, foot).places(human))
     stands = np.asarray(held.any(axis=2))
-    return Footholds(feet, held, places, stance_ramp(stands, round(LANDING * human.fps)))
+    return Footholds(feet, held, places, stance_ramp(stands, round(RAMP * human.fps)))
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from robot_retarget.describe.kinds import KINDS
 from robot_retarget.describe.kinds.kind import MotionKind, RetargetContext, TwoPassKind, frame_costs
 from robot_retarget.describe.kinds.own import End, OwnKind
 from robot_retarget.describe.path import pelvis_path
-from robot_retarget.describe.weights import Weights
+from robot_retarget.describe.weights import REFERENCE_FPS, Weights
 from robot_retarget.dgp.graph import Graph
 from robot_retarget.dgp.points import PointGraph
 from robot_retarget.dgp.role import Role
@@ -29,8 +29,8 @@ from robot_retarget.human.match import Match, match
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import Robot, load_robot
 
-MOST_FPS = 30.0
-"""Default upper limit of the rate of a described motion, a common rate of reference motions [1/s]."""
+MOST_FPS = REFERENCE_FPS
+"""Default upper limit of the rate of a described motion [1/s]."""
 PLAUSIBLE_FPS = (5.0, 120.0)
 """Accepted rates in addition to the motion's own [1/s]: below, limb swings fall between frames; above, frames are
 interpolated, as playback does anyway."""

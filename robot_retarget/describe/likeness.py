@@ -8,7 +8,7 @@
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,17 +45,17 @@ class Likeness:
     robot: Travel
     path_off: float
     """Error of the pelvis path over its length, as above [-]."""
-    slowdown: float = 1.0
+    slowdown: float
     """Duration over the human's."""
-    stride: float = 1.0
+    stride: float
     """Length of the robot's steps over the scaled human's."""
-    legs: str = "follow"
+    legs: str
     """`follow` the human's, `stand` (both feet in place, chosen by the user) or `instead` (in place because following failed)."""
-    unfinished: float = 0.0
+    unfinished: float
     """Share of the frames that the solver did not finish."""
-    rushed: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    rushed: Bools
     """(T,) whether a joint is at its speed limit."""
-    fps: float = 30.0
+    fps: float
     """Frames per second."""
 
     @property
@@ -115,7 +115,7 @@ class Likeness:
         """A summary in one line."""
         parts = ((name, self.part(name)) for name in PARTS)
         off = ", ".join(f"{name} {np.degrees(angle):.0f}°" for name, angle in parts if angle is not None)
-        pace = f", {self.slowdown:.1f} times as slow" if self.slowdown > 1.05 else ""
+        pace = f", {self.slowdown:.1f} times as slow" if round(self.slowdown, 1) > 1 else ""
         return f"{off} from the human's on average{pace}"
 
     def figures(self) -> dict[str, Any]:

@@ -150,7 +150,7 @@ def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
 def _without_zeros(evaluate: ca.Function, slopes: Any, drawn: Floats) -> Any:
     """Return the Jacobian with the pattern of the entries that do not vanish at drawn configurations."""
     seen = np.max([np.abs(evaluate(qpos).full()) for qpos in drawn], axis=0, initial=0.0)
-    return ca.project(slopes, ca.sparsify(ca.DM((seen > 10.0**-DIGITS).astype(float))).sparsity())
+    return ca.project(slopes, ca.sparsify(ca.DM(np.round(seen, DIGITS) > 0)).sparsity())
 
 
 def drawn_configurations(robot: Robot, count: int) -> Floats:

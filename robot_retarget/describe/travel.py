@@ -12,7 +12,7 @@ from scipy.ndimage import minimum_filter1d
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.describe.soles import sole_corners
 from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.ground import WINDOW, grounded
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.motion.stance import intervals
@@ -31,8 +31,6 @@ class StepThresholds:
     """... or comes down farther away; less is a shuffle, which a flat sole need not copy."""
     clearance: float = 0.02
     """A robot's sole is in the air above this height; planned swings are exact, captured ones are not."""
-    window: float = 0.6
-    """The floor is the lowest sole within this time to either side [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +91,7 @@ def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: Ste
     if feet:
         soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
         low = np.stack(soles, axis=1) / match.robot_leg
-        floor = minimum_filter1d(low.min(axis=1), 2 * round(chosen.window * fps) + 1, mode="nearest")
+        floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
         steps = sum(len(_inner(foot, len(qpos))) for foot in (low - floor[:, None] > chosen.clearance).T)
     return _travel(world_points(robot, match.points, qpos), match, steps)
 

@@ -5,8 +5,22 @@ from dataclasses import dataclass, field, fields, replace
 from robot_retarget.dgp.adapt import NEAR
 from robot_retarget.errors import UsageError, known
 
-PRESETS = {"directions": 0.2, "balanced": 1.0, "distances": 5.0}
+BLEND = 5.0
+"""Factor between two presets [-]."""
+PRESETS = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
 """Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
+LEG = 8.0
+"""Directions of thigh and shin [-]."""
+TRUNK = 3.2
+"""Directions of the trunk and of the shoulder line [-]."""
+ARM = 2.0
+"""Directions of upper arm and forearm [-]."""
+NECK = 0.24
+"""Directions of neck and head [-]."""
+RAMP = 0.1
+"""Touches and footholds gain and lose their priority within this time [s]."""
+REFERENCE_FPS = 30.0
+"""Frame rate at which `Weights.smooth` is given, a common rate of reference motions [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -25,20 +39,20 @@ class Weights:
     """A hand and the part it touches, or two feet, in addition to their distance."""
     bones: dict[str, float] = field(
         default_factory=lambda: {
-            "knee": 8.0,
-            "ankle": 8.0,
-            "chest": 3.2,
-            "elbow": 2.0,
-            "hand": 2.0,
+            "knee": LEG,
+            "ankle": LEG,
+            "chest": TRUNK,
+            "elbow": ARM,
+            "hand": ARM,
             "toe": 0.64,
-            "neck": 0.24,
-            "head": 0.24,
+            "neck": NECK,
+            "head": NECK,
         }
     )
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
     """Direction of the hip line, which is the heading of the body."""
-    shoulders: float = 3.0
+    shoulders: float = TRUNK
     """Direction of the shoulder line."""
     orientation: float = 0.3
     """Forward and up of pelvis, chest, head and hands ..."""
@@ -50,12 +64,12 @@ class Weights:
     """Joints as the robot stands [1/rad²] ..."""
     wrist: float = 0.1
     """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
-    swing: float = 4.0
-    """A swing foot at its reference, over the leg ..."""
+    swing: float = path
+    """A swing foot at its reference, as the pelvis on its path ..."""
     landing: float = 40.0
     """... and close to its stances."""
     smooth: float = 20.0
-    """Squared second differences of the joints at 30 frames a second [1/rad²]."""
+    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
     smooth_root: float = 10.0
     """Factor for the root, per rad² and per m² [-]."""
 

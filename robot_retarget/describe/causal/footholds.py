@@ -3,12 +3,12 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.footholds import LANDING, Sole, sole_of
+from robot_retarget.describe.footholds import Sole, sole_of
 from robot_retarget.describe.graph import RobotGraph
 from robot_retarget.describe.kinds.foothold import FootholdKind
 from robot_retarget.describe.kinds.kind import RetargetContext
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, smoothstep
-from robot_retarget.describe.weights import Weights
+from robot_retarget.describe.weights import RAMP, Weights
 from robot_retarget.dgp.track import HARD
 from robot_retarget.human.features import HumanFeatures
 
@@ -78,11 +78,11 @@ class CausalFootholds:
         """Whether a foot may stand: the human has not moved it away from its foothold, and it has not just risen."""
         if self.held[foot].any():
             return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
-        return bool(self.since[foot] >= LANDING)
+        return bool(self.since[foot] >= RAMP)
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
-        """Return the targets of a stance: π rises by equal factors over `LANDING` while the sole moves to the floor."""
-        share, least = min(self.since[foot] / LANDING, 1.0), self.weights.landing
+        """Return the targets of a stance: π rises by equal factors over `RAMP` while the sole moves to the floor."""
+        share, least = min(self.since[foot] / RAMP, 1.0), self.weights.landing
         place = self.places[foot].copy()
         place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
         return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
@@ -91,7 +91,7 @@ class CausalFootholds:
         """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold."""
         since = self.since[foot]
         left = 1 - smoothstep(np.minimum(since / BLENDED, 1.0))
-        near = max(1 - since / LANDING, 0.0) ** 2
+        near = max(1 - since / RAMP, 0.0) ** 2
         return carried + left * self.offset[foot], max(self.weights.landing * near, self.weights.swing)
 
 

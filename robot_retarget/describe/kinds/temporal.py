@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.describe.kinds.kind import RetargetContext, Role
+from robot_retarget.describe.weights import REFERENCE_FPS
 from robot_retarget.dgp.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
 from robot_retarget.dgp.track import Track, exact
 from robot_retarget.robot import Robot
-
-REFERENCE_FPS = 30
-"""Frame rate at which `Weights.smooth` is given [1/s]."""
 
 
 @dataclass(frozen=True)

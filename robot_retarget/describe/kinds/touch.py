@@ -10,6 +10,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.describe.kinds.kind import FRAME, SHORTEST, RetargetContext, Role
 from robot_retarget.describe.kinds.posture import distances
 from robot_retarget.describe.symbolic_robot import SymbolicRobot
+from robot_retarget.describe.weights import RAMP
 from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.dgp.track import Track, exact
 from robot_retarget.human.features import HumanFeatures
@@ -42,16 +43,15 @@ class TouchKind:
     role: Role = Role.COST
     stencil: tuple[int, ...] = FRAME
     head: float = 0.22
-    knee: float = 0.14
     hand: float = 0.14
     other: float = 0.1
-    """A hand touches a head, a knee, the other hand or another part within this distance, over the path between them
+    """A hand touches a head, the other hand or a knee, or another part within this distance, over the path between them
     [-]."""
     feet: float = 0.045
     """The same for two feet: nearer than feet pass each other in a walk [-]."""
     faint: float = 0.02
     """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
-    lead: float = 0.1
+    lead: float = RAMP
     """Rise time and fall time of a touch [s]."""
 
     def targets(self, context: RetargetContext) -> Track | None:
@@ -95,7 +95,7 @@ class TouchKind:
         for hand, part in ((a, b), (b, a)):
             own_arm = part[:2] == hand[:2] and part[2:] in ARM
             if hand.endswith("_hand") and not own_arm:
-                return {"head": self.head, "hand": self.hand, "knee": self.knee}.get(part.split("_")[-1], self.other)
+                return {"head": self.head, "hand": self.hand, "knee": self.hand}.get(part.split("_")[-1], self.other)
         return 0.0
 
     def _gently(self, touching: Floats, frames: int) -> Floats:
