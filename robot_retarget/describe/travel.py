@@ -11,6 +11,7 @@ from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.describe.soles import sole_corners
+from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import WINDOW, grounded
 from robot_retarget.human.match import Match
@@ -25,7 +26,7 @@ Frames = slice | Bools
 class StepThresholds:
     """Which swings of a foot count as steps; lengths in units of the body's leg."""
 
-    lift: float = 0.12
+    lift: float = ActivityRule.high
     """A human swing counts if the ankle rises by more ..."""
     length: float = 0.3
     """... or comes down farther away; less is a shuffle, which a flat sole need not copy."""

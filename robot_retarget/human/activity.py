@@ -20,18 +20,14 @@ IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "suppo
 class ActivityRule:
     """Thresholds; lengths in leg lengths of the human."""
 
-    planted: float = 0.95
-    """A human in place stands on both feet for this share of the time [-]."""
-    flight: float = 0.12
-    """A flight has no foot on the floor for longer [s] ..."""
+    brief: float = 0.1
+    """What takes a smaller share of the time does not count [-]: steps of a human in place, support of one who stands."""
     high: float = 0.12
-    """... and both feet higher than this."""
-    held: float = 0.1
-    """A supported human spends this share of the time with the pelvis lower [-] ..."""
+    """A flight has both feet higher than this, for longer than the shortest stance."""
     low: float = 0.62
-    """... than this share of its usual height [-], and farther from the middle of the feet along the floor ..."""
+    """A supported human has the pelvis lower than this share of its usual height [-] ..."""
     beside: float = 0.3
-    """... than this: on a chair, or on hands."""
+    """... and farther from the middle of the feet along the floor than this: on a chair, or on hands."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +55,14 @@ def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) 
     clip, span = motion.clip, motion.span
     x = grounded(match.human_positions(clip), match, fps) / match.human_leg
     held = _held(x, match, chosen)[span]
-    if held.mean() > chosen.held:
+    if held.mean() > chosen.brief:
         return _longest(SUPPORTED, held, fps)
     flying = _flying(x, match, fps, chosen)[span]
-    if any((stop - start) / fps > chosen.flight for start, stop in intervals(flying)):
+    if any((stop - start) / fps > StanceRule().shortest for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
     schedule = contact_schedule(x * match.human_leg, match, fps, clip.contacts)
     planted = [foot[span].any(axis=1) for foot in schedule.values()]
-    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= chosen.planted else STEPPING)
+    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - chosen.brief else STEPPING)
 
 
 def require_own_feet(activity: Activity) -> None:

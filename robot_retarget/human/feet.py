@@ -11,7 +11,7 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import Match
-from robot_retarget.human.rotations import UP, constant_between, own_rotation
+from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_rotation
 from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT
 
@@ -19,10 +19,6 @@ FLAT_SHARE = 0.1
 """Share of the frames, those with the lowest ankle, in which a standing foot is flat [-]: on tiptoe the ankle is higher."""
 UPRIGHT = 0.9
 """A human is upright while the head is above this share of its largest height [-]."""
-ANKLE_TURN = 1.3
-"""Largest angle between the left of a foot and the axis of the bent knee that ankle and shin allow [rad]."""
-ON_TOES = 0.25
-"""A foot is on its toes if they are lower under the ankle, by this angle, than those of the other foot when it is flat [rad]."""
 
 
 def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
@@ -48,7 +44,7 @@ def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str,
     for side in sides:
         knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
         foot = _foot(motion, match, side, knee, ankle, toe, flat[side])
-        if drops[side] - least > ON_TOES:
+        if drops[side] - least > BENT:
             foot = foot @ Rotation.from_euler("y", drops[side] - least).as_matrix()
         hip = x.get(f"{side}_hip")
         feet[side] = foot if hip is None else _untwisted(foot, hip, knee, ankle)
@@ -64,7 +60,7 @@ def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats
     y = unit(across)
     ahead = foot[:, :, 0] - (foot[:, :, 0] * y).sum(1, keepdims=True) * y
     along = np.stack([unit(ahead), y, np.cross(unit(ahead), y)], axis=2)
-    turned = (foot[:, :, 1] * y).sum(1) < np.cos(ANKLE_TURN)
+    turned = (foot[:, :, 1] * y).sum(1) < np.cos(ARBITRARY)
     return np.where((turned & (np.linalg.norm(across, axis=1) > BENT))[:, None, None], along, foot)
 
 

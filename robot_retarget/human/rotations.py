@@ -8,6 +8,9 @@ from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 
 UP = np.array([0.0, 0.0, 1.0])
+ARBITRARY = 1.2
+"""A rotation that differs by more from the one that the body shows carries no information [rad]: of a rest pose, of fingers,
+of a foot against the axis of its knee."""
 
 
 def own_rotation(motion: Motion, match: Match, keypoint: str) -> Floats | None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.feet import feet_frames
 from robot_retarget.human.match import Match
-from robot_retarget.human.rotations import UP, constant_between, own_joint, own_rotation
+from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_joint, own_rotation
 from robot_retarget.keypoints import ARM
 from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT, snapped_to_axes
@@ -23,8 +23,6 @@ from robot_retarget.robot.hands import hand_frames
 LEVEL = {"trunk": 0.1, "end": 0.6}
 """Axes of a joint within this angle of those of an upright segment are replaced by them: of pelvis and chest, and of head
 and hands, which clips may show bent throughout [rad]."""
-LIKELY = 1.2
-"""Rest poses and fingers that differ by more from the mean orientation over the clip are arbitrary [rad]."""
 
 
 def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
@@ -139,7 +137,7 @@ def _likelier(fitted: Floats, rest: Floats) -> Floats:
     """The constant (3, 3) of the rest pose, if there is one and what fits over the clip bears it out, else that."""
     if not np.allclose(rest.T @ rest, np.eye(3)):
         return fitted
-    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < LIKELY else fitted
+    return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < ARBITRARY else fitted
 
 
 def pointed(constant: Floats, fingers: Floats) -> Floats:
@@ -155,6 +153,6 @@ def pointed(constant: Floats, fingers: Floats) -> Floats:
         return constant
     axis = np.where(np.arange(3) == np.abs(fingers).argmax(), np.sign(fingers), 0.0)
     ahead = axis if axis @ unit(fingers) > np.cos(LEVEL["end"]) else unit(fingers)
-    if ahead @ constant[:, 0] < np.cos(LIKELY):
+    if ahead @ constant[:, 0] < np.cos(ARBITRARY):
         return constant
     return Rotation.align_vectors(ahead, constant[:, 0])[0].as_matrix() @ constant

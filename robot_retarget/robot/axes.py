@@ -7,7 +7,8 @@ from robot_retarget.arrays import Floats
 
 CUBE = Rotation.create_group("O")
 BENT = 0.2
-"""An elbow or a knee whose bones enclose an angle with a smaller sine shows no axis."""
+"""Angles with a smaller sine count as 0 [rad]: of a straight elbow or knee, which shows no axis, of a level foot or head, of a
+hand along the axes of its link."""
 
 
 def snapped_to_axes(turn: Floats, most: float) -> Floats:

@@ -11,9 +11,6 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.links import Links
 
-LEVEL = 0.2
-"""A hand's frame this near to the axes of its link is taken to lie along them [rad]."""
-
 
 def hand_frames(shoulder: Floats, elbow: Floats, hand: Floats) -> tuple[Floats, Floats]:
     """Return forward, left and up of a hand that continues its forearm, as columns, (…, 3, 3), of any body.
@@ -43,4 +40,4 @@ def hand_axes(bent: Links, bodies: tuple[int, int], arm: Floats) -> Floats | Non
     frame, bend = hand_frames(*arm)
     if len(bent.axes_along(beyond)) < 3 or bend < BENT:
         return None
-    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, LEVEL)
+    return snapped_to_axes(bent.data.xmat[bodies[1]].reshape(3, 3).T @ frame, BENT)
