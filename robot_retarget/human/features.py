@@ -11,9 +11,7 @@ from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import Match
 from robot_retarget.human.segments import facing, human_frames
 from robot_retarget.motion import Motion
-
-LOW = 0.05
-"""Quantile of the ankle heights that is the height of a standing ankle [-]: lower ones are outliers."""
+from robot_retarget.motion.stance import StanceRule
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,5 +66,5 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
         {foot: stands[span] for foot, stands in schedule.items()},
         normalised_distances(x[span], match.parents, match.human_bones),
         clip.fps,
-        float(np.quantile(x[:, ankles, 2].min(axis=1), LOW)) if ankles else 0.0,
+        float(StanceRule().floor_height(x[:, ankles, 2].min(axis=1))) if ankles else 0.0,
     )

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.links import RANK
 from robot_retarget.robot.model import Robot
 
 _BIT = mujoco.mjtDisableBit
@@ -18,8 +19,6 @@ _OTHERS = sum(int(bit) for bit in (_BIT.mjDSBL_CONTACT, _BIT.mjDSBL_LIMIT, _BIT.
 
 STRIDE = 0.2
 """Longest step of a joint towards a closed chain [rad or m]."""
-SLACK = 1e-6
-"""What moves the constraints by a smaller share than the most does, only along the chain, is not moved to close it."""
 CARRIER = 0.01
 """Share by which a joint that carries others moves to close a chain, against one at the end of its branch [-]."""
 PLAY = 0.1
@@ -73,7 +72,7 @@ class Coupling:
             if np.abs(violation).max(initial=0.0) < 1e-9:
                 break
             eased = slope * self.mobility
-            step = -self.mobility * (np.linalg.pinv(eased, rcond=SLACK) @ violation)
+            step = -self.mobility * (np.linalg.pinv(eased, rcond=RANK) @ violation)
             step *= min(1.0, STRIDE / max(float(np.abs(step).max()), STRIDE))
             mujoco.mj_integratePos(self.model, q, step, 1.0)
         return q

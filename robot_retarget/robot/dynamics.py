@@ -12,10 +12,10 @@ from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 
-PLANTED = 0.006
-"""Corners this near to the lowest one carry the robot [m]."""
 NEAR = 0.002
 """Height at which a corner carries e⁻² of the load of a corner on the floor [m]: a foot in the air carries nothing."""
+PLANTED = 3 * NEAR
+"""Corners this near to the lowest one carry the robot [m]."""
 EVENNESS = 1e-3
 """Weight of contact forces [N] against the residual wrench of the root [N, N m]."""
 GRIP = 0.8

@@ -14,6 +14,8 @@ import numpy as np
 from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.robot.model import Robot
 
+RANK = 1e-6
+"""Singular values below this share of the largest are zero: of lines and constraints that meet but for rounded models [-]."""
 _GEOM = mujoco.mjtGeom
 _CUBE = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _GRID = np.array(list(itertools.product(np.linspace(-1, 1, 5), repeat=3)))
@@ -69,7 +71,7 @@ def meeting_point(axes: list[Axis], near: Floats) -> Floats:
     projectors = [np.eye(3) - np.outer(a.direction, a.direction) for a in axes]
     normal = sum(projectors, np.zeros((3, 3)))
     pull = sum((p @ (a.anchor - near) for p, a in zip(projectors, axes, strict=True)), np.zeros(3))
-    return near + np.linalg.pinv(normal, rcond=1e-6) @ pull
+    return near + np.linalg.pinv(normal, rcond=RANK) @ pull
 
 
 class Links:
