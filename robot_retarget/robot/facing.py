@@ -11,9 +11,11 @@ import numpy as np
 
 from robot_retarget.arrays import ALIGNED, Floats
 from robot_retarget.errors import MatchError
+from robot_retarget.robot.axes import BENT
 from robot_retarget.robot.limbs import (
     LEFT_WORDS,
     RIGHT_WORDS,
+    SAME,
     Chain,
     MirroredLimbs,
     arm_centres,
@@ -23,11 +25,6 @@ from robot_retarget.robot.limbs import (
 )
 from robot_retarget.robot.links import Axis, Links
 
-AHEAD = 0.05
-"""Soles and toe joints vote if they are ahead of the ankle by this share of the sole or of the leg [-]."""
-BEND = 0.1
-"""Knees and elbows vote if they bend by this angle in a keyframe, or further one way than the other in the middle of
-their range [rad]."""
 SURE = 2
 """A majority of this number of votes is sure."""
 
@@ -106,8 +103,8 @@ def _votes(
         votes += [
             Vote("feet", _feet(links, flat, legs, across), 1),
             Vote("toes", _toes(links, legs, across), 1),
-            Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BEND), 2),
-            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BEND), 1),
+            Vote("knees", _beyond(_folded(links, legs, across, _middle_of_range(links)), BENT), 2),
+            Vote("the standing keyframe", _beyond(_folded(links, legs, across, _standing(links)), BENT), 1),
         ]
     if arms:
         votes.append(Vote("elbows", _elbows(links, arms, across), 1))
@@ -175,7 +172,7 @@ def _feet(links: Links, flat: Links, legs: MirroredLimbs, across: Floats) -> int
         foot = np.concatenate([flat.surface(link) for link in links.links_of(ankle.link)])
         along = (sole_cloud(foot) - flat.place(ankle.link, links.local(ankle.link, ankle.point))) @ across
         ahead, length = ahead + along.max() + along.min(), length + np.ptp(along)
-    return _beyond(ahead / max(length, 1e-9), AHEAD)
+    return _beyond(ahead / max(length, 1e-9), SAME)
 
 
 def _toes(links: Links, legs: MirroredLimbs, across: Floats) -> int:
@@ -186,7 +183,7 @@ def _toes(links: Links, legs: MirroredLimbs, across: Floats) -> int:
         beyond = links.links_of(ankle.link)[1:] if ankle else []
         hinges = [a for a in links.axes_along(beyond) if abs(a.direction @ legs.lateral) > ALIGNED]
         ahead += sum(float((a.nearest(ankle.point) - ankle.point) @ across) / chain.reach for a in hinges[:1] if ankle)
-    return _beyond(ahead / 2, AHEAD)
+    return _beyond(ahead / 2, SAME)
 
 
 def _folded(links: Links, legs: MirroredLimbs, across: Floats, angles: Floats) -> float:
@@ -213,7 +210,7 @@ def _elbows(links: Links, arms: MirroredLimbs, across: Floats) -> int:
             moved = np.cross(axis.direction, forearm)
             cosine = float(moved @ across) / max(float(np.linalg.norm(moved)), 1e-9)
             forward += _angle(links, axis, _middle_of_range(links)) * cosine * (abs(cosine) > ALIGNED)
-    return _beyond(forward / 2, BEND)
+    return _beyond(forward / 2, BENT)
 
 
 def _middle_of_range(links: Links) -> Floats:

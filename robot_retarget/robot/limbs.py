@@ -19,13 +19,12 @@ GRASP_WORDS = {"finger", "thumb", "index", "middle", "ring", "pinky", "little", 
 ARM_WORDS = ELBOW_WORDS | GRASP_WORDS | {"arm", "shoulder", "upperarm", "humerus", "wrist", "hand"}
 _LEG_WORDS = KNEE_WORDS | {"leg", "hip", "thigh", "femur", "ankle", "foot", "toe"}
 MEETING = 0.25
-"""Axes that pass a joint's centre within this share of the limb segment belong to that joint."""
+"""Axes that pass a joint's centre within this share of the limb segment belong to that joint; a knee is farther under its hip."""
 CANTED = 0.5
 """A hip flexion axis has at least this cosine with the hip line; robots cant it by up to 45°."""
-UNDER = 0.3
-"""A knee is under a hip, and under the axes that meet there, by this share of the thigh."""
 SAME = 0.1
-"""Places nearer than this share of a limb are the same: mirrored hinge lines and ends, heights at which limbs start or end [-]."""
+"""Places nearer than this share of a limb or sole are the same: mirrored hinge lines and ends, heights at which limbs start or
+end, the middle of a sole and its ankle [-]."""
 SOLE = 0.01
 """Points of a foot within this height above its lowest one belong to the sole [m]."""
 HAND_SHARE = 0.8
@@ -176,7 +175,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     knee = knee_axis.nearest(ankle.point)
     beside = hip_axis.beside(knee, lateral)
     thigh = beside - knee
-    if thigh[2] <= UNDER * np.linalg.norm(thigh):
+    if thigh[2] <= MEETING * np.linalg.norm(thigh):
         return {}
     hip = _hip(links, chain, hip_axis, beside, knee)
     return {"hip": hip, "knee": Centre(knee, knee_axis.link, evidence, confidence), "ankle": ankle}
@@ -189,7 +188,7 @@ def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
     if not parallel:
         return []
     before = chain.axes.index(parallel[0])
-    above = [k for k in range(before) if chain.axes[k].anchor[2] > parallel[0].anchor[2] + UNDER * chain.reach]
+    above = [k for k in range(before) if chain.axes[k].anchor[2] > parallel[0].anchor[2] + MEETING * chain.reach]
     hip = max(above, key=along.__getitem__, default=None)
     return parallel if hip is None or along[hip] < CANTED else [chain.axes[hip], *parallel]
 
@@ -238,7 +237,9 @@ def _hip(links: Links, chain: Chain, flexion: Axis, point: Floats, knee: Floats)
     thigh = knee - point
     length = float(np.linalg.norm(thigh))
     upper = [
-        a for a in chain.axes if a.anchor[2] > knee[2] + UNDER * length and abs(a.direction @ thigh) < ALIGNED * length
+        a
+        for a in chain.axes
+        if a.anchor[2] > knee[2] + MEETING * length and abs(a.direction @ thigh) < ALIGNED * length
     ]
     meeting = [a for a in chain.axes if a is flexion or (a in upper and a.distance(point) < MEETING * length)]
     centre = meeting_point(meeting, point)

@@ -34,10 +34,9 @@ from robot_retarget.robot.symmetrize import symmetric_places, symmetric_soles
 
 HEAD_WORDS = {"head", "skull", "face"}
 TRUNK_WORDS = {"torso", "chest", "trunk", "thorax"}
-HEAD_OVER = 0.3
-"""A trunk of one piece ends in a head if it exceeds the shoulders by this share of their height over the pelvis."""
 NECK = 0.3
-"""Default position of a neck without usable hinges, as a share of the way from the shoulders to the head."""
+"""Position of a neck without usable hinges, as a share of the way from the shoulders to the head; a trunk of one piece ends in
+a head if it exceeds the shoulders by this share of their height over the pelvis [-]."""
 CHEST = 0.15
 """Place of the chest, as a share of the way from the shoulders to the pelvis [-]."""
 KEPT = 4
@@ -277,7 +276,7 @@ def _trunk_top(links: Links, trunk: int, shoulders: Floats, height: float) -> _T
         return _Top(trunk, max(above, key=lambda p: p[:, 2].max()), "topmost geom of the trunk, no neck joint", LIKELY)
     surface = links.surface(trunk)
     top = float(surface[:, 2].max() - shoulders[2])
-    if top < HEAD_OVER * height:
+    if top < NECK * height:
         return None
     upper = surface[surface[:, 2] > shoulders[2] + top / 2]
     return _Top(trunk, upper, "what of the trunk stands over the shoulders, no neck joint", GUESSED)

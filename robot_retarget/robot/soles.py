@@ -14,8 +14,6 @@ SOLE_TILTS = (0.05, 0.5, 1.1, 1.5)
 """A sole is kept as its extreme points in this many directions around, at these angles under the horizon [rad]; the first on the flat part only."""
 TREAD = 0.0005
 """Solid points within this height above the lowest one carry a flat foot [m]."""
-FLAT = 0.2
-"""Least share of the hull's area of a face that is the sole [-]: 0.23 … 0.43 for soles of plates and meshes."""
 EVEN = 0.9986
 """Least cosine (3°) between the normals of facets of one face, and between a level sole and the floor [-]."""
 
@@ -39,7 +37,7 @@ def flat_footed(links: Links, feet: list[int]) -> Links:
 
 
 def _flat_face(cloud: Floats) -> Floats | None:
-    """(3,) the outward normal of the largest face under points (P, 3), None where none is large enough to be a sole."""
+    """(3,) the outward normal of the largest face under points (P, 3), None where none is under them."""
     try:
         hull = ConvexHull(cloud)
     except (QhullError, ValueError):  # a point, or all points in one plane
@@ -48,7 +46,7 @@ def _flat_face(cloud: Floats) -> Floats | None:
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     down = np.flatnonzero(-normals[:, 2] > ALIGNED)
     alike = normals[down] @ normals.T > EVEN
-    if not down.size or (alike @ areas).max() < FLAT * areas.sum():
+    if not down.size:
         return None
     face = alike[(alike @ areas).argmax()]
     return unit(areas[face] @ normals[face])
