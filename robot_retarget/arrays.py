@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Ints = NDArray[np.int32 | np.int64]
+"""Integers of MuJoCo have 32 bits, those of NumPy 64."""
 Bools = NDArray[np.bool_]
 
 

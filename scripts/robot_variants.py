@@ -7,6 +7,7 @@ keypoints must stand, and which of them it has lost.
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -238,7 +239,8 @@ def _move_frame(case: Case, body: mujoco.MjsBody, shift: np.ndarray) -> None:
     pose = Rotation.from_quat(case.robot.model.body_quat[body.id], scalar_first=True)
     body.pos = body.pos + pose.apply(shift)
     body.ipos = body.ipos - shift
-    for part in (*body.geoms, *body.sites, *body.bodies, *body.cameras, *body.lights):
+    parts: list[Any] = [*body.geoms, *body.sites, *body.bodies, *body.cameras, *body.lights]
+    for part in parts:
         if np.isfinite(getattr(part, "fromto", np.array([np.nan]))[0]):
             part.fromto = part.fromto - np.tile(shift, 2)
         else:

@@ -128,8 +128,8 @@ def _columns(matrix: Any) -> Any:
 
 
 def _sparsity(matrix: Any) -> ca.Sparsity:
-    columns = _columns(matrix)
-    return ca.Sparsity(*matrix.shape, columns.indptr.tolist(), columns.indices.tolist())
+    columns, (rows, width) = _columns(matrix), matrix.shape
+    return ca.Sparsity(rows, width, columns.indptr.tolist(), columns.indices.tolist())
 
 
 def _matrix(matrix: Any) -> ca.DM:

@@ -4,9 +4,8 @@ A kind writes its measure in these symbols and CasADi differentiates it by them.
 joints are common to all kinds (`robot.kinematics`). The product of the two is the Jacobian by the tangent vector v.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,9 +27,9 @@ DIGITS = 11
 class Expressions:
     """Measures as expressions of q; edges with the same measure share a row."""
 
-    values: Any
+    values: ca.SX
     """(M,)."""
-    slopes: Any
+    slopes: ca.SX
     """(M, nv) their Jacobian by v, sparse."""
     rows: Ints
     """(E,) the row of every edge."""
@@ -46,11 +45,11 @@ class SymbolicRobot:
     def __init__(self, robot: Robot, match: Match):
         self.robot, self.match, self.bodies = robot, match, Bodies(robot)
         self._carried = carrying(robot.model)
-        self._symbols: dict[tuple[Any, ...], Any] = {}
-        self._values: list[Any] = []
-        self._travels: list[Any] = []
+        self._symbols: dict[tuple[str | float, ...], ca.SX] = {}
+        self._values: list[ca.SX] = []
+        self._travels: list[ca.SX] = []
 
-    def keypoint(self, name: str) -> Any:
+    def keypoint(self, name: str) -> ca.SX:
         """Return (3,) the position of a keypoint [m]; the pelvis is the middle of the hips, as for the human.
 
         Raises:
@@ -63,7 +62,7 @@ class SymbolicRobot:
             raise GraphError(f"no keypoint {name!r}; {known(self.match.keypoints)}")
         return self.point(sites[name].body, sites[name].offset)
 
-    def point(self, body: int, offset: Floats) -> Any:
+    def point(self, body: int, offset: Floats) -> ca.SX:
         """Return (3,) the position of a point fixed to a body [m].
 
         Args:
@@ -71,13 +70,13 @@ class SymbolicRobot:
             offset: (3,) in its frame [m].
         """
 
-        def found() -> tuple[Any, Any]:
+        def found() -> tuple[ca.SX, ca.SX]:
             x = self.bodies.places(Points(np.array([body]), np.asarray(offset)))
             return x, self.bodies.travel(x, self._carried[[body]])
 
         return self._symbol(("point", body, *np.asarray(offset, dtype=float).tolist()), found)
 
-    def axis(self, body: int, vector: Floats) -> Any:
+    def axis(self, body: int, vector: Floats) -> ca.SX:
         """Return (3,) the direction of a unit vector fixed to a body.
 
         Args:
@@ -85,32 +84,32 @@ class SymbolicRobot:
             vector: (3,) unit vector in its frame.
         """
 
-        def found() -> tuple[Any, Any]:
+        def found() -> tuple[ca.SX, ca.SX]:
             e = self.bodies.directions(np.array([body]), np.asarray(vector)[None])
             return e, self.bodies.turning(e, self._carried[[body]])
 
         return self._symbol(("axis", body, *np.asarray(vector, dtype=float).tolist()), found)
 
-    def corners(self, foot: str) -> list[Any]:
+    def corners(self, foot: str) -> list[ca.SX]:
         """Return the corners of a sole, each (3,) [m], in the order of `CORNER_NAMES`."""
         points = sole_corners(self.match.anatomy, foot)
         body = int(points.bodies[0])
         return [self.point(body, offset) for offset in points.offsets[: len(CORNER_NAMES)]]
 
-    def angles(self) -> Any:
+    def angles(self) -> ca.SX:
         """Return (n,) angles of the hinges [rad]."""
 
-        def found() -> tuple[Any, Any]:
+        def found() -> tuple[ca.SX, ca.SX]:
             rows = np.eye(self.robot.model.nv)[self.robot.dof_index]
             return self.bodies.q[self.robot.qpos_index.tolist()], ca.SX(ca.sparsify(ca.DM(rows)))
 
         return self._symbol(("angles",), found)
 
-    def mass(self) -> Any:
+    def mass(self) -> ca.SX:
         """Return (3,) the centre of mass [m]."""
         return self._symbol(("mass",), lambda: mass_shares(self.robot, self.bodies))
 
-    def resolved(self, measures: Sequence[Any]) -> Expressions:
+    def resolved(self, measures: Sequence[ca.SX]) -> Expressions:
         """Return all measures (E,) as expressions of q, and their Jacobian by v without entries that always vanish.
 
         A distance does not change with a joint that carries both its ends, and touch has the measures of posture.
@@ -128,7 +127,7 @@ class SymbolicRobot:
             value[first], _without_zeros(ca.Function("slopes", [self.bodies.q], [slopes]), slopes, drawn), rows
         )
 
-    def _symbol(self, key: tuple[Any, ...], found: Any) -> Any:
+    def _symbol(self, key: tuple[str | float, ...], found: Callable[[], tuple[ca.SX, ca.SX]]) -> ca.SX:
         if key not in self._symbols:
             value, travel = found()
             self._symbols[key] = ca.SX.sym(str(key[0]), value.numel())
@@ -147,7 +146,7 @@ def _repeated(evaluate: ca.Function, drawn: Floats) -> tuple[list[int], Ints]:
     return first[order].tolist(), rank[inverse.ravel()]
 
 
-def _without_zeros(evaluate: ca.Function, slopes: Any, drawn: Floats) -> Any:
+def _without_zeros(evaluate: ca.Function, slopes: ca.SX, drawn: Floats) -> ca.SX:
     """Return the Jacobian with the pattern of the entries that do not vanish at drawn configurations."""
     seen = np.max([np.abs(evaluate(qpos).full()) for qpos in drawn], axis=0, initial=0.0)
     return ca.project(slopes, ca.sparsify(ca.DM(np.round(seen, DIGITS) > 0)).sparsity())

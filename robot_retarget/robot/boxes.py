@@ -8,7 +8,6 @@ get no corners, because a corner inside a box has no direction out of it.
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -52,7 +51,7 @@ class GeomDistances:
 class Boxes:
     """Pairs of boxes that may collide, and the places at which they are near each other."""
 
-    model: Any
+    model: mujoco.MjModel
     pairs: Ints
     reach: float
     sizes: Floats

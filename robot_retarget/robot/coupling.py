@@ -5,7 +5,6 @@ it as a tendon of joints whose length may hardly change.
 """
 
 import copy
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -31,8 +30,8 @@ class Coupling:
     turns: Floats
     middle: Floats
     present: bool
-    model: Any
-    data: Any
+    model: mujoco.MjModel
+    data: mujoco.MjData
     mobility: Floats
 
     def __init__(self, robot: Robot):

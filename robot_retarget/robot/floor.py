@@ -97,7 +97,7 @@ def _on_hull(model: mujoco.MjModel, mesh: int) -> Ints:
             return np.arange(number)
     # A graph begins with how many vertices and faces there are; then come, per vertex, its edges' place and its number.
     count = int(model.mesh_graph[start])
-    return np.sort(model.mesh_graph[start + 2 + count : start + 2 + 2 * count])
+    return np.sort(model.mesh_graph[start + 2 + count : start + 2 + 2 * count]).astype(np.int64)
 
 
 def _rims(size: Floats) -> Floats:

@@ -8,7 +8,6 @@ differentiates by v, so that quaternions need no special care anywhere else.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import mujoco
@@ -89,7 +88,7 @@ def mass_function(robot: Robot) -> ca.Function:
     return bodies.function("mass", list(mass_shares(robot, bodies)))
 
 
-def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[Any, Any]:
+def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[ca.SX, ca.SX]:
     """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q.
 
     Args:
@@ -116,40 +115,42 @@ class Bodies:
     direction e by a × e; a slide moves points by a.
     """
 
-    model: Any
+    model: mujoco.MjModel
     q: ca.SX
 
     def __init__(self, robot: Robot):
         self.model, self.q = robot.model, ca.SX.sym("q", robot.model.nq)
-        self.axes: list[Any] = [None] * self.model.nv
-        self.anchors: list[Any] = [None] * self.model.nv
+        self.axes = [ca.SX(3, 1)] * self.model.nv
+        """Axis of each dof."""
+        self.anchors: list[ca.SX | None] = [None] * self.model.nv
         """None for a slide."""
-        self.frames: list[tuple[Any, Any]] = [(ca.SX.zeros(3), ca.SX.eye(3))]
+        self.frames: list[tuple[ca.SX, ca.SX]] = [(ca.SX.zeros(3), ca.SX.eye(3))]
         """Position and rotation of each."""
         for body in range(1, self.model.nbody):
             self.frames.append(self._body(body))
 
-    def places(self, points: Points) -> Any:
+    def places(self, points: Points) -> ca.SX:
         """(3, P) where points are [m]."""
         origins = [self.frames[body][0] for body in points.bodies.tolist()]
         return ca.horzcat(ca.SX(3, 0), *origins) + self.directions(points.bodies, points.offsets)
 
-    def directions(self, bodies: Ints, vectors: Floats) -> Any:
+    def directions(self, bodies: Ints, vectors: Floats) -> ca.SX:
         """(3, D) vectors (D, 3) fixed to bodies (D,)."""
         turned = [self.frames[body][1] @ ca.DM(e) for body, e in zip(bodies.tolist(), vectors, strict=True)]
         return ca.horzcat(ca.SX(3, 0), *turned)
 
-    def velocity(self, dof: int, x: Any) -> Any:
+    def velocity(self, dof: int, x: ca.SX) -> ca.SX:
         """(3, P) of points (3, P) that a dof carries, per its rate."""
-        if self.anchors[dof] is None:
+        anchor = self.anchors[dof]
+        if anchor is None:
             return ca.repmat(self.axes[dof], 1, x.shape[1])
-        return self.turn(dof, x - ca.repmat(self.anchors[dof], 1, x.shape[1]))
+        return self.turn(dof, x - ca.repmat(anchor, 1, x.shape[1]))
 
-    def turn(self, dof: int, e: Any) -> Any:
+    def turn(self, dof: int, e: ca.SX) -> ca.SX:
         """(3, D) of directions (3, D) that a dof carries, per its rate."""
         return ca.skew(self.axes[dof]) @ e if self.anchors[dof] is not None else ca.SX(*e.shape)
 
-    def travel(self, x: Any, carried: np.ndarray) -> Any:
+    def travel(self, x: ca.SX, carried: np.ndarray) -> ca.SX:
         """(3P, nv) the Jacobian of points (3, P) carried by dofs (P, nv), x y z one point after the other.
 
         Args:
@@ -158,15 +159,15 @@ class Bodies:
         """
         return self._columns(self.velocity, x, carried)
 
-    def turning(self, e: Any, carried: np.ndarray) -> Any:
+    def turning(self, e: ca.SX, carried: np.ndarray) -> ca.SX:
         """(3D, nv) that of directions (3, D)."""
         return self._columns(self.turn, e, carried)
 
-    def function(self, name: str, outputs: list[Any]) -> ca.Function:
+    def function(self, name: str, outputs: list[ca.SX]) -> ca.Function:
         """q ↦ expressions."""
         return ca.Function(name, [self.q], outputs)
 
-    def _columns(self, moved: Callable[[int, Any], Any], vectors: Any, carried: np.ndarray) -> Any:
+    def _columns(self, moved: Callable[[int, ca.SX], ca.SX], vectors: ca.SX, carried: np.ndarray) -> ca.SX:
         jacobian = ca.SX(vectors.numel(), self.model.nv)
         for dof in range(self.model.nv):
             own = np.flatnonzero(carried[:, dof])
@@ -175,7 +176,7 @@ class Bodies:
                 jacobian[rows, dof] = ca.vec(moved(dof, vectors[:, own.tolist()]))
         return ca.sparsify(jacobian)
 
-    def _body(self, body: int) -> tuple[Any, Any]:
+    def _body(self, body: int) -> tuple[ca.SX, ca.SX]:
         model = self.model
         position, rotation = self.frames[int(model.body_parentid[body])]
         position = position + rotation @ ca.DM(model.body_pos[body])
@@ -184,7 +185,7 @@ class Bodies:
             position, rotation = self._moved(joint, position, rotation)
         return position, rotation
 
-    def _moved(self, joint: int, position: Any, rotation: Any) -> tuple[Any, Any]:
+    def _moved(self, joint: int, position: ca.SX, rotation: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A body frame carried on by one of its joints, whose axes are noted."""
         model, a, d = self.model, int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
         if model.jnt_type[joint] == FREE:
@@ -227,13 +228,13 @@ def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
     return velocity
 
 
-def _about(axis: Any, angle: Any) -> Any:
+def _about(axis: ca.DM, angle: ca.SX) -> ca.SX:
     """Rodrigues: the rotation by `angle` about a unit axis."""
     k = ca.skew(axis)
     return ca.SX.eye(3) + ca.sin(angle) * k + (1 - ca.cos(angle)) * (k @ k)
 
 
-def _quaternion(wxyz: Any) -> Any:
+def _quaternion(wxyz: ca.SX) -> ca.SX:
     """The rotation of a quaternion, normalised as MuJoCo does."""
     unit = wxyz / ca.norm_2(wxyz)
     w, u = unit[0], unit[1:4]

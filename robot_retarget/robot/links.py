@@ -6,12 +6,11 @@ A link is a body together with everything welded to it. All positions are in the
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats
+from robot_retarget.arrays import ALIGNED, Floats, Ints
 from robot_retarget.robot.model import Robot
 
 RANK = 1e-6
@@ -78,9 +77,9 @@ class Links:
     """The link tree of a robot, in its reference pose `qpos0` unless another is given."""
 
     robot: Robot
-    model: Any
-    data: Any
-    weld: Floats
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    weld: Ints
     root: int
     ids: list[int]
 

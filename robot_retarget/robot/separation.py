@@ -6,12 +6,11 @@ overlap where the robot rests are left out: they overlap by construction.
 """
 
 import copy
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.robot.boxes import Boxes, GeomDistances
 from robot_retarget.robot.floor import Floor
 from robot_retarget.robot.geoms import allowed, touchable
@@ -29,22 +28,22 @@ _YZX = [1, 2, 0]
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
 
-    plain: Any
-    model: Any
+    plain: mujoco.MjModel
+    model: mujoco.MjModel
     reach: float
-    data: Any
-    touching: Any
+    data: mujoco.MjData
+    touching: mujoco.MjData
     margin: float
     most: int
     bodies: Ints
-    trees: Floats
+    trees: Ints
     between: Floats
-    counts: Any
+    counts: Bools
     rest: Floats
-    is_box: Any
+    is_box: Bools
     floor: Floor | None
     boxes: Boxes
-    seen: Any
+    seen: Bools
 
     def __init__(
         self,

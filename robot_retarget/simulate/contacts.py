@@ -63,7 +63,7 @@ class ContactLog:
             contact = data.contact
             self._frames.append(frame)
             self._counts.append(len(contact.dist))
-            self._geoms.append(contact.geom.copy())
+            self._geoms.append(contact.geom.astype(np.int64))
             self._distances.append(contact.dist.copy())
 
     def table(self) -> Contacts:

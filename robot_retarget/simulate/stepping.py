@@ -171,8 +171,8 @@ def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Move the root vertically until the lowest geom touches the solid scene."""
     mujoco.mj_forward(model, data)
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    scene = np.flatnonzero(solid & (model.geom_bodyid == 0))
-    own = np.flatnonzero(solid & (model.geom_bodyid != 0))
+    scene = np.flatnonzero(solid & (model.geom_bodyid == 0)).tolist()
+    own = np.flatnonzero(solid & (model.geom_bodyid != 0)).tolist()
     far, ends = 100.0, np.zeros(6)
     gaps = [mujoco.mj_geomDistance(model, data, a, b, far, ends) for a in scene for b in own]
     gap = min(gaps, default=far)

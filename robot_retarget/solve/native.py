@@ -93,7 +93,7 @@ def _checksum(content: bytes, library: Path) -> str:
 
 def _digest(function: ca.Function, compiler: str) -> str:
     """Return a hash of everything that determines the machine code."""
-    made_by = (compiler, *FLAGS, platform.machine(), *platform.libc_ver(), ca.__version__)
+    made_by = (compiler, *FLAGS, platform.machine(), *platform.libc_ver(), ca.CasadiMeta.version())
     return hashlib.sha256("\n".join((function.serialize(), *made_by)).encode()).hexdigest()
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.dgp.objective import Objective, edge_terms
 from robot_retarget.dgp.papers.columns import box_of
 from robot_retarget.dgp.papers.spectral import Minimum
@@ -127,7 +127,7 @@ class _Model:
 
         return sparse.coo_array((values.ravel(), (row, column)), shape=(self.size, self.size)).tocsc()
 
-    def _places(self, ids: NDArray[np.int64]) -> tuple[Any, Any]:
+    def _places(self, ids: Ints) -> tuple[Any, Any]:
         """Row and column of every entry of the (E, m, K, m, K) edge blocks."""
         if self.pattern is None:
             axes = self.graph.dimension
