@@ -83,8 +83,8 @@ class Servo:
         return max(low, self.lower), min(high, self.upper)
 
     @property
-    def cut(self) -> bool:
-        """Whether the turn of the servo ends before the joint's range."""
+    def range_exceeds_turn(self) -> bool:
+        """Whether an end of the joint's range lies outside the single turn of the servo."""
         low, high = self._ends
         return low < 0 or high > LAST_POSITION
 

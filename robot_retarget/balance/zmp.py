@@ -81,12 +81,17 @@ class ZmpPlan:
 
 
 def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> ZmpPlan:
-    """Plan the path of the centre of mass.
+    """Plan the path of the centre of mass by the quadratic program of this module.
 
     Args:
         targets: (T, 2) target path c⁰ [m].
         height: (T,) height of the centre of mass over the floor [m].
-        supports: T polygons.
+        supports: T support polygons.
+        fps: frames per second [1/s].
+        how: weights of the program, and whether the centre of mass itself stays in the polygons.
+
+    Returns:
+        The path, and the distance by which each frame exceeds its polygon.
     """
     count = len(targets)
     acceleration = _second(count) * fps**2

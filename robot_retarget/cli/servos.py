@@ -190,7 +190,7 @@ def import_map(
 
     servo_map = read_foreign(file, offsets, model)
     _write(output, dump_map(servo_map))
-    cut, count = [servo.joint for servo in servo_map.servos if servo.cut], len(servo_map.servos)
+    cut, count = [servo.joint for servo in servo_map.servos if servo.range_exceeds_turn], len(servo_map.servos)
     console.show_result(
         {"output": str(output), "servos": count, "cut": cut},
         f"wrote {output}: {count} servos; look over signs, zeros and ranges before playing",

@@ -360,7 +360,7 @@ def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
 
 
 def is_robot_name(name: str) -> bool:
-    """Return whether a name is that of a robot, not of a motion file."""
+    """Return whether a name is that of a model file or a shipped robot, or at least not that of a file or folder."""
     from robot_retarget.robot import shipped_robots
     from robot_retarget.robot.catalog import MODEL_FILES
 

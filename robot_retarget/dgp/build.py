@@ -260,6 +260,9 @@ def solve_with_thresholds(
         solver: from a graph and a start to a solution, such as `solve`.
         tolerance: a smaller violation is ignored [m].
         rounds: maximum number of rounds.
+
+    Returns:
+        The solution of the last round.
     """
     x = base.checked(start)
     chosen = _closer(candidates, x, 0.0)

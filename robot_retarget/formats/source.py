@@ -36,7 +36,7 @@ class TrajectorySource:
 
     @cached_property
     def arrays(self) -> Mapping[str, np.ndarray]:
-        """The plain arrays of an `.npz`, each read on first access; nothing of any other file."""
+        """The plain arrays of an `.npz` or another ZIP file, each read on first access; empty for other files."""
         packed = self.path.is_file() and (self.path.suffix == ".npz" or zipfile.is_zipfile(self.path))
         return load_npz(self.path) if packed else {}
 
@@ -97,8 +97,8 @@ class TrajectorySource:
         return tuple(self.sidecar["joint_names"]) if self.sidecar else None
 
     @property
-    def user_fps(self) -> float | None:
-        """The rate in the JSON file next to it."""
+    def sidecar_fps(self) -> float | None:
+        """Frames per second in the JSON file next to it [1/s]; None without one."""
         return float(self.sidecar["fps"]) if self.sidecar else None
 
     def _looks_pickled(self) -> bool:

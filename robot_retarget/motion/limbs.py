@@ -145,6 +145,7 @@ class LimbPair:
 
     @property
     def length(self) -> float:
+        """Mean length of both limbs in the file's unit."""
         return (self.sides[0].length + self.sides[1].length) / 2
 
     @property

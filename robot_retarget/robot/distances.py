@@ -40,7 +40,14 @@ class LinkDistances:
         return [(model.body(a).name, model.body(b).name) for a, b in self.links.tolist()]
 
     def at(self, qpos: Floats) -> Floats:
-        """Return the distances (P,) at a configuration (nq,) [m], negative where links overlap."""
+        """Return the distances of the pairs, at most the reach and negative where links overlap.
+
+        Args:
+            qpos: (nq,) configuration; the pose of the root does not matter.
+
+        Returns:
+            (P,) distances in the order of `links` [m].
+        """
         pose = np.array(qpos, dtype=float)
         pose[self._fixed] = self.robot.model.qpos0[self._fixed]
         near, geoms = self._separation.distances(pose)

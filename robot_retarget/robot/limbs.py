@@ -173,7 +173,7 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     later = [a for a in flexions if chain.axes.index(a) > chain.axes.index(knee_axis)]
     ankle = _ankle(links, chain, later[0] if later else None, knee_axis)
     knee = knee_axis.nearest(ankle.point)
-    beside = hip_axis.beside(knee, lateral)
+    beside = hip_axis.at_coordinate(knee, lateral)
     thigh = beside - knee
     if thigh[2] <= MEETING * np.linalg.norm(thigh):
         return {}

@@ -39,12 +39,15 @@ class Axis:
         """The point of the line nearest to `point`."""
         return self.anchor + self.direction * (self.direction @ (point - self.anchor))
 
-    def beside(self, point: Floats, lateral: Floats) -> Floats:
-        """The point of the line as far along `lateral`, a unit vector not across the line, as `point` is.
+    def at_coordinate(self, point: Floats, lateral: Floats) -> Floats:
+        """Return the point x of the axis with lateral · x = lateral · point.
 
         Args:
             point: (3,) [m].
-            lateral: (3,) unit vector.
+            lateral: (3,) unit vector, not perpendicular to the axis.
+
+        Returns:
+            (3,) [m].
         """
         return self.anchor + self.direction * float(lateral @ (point - self.anchor) / (lateral @ self.direction))
 

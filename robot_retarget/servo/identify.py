@@ -121,12 +121,17 @@ def excitation(rate: float = RATE) -> ServoPlan:
 
 
 def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pendulum) -> Fit:
-    """Fit a servo to recorded goals and angles.
+    """Fit a servo's mechanics and its delay to recorded goals and angles, by least squares of simulated angles.
 
     Args:
         sent: (N,) goals as the servo received them [rad].
         present: (N,) angles read in the same ticks [rad].
         rate: ticks a second [1/s].
+        servo: gives the motor of the datasheet and the gear.
+        pendulum: the load on the shaft.
+
+    Returns:
+        Damping, friction, armature and gain factor, the delay, and the error of the simulated angles.
     """
     from scipy.optimize import least_squares
 

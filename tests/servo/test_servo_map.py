@@ -218,7 +218,7 @@ def test_a_toddlerbot_configuration_becomes_a_map_of_motors_that_turn_their_own_
 def test_a_toddlerbot_list_of_motors_numbers_them_in_order(tmp_path: Path) -> None:
     path = tmp_path / "config_motors.json"
     path.write_text(json.dumps({name: {"motor": "2XC430", "init_pos": pi / 2} for name in ("hip", "knee")}))
-    assert [(s.joint, s.id, s.zero, s.model, s.cut) for s in read_foreign(path).servos] == [
+    assert [(s.joint, s.id, s.zero, s.model, s.range_exceeds_turn) for s in read_foreign(path).servos] == [
         ("hip", 0, 1024, "2XC430-W250", True),
         ("knee", 1, 1024, "2XC430-W250", True),
     ]

@@ -20,7 +20,7 @@ class FloorKind:
     stencil: tuple[int, ...] = FRAME
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """[0, ∞); none of a robot that is bolted to the world."""
+        """Return an edge from every sole point to the floor, its height within [0, ∞); None for a robot with a fixed root."""
         soles = context.match.anatomy.soles if context.robot.root_joints.size else {}
         ends = [(f"{foot} sole point {k}", "floor") for foot, sole in soles.items() for k in range(len(sole))]
         return limit(self, ends, 0.0, np.inf, len(context.human)) if ends else None

@@ -68,6 +68,6 @@ class PostureKind:
 
 
 def distances(track: Track, body: SymbolicRobot) -> ca.SX:
-    """(E,) between two keypoints each [m]; smooth where they meet."""
+    """Return d = √(‖x_a − x_b‖² + 10⁻¹²) (E,) between the ends of every edge [m], which is smooth at 0."""
     apart = ca.horzcat(*(body.keypoint(a) - body.keypoint(b) for a, b in track.ends))
     return ca.sqrt(ca.sum1(apart**2).T + 1e-12)

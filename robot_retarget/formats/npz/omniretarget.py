@@ -57,7 +57,7 @@ def _rate(source: TrajectorySource) -> float | None:
     """Frames per second, for both meanings of `fps`."""
     stored = source.rate
     if stored is None:
-        return source.user_fps
+        return source.sidecar_fps
     return 1 / stored if 0 < stored < 1 else stored
 
 

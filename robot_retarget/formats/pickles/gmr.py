@@ -23,7 +23,7 @@ from robot_retarget.unpickle import dump_pickle
 
 
 def write(motion: RobotMotion, path: Path) -> None:
-    """Write the pickle, as plain arrays."""
+    """Write the rate, the pose of the root, the joint angles, and the bodies' positions in the frame of the root."""
     motion.require_plain("gmr")
     bodies = robot_bodies(motion.robot)
     path.write_bytes(

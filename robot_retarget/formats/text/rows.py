@@ -26,7 +26,7 @@ def read_rows(source: TrajectorySource, scalar_first: bool) -> Columns:
     """Read them."""
     rows = number_rows(source)
     quaternion = rows[:, 3:ROOT] if scalar_first else rows[:, 3:ROOT][:, FIRST_LAST]
-    return Columns(rows[:, ROOT:], source.names(), rows[:, :3], quaternion, source.user_fps)
+    return Columns(rows[:, ROOT:], source.names(), rows[:, :3], quaternion, source.sidecar_fps)
 
 
 def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:

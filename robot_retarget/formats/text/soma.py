@@ -57,7 +57,7 @@ def read(source: TrajectorySource) -> Columns:
         tuple(joints),
         root[:, :3] / CENTIMETRES,
         Rotation.from_euler("xyz", root[:, 3:], degrees=True).as_quat(scalar_first=True),
-        source.user_fps,
+        source.sidecar_fps,
     )
 
 

@@ -6,8 +6,14 @@ from robot_retarget.servo.emulator.registers import Registers
 from robot_retarget.servo.protocol import Error
 
 
-def runs(registers: Registers, address: int, data: bytes) -> list[tuple[int, bytes]]:
-    """Stretches of bytes at real addresses, indirect data followed to where they point."""
+def resolved_runs(registers: Registers, address: int, data: bytes) -> list[tuple[int, bytes]]:
+    """Return the address and the bytes of every contiguous write; indirect addresses are replaced by their targets.
+
+    Args:
+        registers: the memory of the servo, with its indirect addresses.
+        address: first address of the write.
+        data: the bytes of the write.
+    """
     found: list[tuple[int, bytearray]] = []
     for k, byte in enumerate(data):
         place = registers.redirected(address + k)

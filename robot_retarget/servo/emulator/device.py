@@ -11,7 +11,7 @@ from robot_retarget.actuators.control_tables import (
     WATCHDOG_UNIT,
     Model,
 )
-from robot_retarget.servo.emulator.access import collect, refusal, runs, shut_down
+from robot_retarget.servo.emulator.access import collect, refusal, resolved_runs, shut_down
 from robot_retarget.servo.emulator.control import drive
 from robot_retarget.servo.emulator.modes import GOALS, LIMITED, POSITION, POSITIONS, TORQUE_BY_GOAL
 from robot_retarget.servo.emulator.motor import EmulatedMotor
@@ -150,7 +150,7 @@ class Device:
         if not self.registers.exists(address, max(len(data), 1)) or not data:
             return Error.ACCESS if data else Error.DATA_LENGTH
         changes: list[tuple[str, int]] = []
-        for start, run in runs(self.registers, address, data):
+        for start, run in resolved_runs(self.registers, address, data):
             error, found = collect(self.registers, start, run)
             if error:
                 return error

@@ -100,7 +100,7 @@ class Registers:
         self.backup = bytes(self._bytes[:EEPROM_END])
 
     def restore_backup(self) -> bool:
-        """Bring the copy back; False without one."""
+        """Restore the EEPROM registers from the backup. Returns False without a backup."""
         if self.backup is not None:
             for name, register in self.by_name.items():
                 if register.address < EEPROM_END:

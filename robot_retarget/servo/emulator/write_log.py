@@ -15,13 +15,18 @@ class WriteLog:
     settled: float = 0.0
     """When a host last wrote something, or the watchdog last stopped the servo: since then it is left alone [s]."""
 
-    def note(self, goal: int, here: float | None) -> None:
-        """A goal position; `here` is the present one, where torque is on."""
+    def note(self, goal: int, present: float | None) -> None:
+        """Record a goal position and, with torque on, its distance from the present position [ticks].
+
+        Args:
+            goal: the goal position.
+            present: the present position; None with torque off.
+        """
         self.goals += 1
         self.lowest_goal, self.highest_goal = min(self.lowest_goal, goal), max(self.highest_goal, goal)
-        if here is not None:
-            self.step(goal, here)
+        if present is not None:
+            self.step(goal, present)
 
-    def step(self, goal: int, here: float) -> None:
+    def step(self, goal: int, present: float) -> None:
         """Record the distance from the shaft to a goal."""
-        self.largest_step = max(self.largest_step, round(abs(goal - here)))
+        self.largest_step = max(self.largest_step, round(abs(goal - present)))

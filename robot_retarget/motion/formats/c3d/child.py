@@ -38,7 +38,7 @@ def decoded(path: str) -> dict[str, Any]:
 
 
 def limit() -> None:
-    """Bound memory and time, where the system can."""
+    """Limit memory and processor time of this process and disable its core dumps, where the system can."""
     try:
         import resource
     except ImportError:
