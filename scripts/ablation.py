@@ -49,7 +49,7 @@ MECHANISMS: dict[str, Variant] = {
     "links measured at every step": Variant(options=SolveOptions(distance_cache_radius=0.0)),
     "half the passes": Variant(smoothing=Smoothing(passes=4)),
 }
-"""What the solver does beside descending: what leaving it out does to the figures."""
+"""Ablation of the solver: the figures without each of its mechanisms."""
 VARIANTS = KINDS | MECHANISMS
 DECIMALS = (1, 3, 2, 1, 2, 2, 2, 0, 2)
 """Of the columns, in the order of `Figures`."""

@@ -63,7 +63,7 @@ PARTS: Places = {
     ],
     "Python of the descent": [(FrameSolver, "solve_frame")],
 }
-"""What is clocked, each without what it calls of the others; the quadratic program with all that it calls."""
+"""Timed functions, each without its calls of the others; the quadratic program includes its calls."""
 
 
 def prepare(motion: rr.Motion, robot: rr.Robot, fps: float | None = None) -> RobotGraph:

@@ -1,4 +1,4 @@
-"""How closely servos follow a motion, told it as it is and with their lag and load made up for.
+"""Tracking errors of servos with plain goals, and with goals compensated for lag and load.
 
     python scripts/bench_tracking.py                                  # the shipped clips on op3, pinned and free
     python scripts/bench_tracking.py --clips dab.bvh jacks.bvh --mode pinned

@@ -37,7 +37,7 @@ SAME = 0.05
 
 @dataclass(frozen=True)
 class Clip:
-    """A file as it is read, and what the whole of it is taken for."""
+    """A motion file with the recognition of its whole clip."""
 
     name: str
     capture: Capture

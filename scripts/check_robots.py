@@ -2,7 +2,7 @@
 
     python scripts/check_robots.py [MJCF ...]     by default the shipped robot and those of ../shared
 
-A violation is silent where nothing is said of it: no error, and no remark that the robot as it is does not get.
+A violation is silent if it raises no error and adds no remark to those of the unchanged robot.
 """
 
 import sys

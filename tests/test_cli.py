@@ -1,4 +1,4 @@
-"""The command line as a user meets it: what it prints, what it writes, and what bad input gets."""
+"""The command line: its output, its files, and its errors for bad input."""
 
 import json
 import resource

@@ -1,4 +1,4 @@
-"""The examples do what they say, and docs/papers.md shows them as they are."""
+"""The examples run as described, and docs/papers.md shows them unchanged."""
 
 import json
 import re

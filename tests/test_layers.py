@@ -55,7 +55,7 @@ LAYERS = {
     "batch": {"trajectory", "motion", "robot", "describe", "solve", "pipeline", "score", "formats", "edit", "view"},
     "live": {"actuators", "goals", "motion", "robot", "servo", "collision", "simulate", "view"},
 }
-"""Every folder and module below the commands, lower ones first, and what it may import besides `BASE`."""
+"""Every folder and module below the commands, lower ones first, with its permitted imports in addition to `BASE`."""
 TOP = {"__init__", "__main__", "cli"}
 """The public names and the commands, which may import everything."""
 LIBRARIES = {

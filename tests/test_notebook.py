@@ -1,4 +1,4 @@
-"""What a notebook shows says what a person wants to know, and data frames hold the same numbers."""
+"""Notebook cards show the main figures, and data frames hold the same numbers."""
 
 import sys
 

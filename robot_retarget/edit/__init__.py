@@ -1,4 +1,4 @@
-"""What a person changes by hand: all_targets for a touch-up, and where a trajectory is cut, mirrored, repeated and joined."""
+"""Changes by hand: touch-ups of single frames; cuts, mirrors, repetitions and joins of trajectories."""
 
 from robot_retarget.edit.cuts import joined as joined
 from robot_retarget.edit.cuts import mirrored as mirrored

@@ -1,4 +1,4 @@
-"""Steps within reach: which footholds stay, which come nearer, and what goes along."""
+"""Steps within reach: reachable footholds stay, others come nearer, and root and swing feet follow."""
 
 import numpy as np
 import pytest

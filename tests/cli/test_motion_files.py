@@ -1,4 +1,4 @@
-"""Motion files of every kind at the command line: what is read, what is refused, and the way it ends."""
+"""Motion files of every kind at the command line: files that are read, files that are refused, and exit codes."""
 
 import subprocess
 import sys

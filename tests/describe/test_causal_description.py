@@ -1,4 +1,4 @@
-"""What a stream asks of a frame is what the whole clip asks, but for what only later frames tell."""
+"""Targets of a stream equal those of the whole clip, except where these depend on later frames."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The graph can be seen, asked and edited: what joins what, what is wished, and errors that name the culprit."""
+"""The graph lists its edges, ends and targets, can be edited, and names the culprit of an error."""
 
 from functools import cache
 

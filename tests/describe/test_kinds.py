@@ -1,4 +1,4 @@
-"""Every kind measures what its docstring says, by MuJoCo and NumPy; a new kind is a small class of its own."""
+"""Every kind measures the quantity of its docstring, checked by MuJoCo and NumPy; a new kind is one small class."""
 
 from dataclasses import dataclass
 from functools import cache

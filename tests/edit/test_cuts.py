@@ -1,4 +1,4 @@
-"""Cuts keep what they keep, mirrors are reflections, and seams go on in position and velocity."""
+"""Cuts leave the kept frames unchanged, mirrors are reflections, and seams are continuous in position and velocity."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""A touch-up moves what it names when it is asked to, and nothing else; the same edits give the same bytes anywhere."""
+"""A touch-up moves the named keypoints at the named frames only; equal edits give equal bytes on every machine."""
 
 import math
 import subprocess

@@ -1,4 +1,4 @@
-"""What is exported reads back as what was solved, and what does not fit is refused before a file appears."""
+"""Exported files read back as the solved motion; a motion that does not fit is refused before a file appears."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""What is written is read back as it was, and a file is known for what it is, or the reader asks."""
+"""Written files read back unchanged; the reader recognises a format or asks for it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Velocities beside a motion are what its programs compute, and what the bodies do."""
+"""Velocities in files equal those that the programs of the format compute, and those of the bodies."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Clips are told apart by what the human does with the feet."""
+"""Clips are classified by the use of the feet."""
 
 from dataclasses import replace
 

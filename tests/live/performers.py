@@ -40,7 +40,7 @@ class Said:
 
 
 class Script:
-    """A port that gives what it is told to, at times of its own."""
+    """A port that returns prepared packets at prepared times."""
 
     def __init__(self, packets: list[Packet] | None = None) -> None:
         self.packets = list(packets or [])

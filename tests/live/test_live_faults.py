@@ -1,4 +1,4 @@
-"""The table of faults: whatever comes in is counted and said, never a crash, and the frames around it go on."""
+"""The table of faults: every bad packet is counted and reported, none ends the stream, and the frames around it arrive."""
 
 import json
 import socket

@@ -1,4 +1,4 @@
-"""What is broken in a capture is found with its frames, mended where that is safe, and said."""
+"""Defects of a capture are found with their frames, repaired where that is safe, and reported."""
 
 import re
 from dataclasses import replace

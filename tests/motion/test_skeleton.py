@@ -1,4 +1,4 @@
-"""A skeleton tells where its joints stand at rest, and where its limbs go on to."""
+"""A skeleton gives the positions of its joints at rest and the directions of its limbs."""
 
 import numpy as np
 from hypothesis import given

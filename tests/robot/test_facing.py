@@ -1,4 +1,4 @@
-"""Front and back of a robot are told by what cannot be moved along an axis; who is outvoted is named."""
+"""Front and back of a robot follow from quantities that shifts along an axis do not change; outvoted features are named."""
 
 from pathlib import Path
 

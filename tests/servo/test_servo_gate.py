@@ -1,4 +1,4 @@
-"""Whatever is asked of the servos, and whatever was wrong before: bytes on the wire are ticks in range, near the shafts."""
+"""Goals on the wire are ticks in range and near the shafts, for any input and after any fault."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Whatever is wished for and wherever the joints are, a goal is inside its range, not too fast and never far away."""
+"""Goals are in range, within the speed limit and near the joints, for any target and any position."""
 
 import numpy as np
 from emulated import ARM

@@ -1,4 +1,4 @@
-"""A plan is the part of the trajectory asked for, at the speed asked for; the ways to and from it are soft."""
+"""A plan is the chosen part of the trajectory at the chosen speed, with smooth approaches before and after."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Drawn worlds differ from the model by what the draw says, and by nothing else."""
+"""Randomised simulations differ from the model in the drawn parameters only."""
 
 import numpy as np
 import pytest

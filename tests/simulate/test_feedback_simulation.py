@@ -1,4 +1,4 @@
-"""The feedback law in the simulation: what it changes, what it leaves alone, and what the verdict reports."""
+"""The feedback law in the simulation: joints that it changes, joints that it keeps, and figures of the verdict."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What comes out jerks no more than what went in: the noise of a depth camera does not reach the joints."""
+"""The result jerks no more than the input: the noise of a depth camera does not reach the joints."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Machine code does what the virtual machine does, and whatever fails leaves the virtual machine to serve."""
+"""Machine code gives the results of the virtual machine, which serves if compilation fails."""
 
 import hashlib
 import os
@@ -46,7 +46,7 @@ def case() -> RobotGraph:
 
 
 def built(graph: RobotGraph, native: bool) -> Problem:
-    """The graph's problem, with what is compiled beside it there, or given up."""
+    """The graph's problem after its compilation has finished or failed."""
     before = set(enumerate_threads())
     problem = build_problem(graph.robot, graph.match, graph.tracks, native=native)
     for thread in set(enumerate_threads()) - before:

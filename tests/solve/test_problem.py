@@ -27,7 +27,7 @@ def case() -> Case:
 
 
 def targets(graph: RobotGraph, frame: int) -> EdgeTargets:
-    """All that is asked of a frame, with every edge weighed anew so that no kind hides behind another."""
+    """The targets of a frame with redrawn weights, so that no kind hides behind another."""
     asked = targets_of(graph.tracks).at(frame)
     return EdgeTargets(asked.lower, asked.upper, np.random.default_rng(frame).uniform(1, 9, len(asked.lower)))
 

@@ -1,4 +1,4 @@
-"""What a solution says can be trusted: its cost is the sum of its stresses, and edges of one's own do what they say."""
+"""The figures of a solution are right: its cost is the sum of its stresses, and added edges meet their targets."""
 
 from functools import cache
 from itertools import pairwise

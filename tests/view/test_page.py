@@ -109,7 +109,7 @@ def test_the_verdict_comes_first_and_every_reason_is_there(page: Path) -> None:
 
 
 def folded(text: str) -> tuple[str, str]:
-    """The section on limits: what is in full view, and what is folded."""
+    """The section on limits: exceeded limits are shown, all others are folded."""
     section = re.search(r'<section class="checks">(.*?)</section>', text, re.DOTALL)
     assert section
     view, _, rest = section[1].partition("<details")

@@ -1,4 +1,4 @@
-"""A touch-up in the browser: what the mouse asks for is what the command line makes of the saved file."""
+"""A touch-up in the browser: the command line reproduces the result of the mouse from the saved file."""
 
 import subprocess
 import sys

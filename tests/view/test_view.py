@@ -1,4 +1,4 @@
-"""Pictures show both bodies at the same time and size, wherever they go and whatever the machine can paint with."""
+"""Pictures show both bodies at the same time and size, for any path and any renderer."""
 
 import sys
 from dataclasses import replace

@@ -53,7 +53,7 @@ class HomeTransition:
 
 
 class BasinEscape:
-    """Seeks the home pose of a stream, and leads over to it."""
+    """Search for the home pose of a stream, and move to it."""
 
     solver: FrameSolver
     options: RealTime
@@ -67,14 +67,14 @@ class BasinEscape:
         self.lead: HomeTransition | None = None
 
     def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
-        """Seek to the end and lead over, from a robot that stands."""
+        """Descend from a standing pose to the home pose, and start the transition to it."""
         self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
         self._set_out(before)
 
     def search_step(
         self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
     ) -> None:
-        """Take one step on, if it is time; set out to the home pose once it is there and worth it."""
+        """Take one step of the search if it is due; start the transition when the home pose is found and cheaper."""
         self.waited += seconds
         if self.waited < ROUNDING / self.options.home_rate:
             return

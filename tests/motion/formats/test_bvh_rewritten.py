@@ -1,4 +1,4 @@
-"""In whatever order, unit and axes a BVH file is written, the same motion comes out of it, and the same trajectory."""
+"""Order, unit and axes of a BVH file change neither the motion nor the trajectory."""
 
 import itertools
 import warnings
