@@ -23,7 +23,7 @@ def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
 
 
 def unit(vectors: Floats) -> Floats:
-    """x/‖x‖ along the last axis (…, n); what is shorter than 1e-9 stays short."""
+    """x/‖x‖ along the last axis (…, n); vectors shorter than 1e-9 stay shorter than 1."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
 
 

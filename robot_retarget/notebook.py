@@ -1,4 +1,4 @@
-"""What a notebook shows of a value, and what pandas gets of it."""
+"""Cards of values for notebooks, and data frames for pandas."""
 
 import html
 from collections.abc import Mapping

@@ -16,19 +16,24 @@ class Count:
     def __init__(self, progress: Progress | None, total: int):
         self.progress, self.total, self.done = progress, total, 0
 
-    def one(self, steps: int = 1) -> None:
-        """One more step is done, or so many."""
+    def advance(self, steps: int = 1) -> None:
+        """Count steps as done and report them."""
         self.done += steps
         if self.progress:
             self.progress(min(self.done, self.total), self.total)
 
     def expect(self, left: int) -> None:
-        """So many steps are left, as far as is known now."""
+        """Set the estimated number of remaining steps."""
         self.total = self.done + left
 
 
 def consecutive(progress: Progress, left: int) -> tuple[Progress, Progress]:
-    """The progress of two computations that follow each other, the second expected to take so many steps."""
+    """Split a progress report between two consecutive computations.
+
+    Args:
+        progress: receives (steps done, steps in all) of both.
+        left: estimated steps of the second.
+    """
     before = 0
 
     def first(done: int, total: int) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 FORMAT_VERSION = 3
 """1: of trajectories without goals. 2: without mode, thresholds and seal. `play` accepts only this one."""
 NAMES = {"free": "report.json", "pinned": "report.pinned.json"}
-"""File that `simulate` writes in each mode, beside the trajectory."""
+"""File that `simulate` writes in each mode, next to the trajectory."""
 SEAL = "report_sha256"
 
 

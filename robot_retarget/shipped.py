@@ -1,4 +1,4 @@
-"""Where the files that ship are: inside the installed package, or beside it in a checkout."""
+"""Folders of the shipped files: inside the installed package, or next to it in a checkout."""
 
 from pathlib import Path
 

@@ -25,7 +25,7 @@ from robot_retarget.live.ports import UdpPort
 from robot_retarget.live.protocols.vmc import VmcDecoder
 from robot_retarget.live.receiver import Receiver
 from robot_retarget.live.send import send
-from robot_retarget.live.sinks.servos import ServoSink, moved
+from robot_retarget.live.sinks.servos import ServoSink, run_servos
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.shipped import SAMPLES
 
@@ -81,7 +81,7 @@ def played(robot: rr.Robot, motion: rr.Motion, seconds: float) -> None:
     with emulator_process(servo_map, "--physics") as serial, tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "play.npz"
         sender.start()
-        outcome, tally = moved(loop, sink, servo_map, serial, seconds, log, print)
+        outcome, tally = run_servos(loop, sink, servo_map, serial, seconds, log, print)
         with np.load(log) as found:
             rows = {name: found[name] for name in ("goal", "present", "time", "late")}
     sender.join()

@@ -18,7 +18,7 @@ def test_two_computations_count_as_one(first: int, second: int, expected: int) -
     for progress, steps in ((before, first), (after, second)):
         count = Count(progress, steps)
         for _ in range(steps):
-            count.one()
+            count.advance()
     assert [done for done, _ in told] == list(range(1, first + second + 1))
     assert told[first - 1] == (first, first + expected) and told[-1] == (first + second, first + second)
 

@@ -99,7 +99,7 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, chosen), chosen)
         _require_pace(stretch, slowest)
         plan = plan_playback(ik, clip, stretch, how)
-        count.one(len(plan.targets))
+        count.advance(len(plan.targets))
     found = played(ik, clip, plan, count)
     for _ in range(chosen.rounds):
         loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK)
@@ -176,7 +176,7 @@ def _in_turn(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count
         pose = min(poses, key=lambda pose: pose.cost * (1 if pose is poses[0] else WORTH))
         correction = difference(robot, targets, pose.qpos)
         found.append(pose.qpos)
-        count.one(IN_TURN)
+        count.advance(IN_TURN)
     return found
 
 

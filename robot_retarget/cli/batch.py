@@ -138,7 +138,7 @@ def _engine(name: str, jobs: int, address: str | None) -> "Engine":
 
 def _say_plan(plan: "RunPlan") -> None:
     anew = f", {plan.outdated} of them repeated: their clip or the settings changed" if plan.outdated else ""
-    console.aside(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
+    console.to_stderr(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
 
 
 def _tell(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", json: bool) -> None:

@@ -57,8 +57,8 @@ def note(text: str) -> None:
     side.print(f"note: {in_options(text)}", markup=False, style="dim")
 
 
-def aside(text: str) -> None:
-    """Print a sentence on the side."""
+def to_stderr(text: str) -> None:
+    """Print a sentence to stderr."""
     side.print(text, markup=False)
 
 
@@ -237,7 +237,7 @@ def show_stream(figures: dict[str, Any]) -> None:
     ]
     lines += [f"{kind}: {times} times" for kind, times in figures["faults"].items()]
     for line in lines:
-        aside(line)
+        to_stderr(line)
 
 
 def show_score(score: "Score") -> None:

@@ -67,7 +67,7 @@ def play(
     ] = True,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Start the test lean without a question.")] = False,
     grace: Annotated[
-        float, typer.Option(help="After Ctrl-C: hold so long for a second one, which lets go [s].")
+        float, typer.Option(help="After Ctrl-C: time to hold the pose; a second Ctrl-C switches torque off [s].")
     ] = 10.0,
     wait: Annotated[float, typer.Option(min=0, help="Longest wait for a missing port [s].")] = 5.0,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
@@ -127,7 +127,7 @@ def _await(port: Path, wait: float) -> None:
     """Wait until a port exists, for example that of a starting emulator; opening a missing port reports it."""
     end = monotonic() + wait
     if not port.exists() and wait > 0:
-        console.aside(f"waiting up to {wait:g} s for {port}")
+        console.to_stderr(f"waiting up to {wait:g} s for {port}")
     while not port.exists() and monotonic() < end:
         sleep(0.05)
 

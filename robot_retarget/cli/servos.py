@@ -30,9 +30,11 @@ def emulate(
     model: Annotated[Path | None, typer.Option(help="MJCF for --physics; the shipped robot's by default.")] = None,
     view: Annotated[bool, typer.Option("--view", help="With --physics: show the robot in a window.")] = False,
     baud: Annotated[int | None, typer.Option(help="Bytes take the time of this baud rate; by default none.")] = None,
-    usb_latency: Annotated[float, typer.Option(help="With --baud: what a USB adapter adds to an answer [ms].")] = 0.0,
+    usb_latency: Annotated[
+        float, typer.Option(help="With --baud: delay that a USB adapter adds to an answer [ms].")
+    ] = 0.0,
     return_delay: Annotated[int, typer.Option(help="Register 9 of every servo [2 µs]; new servos have 250.")] = 0,
-    fault: Annotated[list[str] | None, typer.Option(help="What goes wrong, e.g. 'after 2 silent 3'.")] = None,
+    fault: Annotated[list[str] | None, typer.Option(help="Fault to inject, e.g. 'after 2 silent 3'.")] = None,
     strict: Annotated[bool, typer.Option(help="Silent at a wrong baud rate and to frames without stuffing.")] = False,
     control: Annotated[bool, typer.Option(help="Read faults and `state` from stdin.")] = False,
     lockstep: Annotated[

@@ -226,21 +226,21 @@ def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> "tuple
     picture = strip(*what, *figure)
     if isinstance(picture, Picture):
         picture.save(target / "strip.png")
-    for sentence in {_told(drawn) for drawn in (filmed, picture) if drawn is not None} - {""}:
+    for sentence in {_note_of(drawn) for drawn in (filmed, picture) if drawn is not None} - {""}:
         console.note(sentence)
     shown = path if isinstance(filmed, Film) else loop(*what, *figure)
     return picture if isinstance(picture, Picture) else None, shown
 
 
-def _told(drawn: "Film | Picture | Unavailable") -> str:
-    """What is to be said of something that was drawn, or was not."""
+def _note_of(drawn: "Film | Picture | Unavailable") -> str:
+    """Return the note of a film or picture, or the reason why there is none."""
     from robot_retarget.view import Unavailable
 
     return drawn.reason if isinstance(drawn, Unavailable) else drawn.note
 
 
 def _write_viewer(result: "Result", report: "Report", page: Path) -> Path:
-    """Write the page on which the motion is looked at."""
+    """Write the viewer of the motion."""
     from robot_retarget.view.web import view
 
     return view(result, report=report).save(page)

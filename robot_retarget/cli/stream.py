@@ -49,7 +49,7 @@ def stream(
     ] = "127.0.0.1",
     sender: Annotated[str, typer.Option(help="Address of the only machine that may send; by default any.")] = "",
     tcp: Annotated[bool, typer.Option("--tcp", help="json and floats over TCP, not UDP.")] = False,
-    skeleton: Annotated[Path | None, typer.Option(help="A motion file whose joints those of floats are.")] = None,
+    skeleton: Annotated[Path | None, typer.Option(help="Motion file with the joints of the floats protocol.")] = None,
     servos: Annotated[
         str | None,
         typer.Option("--servos", "-s", help="Servo map (.toml) or a shipped robot's; by default the robot's own."),
@@ -62,12 +62,14 @@ def stream(
     ] = "pinned",
     window: Annotated[bool, typer.Option("--window", help="With --to mujoco: show it in a window.")] = False,
     page: Annotated[int, typer.Option(help="With --to view: where to serve the page; 0 takes a free port.")] = 8410,
-    lag: Annotated[int, typer.Option(min=0, max=30, help="Frames of look-ahead: smoother, and so much later.")] = 0,
+    lag: Annotated[
+        int, typer.Option(min=0, max=30, help="Frames of look-ahead: smoother and later by as many frames.")
+    ] = 0,
     calibrate: Annotated[
         Path | None,
         typer.Option(help="Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end."),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="End after so long [s]; else at Ctrl-C.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Duration [s]; by default until Ctrl-C.")] = None,
     log: Annotated[Path, typer.Option(help="With --to servos: the log to write (.npz).")] = Path("play.npz"),
     send: Annotated[Path | None, typer.Option(help="Send this motion file as a performer would, instead.")] = None,
     fps: Annotated[
@@ -150,7 +152,7 @@ class StreamRun:
         def stream_of(skeleton: "Skeleton") -> Stream:
             return Stream(self.robot, skeleton, calibration=known, lag=self.lag)
 
-        return Loop(self.source, stream_of, sink, console.aside)
+        return Loop(self.source, stream_of, sink, console.to_stderr)
 
     def run(self, sink: "Sink") -> dict[str, Any]:
         """Run in this thread until Ctrl-C and return the figures."""
@@ -167,7 +169,7 @@ class StreamRun:
         learnt = getattr(loop.stream, "calibration", None)
         if self.calibrate is not None and learnt is not None:
             save_calibration(learnt, self.calibrate)
-            console.aside(f"saved the calibration of the performer in {self.calibrate}")
+            console.to_stderr(f"saved the calibration of the performer in {self.calibrate}")
 
 
 @contextmanager
@@ -175,7 +177,7 @@ def _opened(wanted: StreamInput) -> "Iterator[FrameSource]":
     """A source, closed at the end."""
     from robot_retarget.live.open import opened
 
-    source = opened(**vars(wanted), say=console.aside)
+    source = opened(**vars(wanted), say=console.to_stderr)
     try:
         yield source
     finally:
@@ -210,7 +212,7 @@ def _to_page(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int
     from robot_retarget.live.sinks.page import PageSink
 
     sink = PageSink(poses.robot, place.page)
-    console.aside(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
+    console.to_stderr(f"{sink.served.address} shows it; from elsewhere first: {sink.served.tunnel_command()}")
     thread = Thread(target=sink.served.forever, daemon=True)
     thread.start()
     try:
@@ -233,7 +235,7 @@ def _to_physics(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], 
 
 def _to_servos(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
     from robot_retarget.files import require_writable
-    from robot_retarget.live.sinks.servos import ServoSink, moved
+    from robot_retarget.live.sinks.servos import ServoSink, run_servos
     from robot_retarget.servo.emulated import emulator_process
 
     servo_map = _map_of(poses.robot, place.servos)
@@ -245,11 +247,11 @@ def _to_servos(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], i
     emulated = place.serial == EMULATED
     with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
         loop = poses.loop(sink)
-        outcome, tally = moved(loop, sink, servo_map, serial, poses.seconds, place.log, console.aside)
+        outcome, tally = run_servos(loop, sink, servo_map, serial, poses.seconds, place.log, console.to_stderr)
     poses.keep(loop)
     for sentence in outcome.warnings:
         console.note(sentence)
-    console.aside(f"{outcome.sentence}; log in {place.log}")
+    console.to_stderr(f"{outcome.sentence}; log in {place.log}")
     return tally.figures(poses.source) | {"servos": outcome.figures | {"ended": outcome.sentence}}, outcome.exit_code
 
 
@@ -276,14 +278,14 @@ def _send(clip: Path, target: str, fps: float | None, speed: float, seconds: flo
     require_osc()
     motion, stop = read_clip(clip, None), Event()
     motion = motion if fps is None else motion.resample(fps)
-    console.aside(f"sending {motion.fps * speed:g} frames a second to {target}")
+    console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
     with _stopping_on_signals(stop.set):
         figures = send(motion, target, speed, seconds, stop)
-    console.dump(figures) if json else console.aside(f"sent {figures['frames']} frames in {figures['seconds']:g} s")
+    console.dump(figures) if json else console.to_stderr(f"sent {figures['frames']} frames in {figures['seconds']:g} s")
 
 
 def _tell(figures: dict[str, Any], json: bool, target: str) -> None:
-    """The summary: beside the poses where these go to stdout."""
+    """Print the summary; on stderr if stdout carries the poses."""
     if json:
         console.dump(figures, side=target == "stdout")
     else:

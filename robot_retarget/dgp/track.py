@@ -16,7 +16,7 @@ HARD = 1e4
 
 
 class EdgeKind(Protocol):
-    """What the edges of a track have in common."""
+    """Common properties of the edges of a track."""
 
     @property
     def name(self) -> str:
@@ -89,7 +89,7 @@ class Track:
 
         Args:
             wrong: (T, E) which edges are.
-            reason: what they are, after their name.
+            reason: the predicate of the message after the edge's name.
 
         Raises:
             GraphError: an edge is wrong; the message names it, its frame, interval and priority.

@@ -21,12 +21,12 @@ class ActivityRule:
     """Thresholds; lengths in leg lengths of the human."""
 
     brief: float = 0.1
-    """What takes a smaller share of the time does not count [-]: steps of a human in place, support of one who stands."""
+    """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support."""
     high: float = 0.12
     """A flight has both feet higher than this, for longer than the shortest stance."""
     low: float = 0.62
     """A supported human has the pelvis lower than this share of its usual height [-] ..."""
-    beside: float = 0.3
+    seat_offset: float = 0.3
     """... and farther from the middle of the feet along the floor than this: on a chair, or on hands."""
 
 
@@ -83,7 +83,7 @@ def _held(x: Floats, match: Match, rule: ActivityRule) -> np.ndarray:
     """(T,) whether the pelvis is low and far from over the feet."""
     pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
     beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
-    return (pelvis[:, 2] < rule.low * -StanceRule().floor_height(-pelvis[:, 2])) & (beside > rule.beside)
+    return (pelvis[:, 2] < rule.low * -StanceRule().floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
 
 
 def _flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> np.ndarray:

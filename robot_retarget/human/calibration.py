@@ -15,7 +15,7 @@ from robot_retarget.motion import Motion
 from robot_retarget.robot.kinematics import matrices
 
 _CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
-"""Keypoint whose joint turns a segment of another name."""
+"""Keypoints whose joints turn a segment with another name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,7 +50,7 @@ class UdpPort:
 
     Args:
         host: address to listen at.
-        faults: counts what is refused.
+        faults: counts refused packets.
         sender: address of the only machine that may send; empty for any.
 
     Raises:
@@ -104,7 +104,7 @@ class TcpPort:
 
     Args:
         host: address to listen at.
-        faults: counts what is refused.
+        faults: counts refused packets.
         sender: address of the only machine that may connect; empty for any.
 
     Raises:

@@ -288,7 +288,7 @@ def _agreement(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, i
 
 
 def _misnamed(body: PosedSkeleton, chain: tuple[int, ...], places: tuple[int, int, int], kind: str) -> float:
-    """What the names of three joints take from their score: ends, and a collarbone in place of a shoulder."""
+    """Return the penalty of the names of three joints: end joints, or a collarbone at the place of a shoulder."""
     tips = sum(body.evidence[chain[k]].tip for k in places)
     return tips + 2.0 * _collarbone(body, chain[places[0] : places[1]], LIMBS[kind][0])
 

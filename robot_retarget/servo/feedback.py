@@ -20,7 +20,7 @@ SAMPLES = 50
 SPACING = 0.004
 """... and the time between two of them [s]."""
 CROUCHED = 2.0
-"""A robot that leaned too far has come to rest in its crouch after so long [s]."""
+"""Time after which a robot that leaned too far rests in its crouch [s]."""
 
 
 def require_sound(sensor: Sensor, imu: Imu, lockstep: bool = False) -> None:
@@ -72,7 +72,7 @@ class Balancer:
             self._before.append(reading)
 
     def ready(self) -> None:
-        """Compare what was heard with the first pose, and take the gyroscope's bias off from now on.
+        """Compare the readings with the first pose, and subtract the gyroscope's bias from later readings.
 
         Raises:
             FaultError: the sensor is at fault, or mounted otherwise than the map says.
@@ -91,10 +91,10 @@ class Balancer:
         test.note(tick, self._sensor.read())
 
     def require_leant(self, test: LeanTest) -> None:
-        """Compare what the sensor measured with the lean.
+        """Compare the measured lean with the commanded one.
 
         Raises:
-            FaultError: it measured another one.
+            FaultError: they differ.
         """
         faults = test.faults()
         if faults:

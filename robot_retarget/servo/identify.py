@@ -104,7 +104,7 @@ def identify(
 
 
 def with_identified(servo_map: ServoMap, joint: str, found: Identified) -> ServoMap:
-    """Return the map with what was found for the servo model of a joint."""
+    """Return the map with the identified values of the servo model of a joint."""
     return replace(servo_map, identified={**servo_map.identified, servo_map[joint].type.name: found})
 
 

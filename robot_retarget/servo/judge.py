@@ -37,7 +37,7 @@ class Judge:
             capped_for: (n,) time for which the step cap has limited each goal [s].
 
         Raises:
-            FaultError: playback cannot go on.
+            FaultError: playback cannot continue.
         """
         if self.link.error.any():
             self._alerts()

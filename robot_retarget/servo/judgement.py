@@ -29,7 +29,7 @@ def require_judged(
     Args:
         path: file that the trajectory was read from.
         servos: name of the servo map on the command line.
-        report: the report; by default that of the mode beside the trajectory, or for `pinned` the `report.json` that `run` writes.
+        report: the report; by default that of the mode next to the trajectory, or for `pinned` the `report.json` that `run` writes.
         mode: `free`, or `pinned` for a robot held by its pelvis.
         loose: accept a pass under thresholds above the defaults.
 
@@ -51,7 +51,7 @@ def require_judged(
 
 
 def _beside(path: Path, mode: str) -> Path:
-    """Return the report of a mode beside a trajectory; `run` writes `report.json` in either mode."""
+    """Return the report of a mode next to a trajectory; `run` writes `report.json` in either mode."""
     own = path.with_name(NAMES[mode])
     return own if own.exists() else path.with_name(NAMES["free"])
 

@@ -85,7 +85,7 @@ class Plant:
         return bounds
 
     def with_own_model(self) -> "Plant":
-        """Return the plant itself, or one with a model of its own where friction changes from step to step."""
+        """Return a plant that shares no model with others if its friction changes from step to step, else itself."""
         varies = self.drives is not None and self.drives.gears is not None
         return replace(self, model=copy.copy(self.model)) if varies else self
 

@@ -95,13 +95,13 @@ def simulate(
     goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
     if _closes(plant, mode, feedback):
         goals = with_feedback(plant, played, goals)
-    count.one(COMPENSATION)
+    count.advance(COMPENSATION)
     told = replace(played, goals=goals)
     trials = run_trials(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
     chosen = worst_trial(trials)
-    count.one()
+    count.advance()
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
-    count.one()
+    count.advance()
     fallen = _fallen(plant, told, playback, draws, count) if how == "free" and not chosen.fell else ()
     outcome = SimulatedTrajectory(told, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen)
     return build_report(outcome, fingerprint(told), thresholds or Thresholds(), trial_figures(trials, chosen))
@@ -182,5 +182,5 @@ def rollouts(
         for world in pool.map(play, draws):
             found.append(world)
             if count:
-                count.one()
+                count.advance()
         return found

@@ -101,7 +101,7 @@ class Drives:
     models: tuple[str, ...] = ()
     """n servo models; empty if unknown."""
     gears: GearFriction | None = None
-    """Friction that depends on load and speed, besides `friction`; None for none."""
+    """Additional friction that depends on load and speed; None without it."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -185,7 +185,7 @@ def drives_of(robot: Robot, voltage: float | None = None, p_gain: int | None = N
 
 
 def _gear_friction(identified: Sequence[Identified | None], gears: Floats) -> GearFriction | None:
-    """What the identified servos (n,) behind gears (n,) have of it, at the joints; None if all have none."""
+    """Return the load-dependent friction of identified servos (n,) behind gears (n,), at the joints; None if no servo has any."""
     found = [one or Identified(0.0, 0.0, 0.0) for one in identified]
     if not any(one.static or one.load or one.static_load for one in found):
         return None

@@ -29,7 +29,7 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
             )
         poses.append(solver.repaired(before, pose))
         before = poses[-1].qpos
-        count.one()
+        count.advance()
     return poses
 
 

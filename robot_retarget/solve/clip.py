@@ -75,7 +75,7 @@ def clip_poses(
     for window in windows:
         own, before = graph.frames(window.first, window.last), [pose.qpos for pose in poses[window.first :]]
         coarse = coarse_path(solver, own, targets_of(coarse_tracks(own)), search, before)
-        count.one(COARSE * (len(own) - window.fixed))
+        count.advance(COARSE * (len(own) - window.fixed))
         tracks = renewed_tracks(solver, own, coarse, window.fixed)
         clip = clip_of(solver, tracks, smoothing, graph.fps, window.fixed)
         kept = slice(window.fixed, window.final - window.first)
@@ -145,7 +145,7 @@ def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[Fr
         for t in moving:
             poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), interpenetrating)
             if number < smoothing.passes:
-                count.one()
+                count.advance()
     proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
     met = _separated(clip, _hard_edges_met(clip, poses, proximal), proximal)
     return [solver.raise_above_floor(pose) for pose in met]

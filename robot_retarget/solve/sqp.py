@@ -184,7 +184,7 @@ class FrameSolver:
         return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
 
     def _step(self, q: Floats, current: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
-        """The step that minimises the quadratic model within box, trust region, floor and separation; what it gains."""
+        """Return the step that minimises the quadratic model within box, trust region, floor and separation, and its decrease."""
         program, nv, angle, radius = self.program, len(current.gradient), q[self.robot.qpos_index], region.radius
         program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
         program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)

@@ -18,7 +18,7 @@ from robot_retarget.live.loop import Loop
 from robot_retarget.live.replay import Replay
 from robot_retarget.live.sinks.lines import LineSink
 from robot_retarget.live.sinks.physics import PhysicsSink
-from robot_retarget.live.sinks.servos import ServoSink, moved
+from robot_retarget.live.sinks.servos import ServoSink, run_servos
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.guard import Guard
@@ -77,7 +77,7 @@ def test_the_emulated_robot_with_its_weight_is_moved_within_every_limit(tmp_path
     sink, source, log = ServoSink(OP3, servo_map), Replay(clip(), FaultCounter()), tmp_path / "play.npz"
     loop = Loop(source, lambda skeleton: Swing(OP3, skeleton), sink)
     with emulator_process(servo_map, "--physics") as port:
-        outcome, tally = moved(loop, sink, servo_map, port, 3.0, log, lambda text: None)
+        outcome, tally = run_servos(loop, sink, servo_map, port, 3.0, log, lambda text: None)
     assert outcome.exit_code == 0 and outcome.state == "hold" and tally.frames > 60
     with np.load(log) as found:
         goal, present = found["goal"], found["present"]

@@ -59,7 +59,7 @@ class CompassKind:
         return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
 
     def _lines(self, context: RetargetContext) -> Iterator[tuple[str, str, float]]:
-        """From the second keypoint to the first, and what the direction counts."""
+        """Yield two keypoints and the weight of the direction from the second to the first."""
         match, w = context.match, context.weights
         for k, keypoint in enumerate(match.keypoints):
             weight = w.bones.get(keypoint.split("_")[-1], 0.0)

@@ -1,4 +1,4 @@
-"""Poses as goals of simulated servos, in real time: what they, gravity and the floor make of them."""
+"""Simulate poses in real time, as goals of servos under gravity and on a floor."""
 
 import time
 from typing import Any
@@ -18,9 +18,9 @@ from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import set_on_floor
 
 BEHIND = 0.1
-"""The physics makes up for no more of the time it lags behind at once [s]; the rest is left out."""
+"""Largest lag that the physics makes up for at once [s]; longer lags are dropped."""
 FALLEN = 0.5
-"""A trunk whose upright leans so far that its cosine is less has fallen."""
+"""Cosine of the lean of the trunk below which the robot counts as fallen [-]."""
 
 
 class PhysicsSink:

@@ -47,7 +47,7 @@ class ServoSink:
         return self.guard.admit(before, after)[self._places]
 
 
-def moved(
+def run_servos(
     loop: Loop,
     sink: ServoSink,
     servo_map: ServoMap,
@@ -60,7 +60,7 @@ def moved(
 
     Raises:
         ServoError: as `servo.play.play`.
-        RobotRetargetError: the loop cannot go on; the servos hold.
+        RobotRetargetError: the loop failed; the servos hold.
     """
     failed: list[Exception] = []
 

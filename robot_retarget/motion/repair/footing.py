@@ -53,7 +53,7 @@ def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: 
     speed, when = float(np.median(slowest[seen])) * leg, np.flatnonzero(seen)[skates][[0, -1]] / fps
     return (
         f"The feet skate in {skates.mean():.0%} of the time ({when[0]:.2f}–{when[1]:.2f} s), at {speed:.1f} m/s where they are "
-        "lowest: no foothold is seen there; a motion in place, or one whose path does not fit its legs.",
+        "lowest and no foothold is found: a motion in place, or one whose path does not fit its legs.",
     )
 
 
@@ -63,6 +63,6 @@ def _floating(x: Floats, leg: float, rule: FootingRule) -> tuple[str, ...]:
     if high.mean() < rule.most:
         return ()
     return (
-        f"The body floats in {high.mean():.0%} of the time, up to {leg * np.ptp(lowest):.2f} m over where it is lowest: "
-        "the floor is taken to be where it comes down to from moment to moment.",
+        f"The body floats in {high.mean():.0%} of the time, up to {leg * np.ptp(lowest):.2f} m over its lowest point: "
+        "the floor follows its lowest points over time.",
     )
