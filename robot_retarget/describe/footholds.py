@@ -12,7 +12,6 @@ import numpy as np
 from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.describe.path import RootScaling, root_scaling_of
 from robot_retarget.describe.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
-from robot_retarget.describe.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.segments import heading
@@ -29,8 +28,6 @@ class Footholds:
     """(T, F, 4) which corners stand: the front ones while the toe does, the rear ones while the heel does."""
     places: Floats
     """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
-    near: Floats
-    """(T, F) nearness in time to a stance: 1 during it, falling to 0 over `RAMP`."""
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
@@ -48,8 +45,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
         places[:, k] = foothold_corners(held[:, k], sole_of(human, match, robot, foot).places(human))
-    stands = np.asarray(held.any(axis=2))
-    return Footholds(feet, held, places, stance_ramp(stands, round(RAMP * human.fps)))
+    return Footholds(feet, held, places)
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
@@ -209,18 +205,3 @@ def _blended(stands: np.ndarray, offset: Floats) -> Floats:
     first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
     share = smoothstep(np.clip((frames - first) / np.maximum(last - first, 1), 0.0, 1.0))[:, None, None]
     return (1 - share) * offset[first] + share * offset[last]
-
-
-def stance_ramp(stands: np.ndarray, frames: int) -> Floats:
-    """Return (T, F) 1 while feet stand, falling quadratically to 0 over this number of frames before and after.
-
-    Args:
-        stands: (T, F) which feet stand.
-        frames: duration of the fall [frames].
-    """
-    count = np.arange(len(stands))[:, None]
-    before = np.where(stands, count, -np.inf)
-    after = np.where(stands, count, np.inf)
-    since = count - np.maximum.accumulate(before, axis=0)
-    until = np.minimum.accumulate(after[::-1], axis=0)[::-1] - count
-    return np.square(np.clip(1 - np.minimum(since, until) / (frames + 1), 0.0, 1.0))

@@ -11,8 +11,6 @@ PRESETS = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
 """Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
 LEG = 8.0
 """Directions of thigh and shin [-]."""
-TRUNK = 3.2
-"""Directions of the trunk and of the shoulder line [-]."""
 ARM = 2.0
 """Directions of upper arm and forearm [-]."""
 NECK = 0.24
@@ -41,7 +39,7 @@ class Weights:
         default_factory=lambda: {
             "knee": LEG,
             "ankle": LEG,
-            "chest": TRUNK,
+            "chest": 3.2,
             "elbow": ARM,
             "hand": ARM,
             "toe": 0.64,
@@ -52,7 +50,7 @@ class Weights:
     """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
     hips: float = 20.0
     """Direction of the hip line, which is the heading of the body."""
-    shoulders: float = TRUNK
+    shoulders: float = 3.0
     """Direction of the shoulder line."""
     orientation: float = 0.3
     """Forward and up of pelvis, chest, head and hands ..."""
@@ -65,9 +63,7 @@ class Weights:
     wrist: float = 0.1
     """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
     swing: float = path
-    """A swing foot at its reference, as the pelvis on its path ..."""
-    landing: float = 40.0
-    """... and close to its stances."""
+    """A swing foot at its reference, as the pelvis on its path."""
     smooth: float = 20.0
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
     smooth_root: float = 10.0

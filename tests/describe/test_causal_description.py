@@ -55,7 +55,7 @@ def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: RobotGraph) -> 
 def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: RobotGraph) -> None:
     track = graph.kinds["foothold"]
     first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
-    standing = asked(graph)[2][:, first : first + len(track) : 3] > graph.weights.landing
+    standing = asked(graph)[2][:, first : first + len(track) : 3] > graph.weights.swing
     whole = track.priority[:, ::3] >= HARD
     assert (standing == whole).mean() > 0.85
 

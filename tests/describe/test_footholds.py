@@ -16,7 +16,6 @@ from robot_retarget.describe.footholds import (
     foothold_corners,
     footholds_of,
     median_pose,
-    stance_ramp,
     without_unreachable,
 )
 from robot_retarget.describe.graph import RobotGraph, describe
@@ -97,16 +96,6 @@ def test_drifting_heights_are_levelled_and_level_ones_kept() -> None:
     drifted = grounded(x + rise, matched, motion.fps)
     assert np.ptp(level - x, axis=0).max() < 1e-12
     assert np.abs((drifted - level)[:, feet, 2]).max() < 0.15 and np.allclose(drifted[..., :2], x[..., :2])
-
-
-@given(stances, st.integers(0, 6))
-def test_feet_near_their_stances_before_and_after_alike_and_are_far_in_between(stands: np.ndarray, frames: int) -> None:
-    """(1 − n/(frames + 1))² with n the frames to the nearest stance."""
-    standing = np.flatnonzero(stands)
-    away = np.abs(np.arange(len(stands))[:, None] - standing).min(axis=1, initial=10**6)
-    wanted = np.maximum(1 - away / (frames + 1), 0.0) ** 2
-    assert np.allclose(stance_ramp(stands[:, None], frames)[:, 0], wanted)
-    assert np.allclose(stance_ramp(stands[::-1, None], frames)[::-1, 0], wanted)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -236,15 +225,13 @@ def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:
     assert footholds_of(features_of(graph.motion, graph.match), graph.match, bolted).feet == ()
 
 
-def test_corners_that_stand_are_held_hard_and_others_led_more_strongly_near_their_stances() -> None:
+def test_corners_that_stand_are_held_hard_and_feet_in_swing_follow_their_path() -> None:
     graph = walk()
     track, held = graph.kinds["foothold"], footholds_of(graph.human, graph.match, graph.robot).held
     along = track.priority.reshape(len(graph), 2, 4, 3)
     stands = np.asarray(held.any(axis=2))
     assert (along[held] == HARD).all() and (along[stands[..., None] & ~held] == 0).all()
-    swing = along[~stands]
-    weights = graph.weights
-    assert swing.min() == weights.swing and weights.swing < swing.max() < weights.landing
+    assert (along[~stands] == graph.weights.swing).all() and (~stands).any()
 
 
 def test_footholds_of_a_solved_walk_do_not_slide() -> None:

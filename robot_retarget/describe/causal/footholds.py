@@ -81,18 +81,19 @@ class CausalFootholds:
         return bool(self.since[foot] >= RAMP)
 
     def _standing(self, foot: int) -> tuple[Floats, Floats]:
-        """Return the targets of a stance: π rises by equal factors over `RAMP` while the sole moves to the floor."""
-        share, least = min(self.since[foot] / RAMP, 1.0), self.weights.landing
+        """Return the targets of a stance while the sole moves to the floor.
+
+        π rises by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
+        """
+        share, least = min(self.since[foot] / RAMP, 1.0), self.weights.swing
         place = self.places[foot].copy()
         place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
-        return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** share, 0.0)
+        return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** ((1 + share) / 2), 0.0)
 
     def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
         """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold."""
-        since = self.since[foot]
-        left = 1 - smoothstep(np.minimum(since / BLENDED, 1.0))
-        near = max(1 - since / RAMP, 0.0) ** 2
-        return carried + left * self.offset[foot], max(self.weights.landing * near, self.weights.swing)
+        left = 1 - smoothstep(np.minimum(self.since[foot] / BLENDED, 1.0))
+        return carried + left * self.offset[foot], self.weights.swing
 
 
 def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:

@@ -46,16 +46,15 @@ class FootholdKind:
         Args:
             footholds: of F feet over T frames.
             leg: length of the robot's leg [m].
-            weights: π of swings and landings.
+            weights: π of swings.
             across: π across the floor of soles that stand.
         """
         ends = [
             (f"{foot} sole {corner}", "foothold") for foot in footholds.feet for corner in CORNER_NAMES for _ in AXES
         ]
-        free = np.maximum(weights.landing * footholds.near, weights.swing)[:, :, None, None]
         held = np.where(footholds.held[..., None], [HARD, HARD, across], 0.0)
         stands = np.asarray(footholds.held.any(axis=2))[:, :, None, None]
-        priority = np.where(stands, held, free).reshape(len(footholds.places), -1)
+        priority = np.where(stands, held, weights.swing).reshape(len(footholds.places), -1)
         places = footholds.places.reshape(len(footholds.places), -1)
         return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
 
