@@ -221,11 +221,12 @@ def main() -> None:
     ap.add_argument("what", choices=("pushes", "falls", "faults", "lag", "film"))
     ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor, from `run`")
     ap.add_argument("--robot", default="op3")
+    ap.add_argument("--servos", help="the servo map, with [imu] and [balance]; by default that beside the MJCF")
     ap.add_argument("--worlds", type=int, default=20)
     ap.add_argument("-o", "--out", type=Path, default=Path("push.gif"), help="of the film")
     ap.add_argument("--impulse", type=float, nargs=2, default=(1.28, 0.0), help="of the film, ahead and left [N s]")
     arg = ap.parse_args()
-    plant = plant_of(rr.load_robot(arg.robot), "free")
+    plant = plant_of(rr.load_robot(arg.robot, servos=arg.servos), "free")
     motions = {path.stem: load_trajectory(path) for path in arg.clips}
     first = next(iter(motions.values()))
     if arg.what in ("faults", "lag"):
