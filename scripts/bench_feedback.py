@@ -156,7 +156,8 @@ def outcome_with(fault: Fault, servo_map: ServoMap, judged: Trajectory) -> tuple
             return f"refused: {str(error).partition(' (')[0]}", ""
         with np.load(log) as ticks:
             playing = ticks["phase"] == list(ticks["phases"]).index("play")
-            added = np.abs(ticks["goal"] - ticks["motion"])[playing].max(initial=0.0) if playing.any() else None
+            sent = ticks["goal"][playing]
+        added = np.abs(sent - plan.angles[: len(sent)]).max() if len(sent) else None
     if ended.ended is not PlaybackEnd.FINISHED:
         return f"stopped: {ended.reason}", "" if added is None else f"{added:.3f}"
     return "; ".join(["survived", *ended.warnings]), f"{added:.3f}"

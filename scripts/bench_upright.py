@@ -40,8 +40,8 @@ class Row:
     """Reasons against it, differences from the human, and why both feet stay in place."""
 
 
-def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
-    """Balance, play and judge a clip, in `count` drawn simulations too."""
+def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | None = None) -> Row:
+    """Balance, play and judge a clip, in `count` drawn simulations too; `feedback` as in `simulate`."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))
     head = robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs
@@ -50,7 +50,9 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int) -> Row:
     except (BalanceError, MatchError) as error:
         return Row(*head, "refused", reasons=str(error).split(":")[0])
     assert result.balance is not None
-    report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE, likeness=result.likeness, draws=count)
+    report = rr.simulate(
+        result.trajectory, robot, mode="free", playback=SETTLE, likeness=result.likeness, draws=count, feedback=feedback
+    )
     figures, why = report.figures, (result.balance.instead,) if result.balance.instead else ()
     return Row(
         *head,
@@ -83,6 +85,7 @@ def main() -> None:
     parser.add_argument("--clips", nargs="+", type=Path, default=sorted(SAMPLES.glob("*.bvh")))
     parser.add_argument("--legs", nargs="+", default=["auto", "stand"], choices=["auto", "follow", "stand"])
     parser.add_argument("--draws", type=int, default=0)
+    parser.add_argument("--no-feedback", action="store_true", help="judge open-loop playback")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows = []
@@ -90,7 +93,7 @@ def main() -> None:
         robot = rr.load_robot(name)
         for clip in given.clips:
             for legs in given.legs:
-                rows.append(judged(clip, robot, legs, given.draws))
+                rows.append(judged(clip, robot, legs, given.draws, False if given.no_feedback else None))
                 print(table(rows[-1:]).splitlines()[-1], flush=True)
     print("\n" + table(rows))
     if given.json is not None:

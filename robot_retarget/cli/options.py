@@ -113,6 +113,13 @@ Repair = Annotated[
         help="Repair defects of the motion (jumps, gaps under 0.3 s, noise), or only report them.",
     ),
 ]
+Feedback = Annotated[
+    bool | None,
+    typer.Option(
+        "--feedback/--no-feedback",
+        help="Judge goals with the balance feedback of the servo map's sensor; by default where the robot stands free and the map has one.",
+    ),
+]
 Draws = Annotated[
     int,
     typer.Option(

@@ -88,7 +88,7 @@ def play(
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
     read, part = load_trajectory(trajectory), PlaybackRange(speed, loop, start, stop)
     if plain:
-        plan = _plain(read, part, servo_map, servos, robot, mode, rate)
+        plan = _plain(read, part, servo_map, servos, robot, mode, rate, feedback)
     elif unsafe:
         plan = _unjudged(read, part, servo_map, rate)
     else:
@@ -155,13 +155,15 @@ def _plain(
     robot: str | None,
     mode: str,
     rate: float | None,
+    feedback: bool,
 ) -> "ServoPlan":
-    """Return the goals of the plain trajectory after it passes in simulation."""
+    """Return the goals of the plain trajectory after it passes in simulation, with feedback where the map has a sensor."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan
 
     model = load(robot or trajectory.robot, None, servos)
-    return goal_plan(judged_plain(part.of(trajectory), model, mode, rate or RATE), servo_map)
+    how = None if feedback else False
+    return goal_plan(judged_plain(part.of(trajectory), model, mode, rate or RATE, how), servo_map)
 
 
 def _unjudged(trajectory: "Trajectory", part: PlaybackRange, servo_map: "ServoMap", rate: float | None) -> "ServoPlan":

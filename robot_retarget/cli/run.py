@@ -11,6 +11,7 @@ from robot_retarget.cli.options import (
     BodyModel,
     DefaultRobot,
     Draws,
+    Feedback,
     Fps,
     Frames,
     Json,
@@ -50,6 +51,7 @@ def run(
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option("--video", help="Make a film as well: video.mp4.")] = False,
     draws: Draws = 10,
+    feedback: Feedback = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -63,6 +65,7 @@ def run(
         video,
         json,
         draws,
+        feedback,
     )
     raise typer.Exit(0 if verdict == "pass" else 1)
 
@@ -76,12 +79,13 @@ def demo(
     balance: Balance = "auto",
     video: Annotated[bool, typer.Option(help="Make a film as well.")] = True,
     draws: Draws = 10,
+    feedback: Feedback = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Carry a shipped clip over to the OP3-class robot, simulate it, show it, and play it on emulated servos."""
     options = RetargetOptions(None, None, legs, balance)
     motion = read_clip(shipped_clip(clip), None)
-    verdict = fill_folder(motion, load(robot, None), out, options, video, json, draws, play=True)
+    verdict = fill_folder(motion, load(robot, None), out, options, video, json, draws, feedback, play=True)
     if verdict != "pass" and not json:
         console.say("not played: the verdict is fail")

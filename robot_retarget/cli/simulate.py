@@ -6,7 +6,17 @@ from typing import Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Draws, Json, Limits, Quiet, RobotName, Servos, Thresholds, TrajectoryFile
+from robot_retarget.cli.options import (
+    Draws,
+    Feedback,
+    Json,
+    Limits,
+    Quiet,
+    RobotName,
+    Servos,
+    Thresholds,
+    TrajectoryFile,
+)
 from robot_retarget.cli.stages import judged, keep, load, warnings_or_none, write_page
 
 commands: typer.Typer = typer.Typer()
@@ -22,9 +32,7 @@ def simulate(
     compensate: Annotated[
         bool, typer.Option(help="Send goals that compensate lag and load, or the trajectory itself.")
     ] = True,
-    feedback: Annotated[
-        bool, typer.Option(help="With --mode free: judge goals with the balance feedback of the servo map's sensor.")
-    ] = False,
+    feedback: Feedback = None,
     backlash: Annotated[
         float, typer.Option(help="Play of every joint, either way [rad]; that of an XM430 is 0.0044 (0.25°).")
     ] = 0.0,

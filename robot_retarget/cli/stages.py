@@ -53,11 +53,13 @@ def fill_folder(
     film: bool,
     json: bool,
     draws: int,
+    feedback: bool | None = None,
     play: bool = False,
 ) -> str:
     """Solve, simulate (free if balanced, else pinned), draw and write a folder.
 
     Args:
+        feedback: as in `simulate`.
         play: play what passes on an emulated bus too, for robots that ship with a servo map.
 
     Returns:
@@ -68,7 +70,7 @@ def fill_folder(
     with filling(out) as filled, progress(costs_of(motion, robot, film, draws)) as stages:
         result = retargeted(motion, robot, options, stages.begin(f"retarget to {robot.name}"))
         target = filled.path
-        report, warnings = _tried(result, target, draws, stages.begin("simulate"))
+        report, warnings = _tried(result, target, draws, feedback, stages.begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
         if outcome is not None:
             report = report.with_playback(outcome.figures)
@@ -112,7 +114,9 @@ def simulation_cost(length: float, draws: int) -> float:
     return 1.0 + (0.1 + 0.03 * draws) * length
 
 
-def _tried(result: "Result", target: Path, draws: int, progress: "Progress") -> tuple["Report", "Warnings | None"]:
+def _tried(
+    result: "Result", target: Path, draws: int, feedback: bool | None, progress: "Progress"
+) -> tuple["Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -126,6 +130,7 @@ def _tried(result: "Result", target: Path, draws: int, progress: "Progress") -> 
         warnings=warnings,
         likeness=result.likeness,
         draws=draws,
+        feedback=feedback,
         progress=progress,
     )
     keep(report, target / "trajectory.npz", target / "report.json")
@@ -144,8 +149,10 @@ def keep(report: "Report", trajectory: Path, where: Path) -> None:
         said.write_text(report.text(), encoding="utf-8")
 
 
-def judged_plain(trajectory: "Trajectory", robot: "Robot", mode: str, rate: float) -> "Trajectory":
-    """A trajectory with goals that are itself, `rate` a second, once they have passed.
+def judged_plain(
+    trajectory: "Trajectory", robot: "Robot", mode: str, rate: float, feedback: bool | None
+) -> "Trajectory":
+    """A trajectory with goals that are itself, `rate` a second, once they have passed; `feedback` as in `simulate`.
 
     Raises:
         ServoError: they did not.
@@ -154,7 +161,7 @@ def judged_plain(trajectory: "Trajectory", robot: "Robot", mode: str, rate: floa
     from robot_retarget.simulate.goals import Playback
     from robot_retarget.simulate.rollout import simulate as roll_out
 
-    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate))
+    report = roll_out(trajectory, robot, mode=mode, compensate=False, playback=Playback(rate=rate), feedback=feedback)
     if report.verdict != "pass":
         raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
     assert report.trajectory is not None
@@ -170,7 +177,7 @@ def judged(
     thresholds: Path | None,
     warnings: "Warnings | None",
     draws: int,
-    feedback: bool = False,
+    feedback: bool | None = None,
     backlash: float = 0.0,
 ) -> "Report":
     """A trajectory played on simulated servos, or on the MJCF's own actuators."""

@@ -48,7 +48,7 @@ def simulate(
     warnings: Warnings | None = None,
     likeness: Likeness | None = None,
     draws: int = 0,
-    feedback: bool | None = False,
+    feedback: bool | None = None,
     backlash: float = 0.0,
     progress: Progress | None = None,
 ) -> Report:
@@ -74,8 +74,8 @@ def simulate(
 
         likeness: to the human's motion; the report then lists the differences.
         draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
-        feedback: judge goals together with the balance feedback of the robot's servo map (mode `free`); None for where the map
-            has a sensor.
+        feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
+            map has a sensor and gains.
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
         progress: called with (steps done, steps in all), a step for each simulation.
 

@@ -13,8 +13,9 @@ from made_trajectories import hold
 from test_servo_commands import call
 
 from robot_retarget.actuators.map import Servo, ServoMap
+from robot_retarget.cli.stages import judged_plain
 from robot_retarget.errors import ServoError, TrajectoryError
-from robot_retarget.goals import Goals
+from robot_retarget.goals import RATE, Goals
 from robot_retarget.report_file import sealed
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.judgement import require_judged
@@ -208,3 +209,10 @@ def test_a_trajectory_as_it_is_needs_a_pass_of_its_own(tmp_path: Path) -> None:
         tried = call("play", path, "--servos", "op3", "--plain", "--speed", "0.5", "--dry-run")
         assert tried.returncode == code
         assert code == 0 or "the trajectory without compensation does not pass: l_hip_roll" in tried.stderr
+
+
+@pytest.mark.parametrize(("asked", "closed"), [(None, True), (False, False)])
+def test_a_trajectory_as_it_is_is_judged_with_the_feedback_that_is_played(asked: bool | None, closed: bool) -> None:
+    op3 = load_robot("op3")
+    goals = judged_plain(hold(op3, 0.2), op3, "free", RATE, asked).goals
+    assert goals is not None and (goals.feedback is not None) == closed

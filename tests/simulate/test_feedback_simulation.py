@@ -100,6 +100,14 @@ def test_a_map_without_servos_moves_none_and_names_joints_of_the_robot(tmp_path:
         on_own_actuators(tmp_path, "l_kneee = { rate = 0.1 }")
 
 
+@pytest.mark.parametrize(("asked", "closed"), [(None, True), (True, True), (False, False)])
+def test_a_free_robot_with_a_sensor_has_feedback_unless_it_is_switched_off(asked: bool | None, closed: bool) -> None:
+    report = simulate(STAND, OP3, mode="free", others=False, feedback=asked)
+    assert report.trajectory is not None and report.trajectory.goals is not None
+    assert (report.trajectory.goals.feedback is not None) == closed
+    assert report.badge.text == ("pass (free, with feedback)" if closed else "pass (free)")
+
+
 def test_pinned_goals_have_no_feedback() -> None:
     report = simulate(STAND, OP3, mode="pinned", feedback=None)
     assert report.trajectory is not None and report.trajectory.goals is not None
