@@ -11,12 +11,9 @@ from robot_retarget.keypoints import ARM, LEG, SIDES
 from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.repair import RepairRule
 from robot_retarget.motion.repair.sentences import span
-from robot_retarget.motion.repair.steps import JumpRule
+from robot_retarget.motion.repair.steps import excess
+from robot_retarget.motion.stature import leg_length
 
-WINDOW = 10
-"""Frames at an end that are searched for a jump, and frames next to them with which it is compared."""
-TIMES = 4.0
-"""The jump over the largest step that follows (clean clips: at most 2; clips with calibration frames: 6.6 and more)."""
 HELD = 0.3
 """Least duration of a calibration pose [s] ..."""
 NEAR = 0.35
@@ -26,43 +23,35 @@ RAISED = {"T-pose": np.pi / 2, "A-pose": np.pi / 4}
 
 
 def calibration_frames(recognition: Recognition, positions: Floats, fps: float) -> tuple[slice, tuple[str, ...]]:
-    """The frames of the motion proper, and a sentence about those before and after it.
+    """Return the frames of the motion proper, and sentences about the still poses before its first jump and after its last.
+
+    The body jumps where its keypoints, on average, step farther than a body can.
 
     Args:
         recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [any unit].
         fps: frames per second [1/s].
     """
-    notes = []
-    start, size = _jumped(recognition, positions, fps)
-    if start:
-        notes.append(_dropped("first", start, size, "the next"))
-    end, size = _jumped(recognition, positions[:start:-1] if start else positions[::-1], fps)
-    if end:
-        notes.append(_dropped("last", end, size, "the one before"))
-    return slice(start, len(positions) - end), tuple(notes)
+    rule, points = RepairRule(), recognition.place(positions) / leg_length(recognition, positions)
+    steps = np.linalg.norm(excess(np.diff(points, axis=0), rule.steps), axis=2).mean(axis=1)
+    jumps = np.flatnonzero(steps > rule.steps.body_threshold(fps)) + 1
+    start, stop, notes = 0, len(points), []
+    if jumps.size and stop - jumps[0] > 1 and np.ptp(points[: jumps[0]], axis=0).max() < rule.still:
+        start = int(jumps[0])
+        notes.append(_dropped("first", start, fps, "from"))
+    if jumps.size and jumps[-1] - start > 1 and np.ptp(points[jumps[-1] :], axis=0).max() < rule.still:
+        stop = int(jumps[-1])
+        notes.append(_dropped("last", len(points) - stop, fps, "to"))
+    return slice(start, stop), tuple(notes)
 
 
-def _dropped(which: str, count: int, size: float, beside: str) -> str:
-    what = f"The {which} frame is" if count == 1 else f"The {which} {count} frames are"
-    return f"{what} a calibration pose, {size:.1f} leg lengths from {beside}: dropped."
-
-
-def _jumped(recognition: Recognition, positions: Floats, fps: float) -> tuple[int, float]:
-    """How many frames lie before the jump at the start, and how far it goes, in leg lengths."""
-    x = recognition.place(positions[: 2 * WINDOW + 2])
-    rule = JumpRule()
-    steps = np.linalg.norm(np.diff(x, axis=0), axis=2).mean(axis=1) / _leg(recognition, x)
-    for last in range(min(WINDOW, len(steps) - 3) - 1, -1, -1):
-        if steps[last] > max(rule.body_threshold(fps), TIMES * steps[last + 1 : last + 1 + WINDOW].max()):
-            return last + 1, float(steps[last])
-    return 0, 0.0
-
-
-def _leg(recognition: Recognition, x: Floats) -> float:
-    at = recognition.keypoints.index
-    hip, knee, ankle = (x[:, at(f"l_{part}")] for part in LEG[:3])
-    return float(np.median(np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)))
+def _dropped(which: str, count: int, fps: float, way: str) -> str:
+    what = (
+        f"The {which} frame is a calibration"
+        if count == 1
+        else f"The {which} {count} frames ({count / fps:.2f} s) are one"
+    )
+    return f"{what} pose, {way} which the body jumps: dropped."
 
 
 def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: float) -> tuple[str, ...]:
@@ -73,7 +62,7 @@ def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: flo
         positions: (T, J, 3) of the joints, z up [m].
         fps: frames per second [1/s].
     """
-    x, notes, count = recognition.place(positions), [], len(positions)
+    x, notes, count = recognition.place(positions) / leg_length(recognition, positions), [], len(positions)
     for which, seen in (("starts", x), ("ends", x[::-1])):
         pose, held = _pose(recognition, seen), _held(recognition, seen)
         if pose and HELD * fps <= held < count / 2:
@@ -86,7 +75,7 @@ def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: flo
 
 def _held(recognition: Recognition, x: Floats) -> int:
     """For how many frames the first pose is held."""
-    moved = np.linalg.norm(x - x[:1], axis=2).max(axis=1) > RepairRule().still * _leg(recognition, x[:1])
+    moved = np.linalg.norm(x - x[:1], axis=2).max(axis=1) > RepairRule().still
     return int(moved.argmax()) if moved.any() else len(x)
 
 

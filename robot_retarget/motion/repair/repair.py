@@ -47,11 +47,10 @@ def repaired(
     if len(capture.positions) < 2:
         return capture, ()
     leg = leg_length(recognition, capture.positions)
-    capture, still = _settled(capture, recognition, leg, rule)
     capture, body = _rooted(capture, recognition, leg, rule)
     capture, limbs = _limbs(capture, recognition, leg, rule)
     capture, noise = _quiet(capture, recognition, metres, rule)
-    return capture, (*still, *sentences([*body, *limbs], capture.fps), *noise)
+    return capture, (*sentences([*body, *limbs], capture.fps), *noise)
 
 
 def _sparse(capture: Capture) -> tuple[str, ...]:
@@ -61,27 +60,6 @@ def _sparse(capture: Capture) -> tuple[str, ...]:
         f"The file has {capture.fps:.3g} frames a second: keyframes, between which the body is led straight on; if "
         "they follow faster, give the frame rate.",
     )
-
-
-def _settled(
-    capture: Capture, recognition: Recognition, leg: float, rule: RepairRule
-) -> tuple[Capture, tuple[str, ...]]:
-    """Drop the still poses before the first jump and after the last."""
-    points = recognition.place(capture.positions) / leg
-    middle = points[:, _trunk_columns(recognition)].mean(axis=1)
-    jumps = np.flatnonzero(body_jumps(middle, capture.fps, rule.steps).any(axis=1)) + 1
-    start, stop, notes = 0, len(points), []
-    done = "dropped" if rule.mend else LEFT
-    if jumps.size and stop - jumps[0] > 1 and np.ptp(points[: jumps[0]], axis=0).max() < rule.still:
-        start = int(jumps[0])
-        which = f"({start / capture.fps:.2f} s) are one pose, from which the body jumps"
-        notes.append(f"The first {start} frames {which}: {done}.")
-    if jumps.size and jumps[-1] - start > 1 and np.ptp(points[jumps[-1] :], axis=0).max() < rule.still:
-        stop = int(jumps[-1])
-        count = len(points) - stop
-        which = f"({count / capture.fps:.2f} s) are one pose, to which the body jumps"
-        notes.append(f"The last {count} frames {which}: {done}.")
-    return (capture.part(slice(start, stop)) if rule.mend else capture), tuple(notes)
 
 
 def _rooted(capture: Capture, recognition: Recognition, leg: float, rule: RepairRule) -> tuple[Capture, list[Defect]]:

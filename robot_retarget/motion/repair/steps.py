@@ -33,7 +33,7 @@ class JumpRule:
 def excess(steps: Floats, rule: JumpRule) -> Floats:
     """(T − 1, …, 3) of steps (T − 1, …, 3), what each has beyond the median of those around it."""
     size = (2 * rule.around + 1, *(1 for _ in steps.shape[1:]))
-    return steps - median_filter(steps, size, mode="nearest")
+    return steps - median_filter(steps, size, mode="mirror")
 
 
 def body_jumps(middle: Floats, fps: float, rule: JumpRule) -> Floats:
