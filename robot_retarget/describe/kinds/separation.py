@@ -11,9 +11,6 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.geoms import allowed
 from robot_retarget.robot.separation import Separation as Surfaces
 
-WATCHED = 1.6
-"""Surfaces have rows within this multiple of the largest margin: a step may cover the rest [-]."""
-
 
 @dataclass(frozen=True)
 class SeparationKind:
@@ -35,7 +32,7 @@ class SeparationKind:
         """Return the distances of the track's pairs; a pair without an edge may overlap."""
         feet = frozenset(int(sole.bodies[0]) for sole in match.anatomy.soles.values())
         margins = track.lower[0]
-        farthest = max(reach, WATCHED * float(margins.max()))
+        farthest = max(reach, 2 * float(margins.max()))  # a step may cover the second half
         surfaces = Surfaces(robot, farthest, float(margins.max()), feet=feet if robot.root_joints.size else None)
         own = {frozenset(ends): margin for ends, margin in zip(track.ends, margins, strict=True)}
         names = [robot.model.body(int(link)).name for link in np.asarray(robot.model.body_weldid)]
