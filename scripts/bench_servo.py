@@ -25,7 +25,7 @@ from robot_retarget.actuators.map import ServoMap, load_map
 from robot_retarget.servo.bus import Bus
 from robot_retarget.servo.check import check
 from robot_retarget.servo.clock import real_time, without_sleep_states
-from robot_retarget.servo.emulator.pace import TURNAROUND
+from robot_retarget.servo.emulator.wire_timing import TURNAROUND
 from robot_retarget.servo.link import READING, Link
 from robot_retarget.servo.outcome import PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
@@ -50,7 +50,7 @@ def cycles(port: str, servo_map: ServoMap, fast: bool, seconds: float) -> tuple[
         link.fast = fast
         goal, ends, began = link.present.copy(), [time.perf_counter()], time.perf_counter()
         while ends[-1] - began < seconds:
-            link.ask(link.goals(goal))
+            link.exchange(link.goals(goal))
             link.listen(0.02)
             if not link.missed.any():
                 ends.append(time.perf_counter())

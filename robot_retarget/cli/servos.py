@@ -11,7 +11,7 @@ from robot_retarget.cli.options import Baud, Json, Port, Quiet
 from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
-    from robot_retarget.servo.emulator.pace import Pace
+    from robot_retarget.servo.emulator.wire_timing import WireTiming
 
 commands: typer.Typer = typer.Typer()
 servos: typer.Typer = typer.Typer(
@@ -209,9 +209,9 @@ def _write(path: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8")
 
 
-def _pace(baud: int | None, usb_latency: float) -> "Pace":
-    from robot_retarget.servo.emulator.pace import Pace
+def _pace(baud: int | None, usb_latency: float) -> "WireTiming":
+    from robot_retarget.servo.emulator.wire_timing import WireTiming
 
     if usb_latency and baud is None:
         raise UsageError("--usb-latency needs --baud")
-    return Pace(baud, usb_latency / 1000)
+    return WireTiming(baud, usb_latency / 1000)

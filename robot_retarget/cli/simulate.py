@@ -17,7 +17,7 @@ from robot_retarget.cli.options import (
     Thresholds,
     TrajectoryFile,
 )
-from robot_retarget.cli.stages import judged, keep, load, warnings_or_none, write_page
+from robot_retarget.cli.stages import judged, load, save_judged, warnings_or_none, write_page
 
 commands: typer.Typer = typer.Typer()
 
@@ -70,7 +70,7 @@ def simulate(
     warnings = warnings_or_none(played, model)
     report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
     if store:
-        keep(report, trajectory, where)
+        save_judged(report, trajectory, where)
     if page is not None:
         write_page(report, report.trajectory or played, warnings, page, film=loop(model, played))
     if json:

@@ -133,13 +133,13 @@ def _tried(
         feedback=feedback,
         progress=progress,
     )
-    keep(report, target / "trajectory.npz", target / "report.json")
+    save_judged(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
     return report, warnings
 
 
-def keep(report: "Report", trajectory: Path, where: Path) -> None:
+def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
     """Write the trajectory with the goals that were judged, then its report; an error in writing leaves neither."""
     from robot_retarget.files import replacing
 

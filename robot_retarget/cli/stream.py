@@ -159,10 +159,10 @@ class StreamRun:
         loop = self.loop(sink)
         with _stopping_on_signals(loop.stop.set):
             tally = loop.run(self.seconds)
-        self.keep(loop)
+        self.save_calibration(loop)
         return tally.figures(self.source)
 
-    def keep(self, loop: "Loop") -> None:
+    def save_calibration(self, loop: "Loop") -> None:
         """Save the calibration of the performer if a file for it is given."""
         from robot_retarget.live.calibration import save_calibration
 
@@ -248,7 +248,7 @@ def _to_servos(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], i
     with emulator_process(servo_map, "--physics") if emulated else nullcontext(place.serial) as serial:
         loop = poses.loop(sink)
         outcome, tally = run_servos(loop, sink, servo_map, serial, poses.seconds, place.log, console.to_stderr)
-    poses.keep(loop)
+    poses.save_calibration(loop)
     for sentence in outcome.warnings:
         console.note(sentence)
     console.to_stderr(f"{outcome.sentence}; log in {place.log}")

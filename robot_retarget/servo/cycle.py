@@ -16,7 +16,7 @@ ROUND = 0.1
 """With less time left, the slow registers of one servo are read in each interval of this length [s]."""
 
 
-class Ahead(NamedTuple):
+class PreparedGoals(NamedTuple):
     """Prepared goals of the next tick, valid if the joints are near them by then."""
 
     target: Floats
@@ -55,7 +55,7 @@ class Cycle:
         self.link, self.guard, self.judge, self.record = link, guard, judge, record
         self._began, self._sensed, self._lockstep = began, 0.0, lockstep
         self._open: dict[str, Any] | None = None
-        self._ahead: Ahead | None = None
+        self._ahead: PreparedGoals | None = None
 
     def tick(self, step: Step, period: float, due: float) -> None:
         """Move towards the target of a step.
@@ -89,17 +89,17 @@ class Cycle:
         if ahead is None or ahead.target is not target:
             ahead = self._prepared(target, period)
         goal = self.guard.admit(ahead.aim, self.link.present)
-        self.link.ask(ahead.goals if goal is ahead.aim else self.link.goals(goal))
-        self.guard.keep(goal, target, ahead.aim, period)
+        self.link.exchange(ahead.goals if goal is ahead.aim else self.link.goals(goal))
+        self.guard.record(goal, target, ahead.aim, period)
         return goal
 
     def _sense(self, count: int) -> None:
         self._sensed = time.monotonic()
-        self.link.sense(count)
+        self.link.read_slow_registers(count)
 
-    def _prepared(self, target: Floats, period: float) -> Ahead:
+    def _prepared(self, target: Floats, period: float) -> PreparedGoals:
         aim = self.guard.aim(target, period)
-        return Ahead(target, aim, self.link.goals(aim))
+        return PreparedGoals(target, aim, self.link.goals(aim))
 
     def finish(self) -> None:
         """Record and check the last tick, if that is still to do.

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.arrays import Ints
 from robot_retarget.servo.outcome import FaultError
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 
 class Gate:
     """Lets through whole ticks inside their servos' ranges that are no further from the shafts than the step cap."""
 
-    def __init__(self, servo_map: ServoMap, scale: Scale) -> None:
+    def __init__(self, servo_map: ServoMap, scale: JointScale) -> None:
         self._map, self._scale = servo_map, scale
         gears = np.array([servo.gear for servo in servo_map.servos])
         self._cap = np.floor(servo_map.limits.jump * gears * TICKS_PER_RADIAN)

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 
 @dataclass
 class Guard:
     """Holds goals to the limits: joint range, speed since the last goal, distance from the present angle."""
 
-    scale: Scale
+    scale: JointScale
     limits: Limits
     goal: Floats
     """(n,) the last goal [rad]."""
@@ -49,7 +49,7 @@ class Guard:
             return aim
         return _between(self.scale.lower, _between(present - cap, aim, present + cap), self.scale.upper)
 
-    def keep(self, goal: Floats, target: Floats, aim: Floats, dt: float) -> None:
+    def record(self, goal: Floats, target: Floats, aim: Floats, dt: float) -> None:
         """Record a goal (n,) sent for a target `target` and its limited form `aim` [rad], `dt` after the last [s]."""
         self.limited += np.abs(goal - target) > 1e-9
         self.capped_for = np.where(np.abs(goal - aim) > 1e-9, self.capped_for + dt, 0.0)

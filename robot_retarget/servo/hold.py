@@ -22,18 +22,18 @@ def take_hold(link: Link, judge: Judge) -> Guard:
         FaultError: a servo does not answer, is outside its range, or does not keep its goal.
     """
     link.set_all("bus_watchdog", 0)
-    judge.fresh()
+    judge.require_fresh()
     link.command(link.present)
     for name in ("profile_acceleration", "profile_velocity"):
         link.set_all(name, 0)
     goals = link.goals(link.present)
     for k, servo in enumerate(link.map.servos):
-        if not link.keeps(goals, k):
+        if not link.write_verified(goals, k):
             raise FaultError(f"{servo.joint} does not keep its goal")
         link.bus.write(servo.id, servo.type.registers["torque_enable"], 1)
         link.torque[k] = True
     link.watchdog(link.map.limits.watchdog)
-    judge.fresh()
+    judge.require_fresh()
     return Guard(link.scale, link.map.limits, np.clip(link.present, link.scale.lower, link.scale.upper))
 
 

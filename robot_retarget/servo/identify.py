@@ -22,7 +22,7 @@ from robot_retarget.goals import RATE
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 GRAVITY = 9.81
 """[m/s²]."""
@@ -98,7 +98,7 @@ def identify(
     with np.load(log) as ticks:
         playing = ticks["phase"] == list(ticks["phases"]).index("play")
         goal, present = (ticks[name][playing, 0] for name in ("goal", "present"))
-    scale = Scale(alone)
+    scale = JointScale(alone)
     sent = np.array([scale.radians(scale.ticks(row))[0] for row in goal[:, None]])
     return fit(sent, present, RATE, servo, pendulum)
 

@@ -49,7 +49,7 @@ class Judge:
         self._strain(now)
         self._stuck(capped_for)
 
-    def fresh(self) -> None:
+    def require_fresh(self) -> None:
         """Read every servo until none of the readings is old.
 
         Raises:

@@ -11,7 +11,7 @@ from robot_retarget.documents import read_json
 from robot_retarget.errors import ServoError
 from robot_retarget.report_file import FORMAT_VERSION, NAMES, content_sha256
 from robot_retarget.servo.plan import goal_plan
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 from robot_retarget.trajectory import Trajectory, fingerprint
 
 
@@ -112,7 +112,7 @@ def _mismatch(
 
 def _cut(trajectory: Trajectory, servo_map: ServoMap, servos: str) -> str | None:
     """Return the joint whose goals the end of its servo's turn cuts off: zeros differ from robot to robot."""
-    plan, scale = goal_plan(trajectory, servo_map), Scale(servo_map)
+    plan, scale = goal_plan(trajectory, servo_map), JointScale(servo_map)
     excess = np.maximum(plan.angles - scale.upper, scale.lower - plan.angles).max(axis=0)
     worst = int(excess.argmax())
     if excess[worst] <= scale.tick[worst]:

@@ -13,7 +13,7 @@ from robot_retarget.servo import protocol
 from robot_retarget.servo.bus import PATIENCE, Bus
 from robot_retarget.servo.check import Condition
 from robot_retarget.servo.gate import Gate
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 GOAL = np.dtype([("id", "u1"), ("goal", "<i4")])
 READING = np.dtype([("current", "<i2"), ("velocity", "<i4"), ("position", "<i4")])
@@ -41,7 +41,7 @@ class Link:
 
     bus: Bus
     map: ServoMap
-    scale: Scale
+    scale: JointScale
     gate: Gate
     ids: list[int]
     fast: bool
@@ -53,7 +53,7 @@ class Link:
     hardware: Ints
 
     def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
-        self.bus, self.map, self.scale = bus, servo_map, Scale(servo_map)
+        self.bus, self.map, self.scale = bus, servo_map, JointScale(servo_map)
         self.gate = Gate(servo_map, self.scale)
         self.ids = list(servo_map.ids)
         firmware = [c.values["firmware_version"] for c in conditions]
@@ -123,7 +123,7 @@ class Link:
         if allowed.size:
             self.bus.send(_goal_frame(allowed))
 
-    def ask(self, goals: ServoGoals) -> None:
+    def exchange(self, goals: ServoGoals) -> None:
         """Send goals and ask for readings in one go: a single transfer for a USB adapter.
 
         Raises:
@@ -132,7 +132,7 @@ class Link:
         self.gate.require(goals.ticks, self.position)
         self.bus.send(goals.frame + self._questions[self.fast])
 
-    def keeps(self, goals: ServoGoals, k: int) -> bool:
+    def write_verified(self, goals: ServoGoals, k: int) -> bool:
         """Write one servo's goal and read it back. Returns whether they agree.
 
         Raises:
@@ -182,7 +182,7 @@ class Link:
         if self._short >= 2:
             self.fast = False
 
-    def sense(self, count: int = 1) -> None:
+    def read_slow_registers(self, count: int = 1) -> None:
         """Read slow registers of the next `count` servos: supply and state of all servos in turn."""
         round_of_state, first = divmod(self._turn, len(self.ids))
         places = range(first, min(first + count, len(self.ids)))

@@ -44,7 +44,7 @@ class TargetStream:
         self.over = Event()
         """Set after the last target."""
 
-    def put(self, angles: Floats, now: float | None = None) -> None:
+    def set_target(self, angles: Floats, now: float | None = None) -> None:
         """Set a target (n,) [rad] in the order of the map; one with NaN is ignored."""
         now = time.monotonic() if now is None else now
         target = np.array(angles, dtype=float)
@@ -152,7 +152,7 @@ def follow(
         ServoError: as `play`.
     """
 
-    def act(player: Player) -> PlaybackOutcome:
+    def stream_until_end(player: Player) -> PlaybackOutcome:
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
             follower = TargetFollower(targets, cycle.guard, servo_map.limits, say)
@@ -163,4 +163,4 @@ def follow(
         return player.perform(rate, tick)
 
     record = Record(servo_map.joints, most=round(LOGGED * rate))
-    return perform(servo_map, port, rate, options or PlaybackOptions(), record, log, say, act)
+    return perform(servo_map, port, rate, options or PlaybackOptions(), record, log, say, stream_until_end)

@@ -25,7 +25,7 @@ from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan, glide
 from robot_retarget.servo.record import Record
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 from robot_retarget.servo.sensor import open_sensor
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
@@ -340,7 +340,7 @@ def preview(plan: ServoPlan, servo_map: ServoMap, port: str | Path | None = None
     Raises:
         ServoError: as `play`.
     """
-    scale = Scale(servo_map)
+    scale = JointScale(servo_map)
     outside = np.maximum(plan.angles - scale.upper, scale.lower - plan.angles).max(axis=0)
     facts: dict[str, Any] = {
         "duration_s": round(plan.duration, 3),

@@ -10,7 +10,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.servo.outcome import FaultError
 
 
-class Scale:
+class JointScale:
     """Converts between joint angles and servo positions, in the order of the map."""
 
     joints: tuple[str, ...]

@@ -52,7 +52,7 @@ class PushedWorld:
     sent: list[Floats] = field(default_factory=list)
     """Controls, the latest last."""
 
-    def branch(self) -> "PushedWorld":
+    def copy(self) -> "PushedWorld":
         """Return an independent copy."""
         shared = {id(self.plant): self.plant}
         loop = copy.deepcopy(self.loop, shared)
@@ -99,7 +99,7 @@ def pushed(start: PushedWorld, impulse: Floats) -> Iterator[PushedWorld]:
     Args:
         impulse: (3,) in the world's axes [N s].
     """
-    world, pushes = start.branch(), round(DURATION * start.goals.rate)
+    world, pushes = start.copy(), round(DURATION * start.goals.rate)
     for k in count():
         world.tick(impulse * start.goals.rate / pushes if k < pushes else np.zeros(3))
         yield world

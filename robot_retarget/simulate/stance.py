@@ -133,7 +133,7 @@ def _inside(corners: Floats, places: Floats) -> list[float]:
     return [polygon.margin(place) for place in places]
 
 
-def slips(stance: Stance) -> Floats:
+def slip_distances(stance: Stance) -> Floats:
     """(F,) the furthest each foot slid from where it began to stand [m].
 
     Between two states a standing foot moves as its carrying points do on average, so that rolling over an edge is no slip.
@@ -165,7 +165,7 @@ def stance_figures(stance: Stance | None, until: float | None) -> dict[str, Any]
     owner = part.feet.owner
     lowest = np.stack([part.points[:, owner == f, 2].min(1) for f in range(len(part.feet.names))], axis=1)
     return {
-        "foot_slip_m": round(float(slips(part).max()), 5),
+        "foot_slip_m": round(float(slip_distances(part).max()), 5),
         "sole_clearance_m": {n: round(float(h), 4) for n, h in zip(part.feet.names, lowest.max(0), strict=True)},
         "com_margin_m": _least(part.com_margin),
         "zmp_margin_m": _least(part.zmp_margin),

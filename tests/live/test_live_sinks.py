@@ -22,7 +22,7 @@ from robot_retarget.live.sinks.servos import ServoSink, run_servos
 from robot_retarget.robot import load_robot
 from robot_retarget.servo.emulated import emulator_process
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 from robot_retarget.simulate.contacts import replay_contacts
 
 OP3 = load_robot("op3")
@@ -92,14 +92,14 @@ def test_goals_of_servos_keep_links_apart_whatever_the_stream_asks_for() -> None
     servo_map = load_map("op3")
     sink, goals = ServoSink(OP3, servo_map), [OP3.standing()[OP3.qpos_index]]
     columns = [OP3.joint_names.index(joint) for joint in servo_map.joints]
-    guard = Guard(Scale(servo_map), servo_map.limits, goals[0][columns], sink.clear)
+    guard = Guard(JointScale(servo_map), servo_map.limits, goals[0][columns], sink.clear)
     stream = wander(OP3, 40, 10.0).qpos
     qpos = np.tile(OP3.standing(), (len(stream), 1))
     for k, pose in enumerate(stream):
         sink.show(Answer(pose, k / 10, "converged", 0.0))
         target = pose[OP3.qpos_index[columns]]
         goal = guard.aim(target, 0.1)
-        guard.keep(goal, target, goal, 0.1)
+        guard.record(goal, target, goal, 0.1)
         qpos[k, OP3.qpos_index[columns]] = guard.goal
     assert (replay_contacts(OP3, stream).depth > 0.001).any()
     assert not (replay_contacts(OP3, qpos).depth > 0.001).any() and sink.guard.changed

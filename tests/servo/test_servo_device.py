@@ -12,8 +12,8 @@ from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device, rested
 from robot_retarget.servo.emulator.motor import OVERLOAD_TIME
 from robot_retarget.servo.emulator.network import Network
-from robot_retarget.servo.emulator.pace import TURNAROUND, Pace
 from robot_retarget.servo.emulator.profile import ACCELERATION, VELOCITY, time_based, velocity_based
+from robot_retarget.servo.emulator.wire_timing import TURNAROUND, WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction, Parser, fast_blocks, frame
 
@@ -332,7 +332,7 @@ def test_a_profile_takes_the_manual_s_times() -> None:
 
 
 def test_pace_is_the_sum_of_wire_delay_and_turnaround() -> None:
-    pace = Pace(1_000_000, usb_latency=1e-3)
+    pace = WireTiming(1_000_000, usb_latency=1e-3)
     pace.request(0.0, 14)
     assert pace.answer(0.0, 15, 500e-6) == pytest.approx(14e-5 / 1 + TURNAROUND + 500e-6 + 15e-5 + 1e-3)
 

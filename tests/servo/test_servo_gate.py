@@ -56,7 +56,7 @@ def test_goals_of_any_value_are_refused_or_harmless(running: tuple[Emulated, Lin
     for wish in wishes:
         link.read()
         try:
-            link.ask(link.goals(wish))
+            link.exchange(link.goals(wish))
             link.listen(0.02)
         except FaultError as error:
             assert "not sent" in str(error)

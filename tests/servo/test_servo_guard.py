@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from robot_retarget.servo.guard import Guard
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
-SCALE, LIMITS = Scale(ARM), ARM.limits
+SCALE, LIMITS = JointScale(ARM), ARM.limits
 WISHES = arrays(float, (6, 4), elements=st.floats(-9, 9) | st.sampled_from([np.nan, np.inf, -np.inf]))
 PLACES = arrays(float, (6, 4), elements=st.floats(-1.49, 1.49))
 ROUNDING = 1e-9
@@ -22,7 +22,7 @@ def test_goals_stay_in_range_under_the_speed_and_near_the_joints(targets, presen
         last, aim = guard.goal, guard.aim(target, dt)
         assert (np.abs(aim - last) <= LIMITS.speed * dt + ROUNDING).all()
         goal = guard.admit(aim, present)
-        guard.keep(goal, target, aim, dt)
+        guard.record(goal, target, aim, dt)
         assert np.isfinite(goal).all()
         assert (SCALE.lower <= goal).all() and (goal <= SCALE.upper).all()
         assert (np.abs(SCALE.radians(SCALE.ticks(goal)) - present) <= LIMITS.jump).all()
@@ -35,5 +35,5 @@ def test_a_goal_made_ready_is_sent_as_it_is_where_the_joints_are_near(places, dt
     aim = guard.aim(target, dt)
     near = (np.abs(aim - here) < LIMITS.jump - 0.002).all()
     assert not near or guard.admit(aim, here) is aim
-    guard.keep(guard.admit(aim, here), target, aim, dt)
+    guard.record(guard.admit(aim, here), target, aim, dt)
     assert (guard.limited == (np.abs(target - guard.goal) > ROUNDING)).all()

@@ -19,7 +19,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.live import LONGEST, SILENCE, Approach, TargetFollower, TargetStream, follow
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 RATE = 125.0
 
@@ -29,7 +29,7 @@ def test_wishes_are_joined_without_a_jump(given_: list[tuple[float, float]]) -> 
     targets, now, path = TargetStream(), 100.0, []
     for wait, angle in given_:
         before = targets.at(now)
-        targets.put(np.array([angle]), now)
+        targets.set_target(np.array([angle]), now)
         if before is not None:
             assert targets.at(now) == pytest.approx(before, abs=1e-12)
         path.append(targets.at(now + LONGEST))
@@ -39,10 +39,10 @@ def test_wishes_are_joined_without_a_jump(given_: list[tuple[float, float]]) -> 
 
 def test_a_wish_that_is_no_number_is_none() -> None:
     targets = TargetStream()
-    targets.put(np.array([np.nan]), 1.0)
+    targets.set_target(np.array([np.nan]), 1.0)
     assert targets.at(1.0) is None
-    targets.put(np.array([0.5]), 2.0)
-    targets.put(np.array([np.inf]), 3.0)
+    targets.set_target(np.array([0.5]), 2.0)
+    targets.set_target(np.array([np.inf]), 3.0)
     assert targets.at(4.0) == pytest.approx([0.5])
 
 
@@ -65,7 +65,7 @@ def giving(targets: TargetStream, pose: Callable[[float], Floats | None], second
         while (now := time.monotonic() - began) < seconds:
             target = pose(now)
             if target is not None:
-                targets.put(target)
+                targets.set_target(target)
             time.sleep(1 / 60)
         targets.over.set()
 
@@ -137,7 +137,7 @@ def test_a_wish_that_jumps_or_leaves_every_range_is_approached_and_clamped(tmp_p
 
 @pytest.mark.parametrize("silence", [0.1, 1.0, 10.0])
 def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
-    guard, targets, said = Guard(Scale(ARM), QUICK, np.zeros(4)), TargetStream(), []
+    guard, targets, said = Guard(JointScale(ARM), QUICK, np.zeros(4)), TargetStream(), []
     follower = TargetFollower(targets, guard, QUICK, said.append)
     now, goals, phases = 50.0, [], []
 
@@ -146,11 +146,11 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
         for k in range(round(seconds * RATE)):
             now += 1 / RATE
             if pose is not None and k % 2 == 0:
-                targets.put(pose(now), now)
+                targets.set_target(pose(now), now)
             step = follower.step(now)
             assert step is not None
             goal = guard.aim(step.target, 1 / RATE)
-            guard.keep(goal, step.target, goal, 1 / RATE)
+            guard.record(goal, step.target, goal, 1 / RATE)
             goals.append(goal)
             phases.append(step.phase)
 
@@ -168,7 +168,7 @@ def test_after_a_silence_of_any_length_no_goal_jumps(silence: float) -> None:
 def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebody_asks(tmp_path: Path) -> None:
     with emulated(tmp_path) as arm:
         targets = TargetStream()
-        targets.put(np.zeros(4))
+        targets.set_target(np.zeros(4))
         threading.Timer(1.5, lambda: signal.raise_signal(signal.SIGINT)).start()
         outcome = follow(targets, ARM, arm.port, PlaybackOptions(end_pose=False, grace=0.1), log=tmp_path / "log.npz")
         assert all(servo["torque_enable"] for servo in arm.servos().values())

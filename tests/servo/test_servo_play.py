@@ -29,7 +29,7 @@ from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackO
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import Player, play
 from robot_retarget.servo.record import Record
-from robot_retarget.servo.scale import Scale
+from robot_retarget.servo.scale import JointScale
 
 START = (0.2, -0.3, 0.1, 0.4)
 RATE = 200.0
@@ -295,7 +295,7 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
 def test_taking_hold_moves_nothing_from_a_thousand_random_poses(emulator: Emulated) -> None:
     """The largest step at torque on is at most what the cap allows; here it is a tick of rounding."""
     rng = np.random.default_rng(5)
-    scale = Scale(ARM)
+    scale = JointScale(ARM)
     with Bus(emulator.port, ARM.baud) as bus:
         link = Link(bus, ARM, Player(bus, ARM, OPTIONS, Record(ARM.joints)).examine())
         for _ in range(1000):

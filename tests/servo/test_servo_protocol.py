@@ -7,7 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.servo import protocol
-from robot_retarget.servo.protocol import HEADER, Instruction, Parser, crc16, fast_blocks, frame, status, stuff, unstuff
+from robot_retarget.servo.protocol import (
+    HEADER,
+    Instruction,
+    Parser,
+    crc16,
+    fast_blocks,
+    frame,
+    status,
+    stuff,
+    unstuff,
+)
 
 GOLDEN = {
     "ping": (frame(1, Instruction.PING), "01 03 00 01 19 4E"),

@@ -21,7 +21,7 @@ from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw
 from robot_retarget.simulate.rollout import plant_of, rollouts, simulate
 from robot_retarget.simulate.servo_model import drives
-from robot_retarget.simulate.stance import floor_height, margins, slips, stance_of, zero_moment_point
+from robot_retarget.simulate.stance import floor_height, margins, slip_distances, stance_of, zero_moment_point
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds, read_thresholds
 from robot_retarget.trajectory import Trajectory
@@ -112,7 +112,7 @@ def test_a_foot_pushed_over_ice_slips_and_one_on_the_ground_does_not():
     (ice,) = rollouts(FREE, split, [Draw(friction=0.02)])
     slid = stance_of(FREE, ice)
     assert stuck is not None and slid is not None
-    assert slips(stuck).max() < 0.002 < 0.01 < slips(slid).max()
+    assert slip_distances(stuck).max() < 0.002 < 0.01 < slip_distances(slid).max()
 
 
 def test_energy_is_work_and_heat_for_a_motor_that_lifts():

@@ -46,7 +46,7 @@ class PhysicsSink:
 
     def show(self, pose: LivePose) -> None:
         now = time.monotonic()
-        self._targets.put(pose.qpos[self._robot.qpos_index], now)
+        self._targets.set_target(pose.qpos[self._robot.qpos_index], now)
         if self._began is None:
             self._stand(pose.qpos, now)
         if self._pinned:

@@ -38,7 +38,7 @@ class ServoSink:
 
     def show(self, pose: LivePose) -> None:
         self._pose = pose.qpos
-        self.targets.put(pose.qpos[self._places])
+        self.targets.set_target(pose.qpos[self._places])
 
     def clear(self, last: Floats, goal: Floats) -> Floats:
         """Return the goal (n,), moved back towards the last one where links would overlap [rad]."""

@@ -118,7 +118,7 @@ class Device:
         if self.torque and watch > 0 and not self.expired and self.now - self._fed > watch * WATCHDOG_UNIT:
             self.expired, self.writes.settled = True, self.now
             r["bus_watchdog"] = -1
-            self.shaft.stay(self.shaft.present, self.now)
+            self.shaft.set_stationary(self.shaft.present, self.now)
         if self.motor.temperature > r["temperature_limit"]:
             self.fail(OVERHEATING)
         if not r["min_voltage_limit"] <= round(self.voltage * 10) <= r["max_voltage_limit"]:
@@ -238,7 +238,7 @@ class Device:
                 self.shaft.drop_turns()
             self._fed = self.now
             here = self.shaft.present
-            self.shaft.stay(here, self.now)
+            self.shaft.set_stationary(here, self.now)
             if self.mode in POSITIONS:
                 self.writes.step(r["goal_position"], here)
                 self.shaft.start(r["goal_position"], self.now)
@@ -261,7 +261,7 @@ class Device:
         """Fold the position to one turn, and have the goal where the shaft is."""
         self.shaft.drop_turns()
         self.registers["goal_position"] = round(self.shaft.present)
-        self.shaft.stay(self.registers["goal_position"], self.now)
+        self.shaft.set_stationary(self.registers["goal_position"], self.now)
 
 
 def rested(model: Model, identity: int, baud: int, ticks: float = CENTRE) -> Device:

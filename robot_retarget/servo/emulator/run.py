@@ -12,8 +12,8 @@ from robot_retarget.feedback.sensor import VirtualImu
 from robot_retarget.servo.emulator.device import rested
 from robot_retarget.servo.emulator.network import Network
 from robot_retarget.servo.emulator.opencr import Board
-from robot_retarget.servo.emulator.pace import Pace
 from robot_retarget.servo.emulator.server import Server
+from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.shipped import MODELS
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def emulator(
     servo_map: ServoMap,
     link: Path | None = None,
-    pace: Pace | None = None,
+    pace: WireTiming | None = None,
     physics: Path | None = None,
     faults: Sequence[str] = (),
     strict: bool = False,
@@ -65,7 +65,7 @@ def emulator(
     server = Server(
         Network(devices, _boards(servo_map, plant)),
         world,
-        pace or Pace(),
+        pace or WireTiming(),
         link,
         strict,
         1 / lockstep if lockstep else None,

@@ -21,7 +21,7 @@ from robot_retarget.errors import ServoError
 from robot_retarget.servo.clock import real_time
 from robot_retarget.servo.emulator.faults import FaultInjector, Wire
 from robot_retarget.servo.emulator.network import Network
-from robot_retarget.servo.emulator.pace import Pace
+from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import World
 from robot_retarget.servo.protocol import DynamixelPacket, Instruction, Parser
 
@@ -93,7 +93,7 @@ class Server:
 
     network: Network
     world: World
-    pace: Pace
+    pace: WireTiming
     strict: bool
     wire: Wire
     faults: FaultInjector
@@ -102,7 +102,7 @@ class Server:
         self,
         network: Network,
         world: World,
-        pace: Pace,
+        pace: WireTiming,
         link: Path | None,
         strict: bool = False,
         lockstep: float | None = None,

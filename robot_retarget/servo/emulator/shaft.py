@@ -63,7 +63,7 @@ class Shaft:
         kind = profile.time_based if r["drive_mode"] & TIME_BASED else profile.velocity_based
         self.path, self.since = kind(here, goal, r["profile_velocity"], r["profile_acceleration"]), now
 
-    def stay(self, goal: float, now: float) -> None:
+    def set_stationary(self, goal: float, now: float) -> None:
         """A path that is at its end already."""
         self.path, self.since = profile.velocity_based(goal, goal, 0, 0), now
 

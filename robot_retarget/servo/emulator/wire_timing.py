@@ -1,4 +1,4 @@
-"""When bytes are through: the time a real wire, servo and USB adapter would take."""
+"""Transfer times of a real wire, servo and USB adapter."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,22 @@ TURNAROUND = 50e-6
 
 
 @dataclass
-class Pace:
+class WireTiming:
     """The clock of a bus; times in seconds. A baud rate of None makes everything immediate."""
 
     baud: int | None = None
     usb_latency: float = 0.0
     """Latency of the adapter [s]."""
     free: float = 0.0
-    """When the wire is next free."""
+    """Time at which the wire is next free [s]."""
 
     def request(self, now: float, size: int) -> None:
-        """A request of `size` bytes goes onto the wire."""
+        """Occupy the wire with a request of `size` bytes."""
         if self.baud:
             self.free = max(now, self.free) + size * 10 / self.baud
 
     def answer(self, now: float, size: int, delay: float) -> float:
-        """When an answer of `size` bytes after a return delay has come through to the host."""
+        """Return the time at which the host has an answer of `size` bytes, sent after a return delay [s]."""
         if not self.baud:
             return now
         self.free = max(now, self.free) + TURNAROUND + delay + size * 10 / self.baud
