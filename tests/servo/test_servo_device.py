@@ -332,9 +332,9 @@ def test_a_profile_takes_the_manual_s_times() -> None:
 
 
 def test_pace_is_the_sum_of_wire_delay_and_turnaround() -> None:
-    pace = WireTiming(1_000_000, usb_latency=1e-3)
-    pace.request(0.0, 14)
-    assert pace.answer(0.0, 15, 500e-6) == pytest.approx(14e-5 / 1 + TURNAROUND + 500e-6 + 15e-5 + 1e-3)
+    timing = WireTiming(1_000_000, usb_latency=1e-3)
+    timing.request(0.0, 14)
+    assert timing.answer(0.0, 15, 500e-6) == pytest.approx(14e-5 / 1 + TURNAROUND + 500e-6 + 15e-5 + 1e-3)
 
 
 @given(st.binary(max_size=120), st.integers(0, 255), st.sampled_from(list(Instruction)))

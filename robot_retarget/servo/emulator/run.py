@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def emulator(
     servo_map: ServoMap,
     link: Path | None = None,
-    pace: WireTiming | None = None,
+    timing: WireTiming | None = None,
     physics: Path | None = None,
     faults: Sequence[str] = (),
     strict: bool = False,
@@ -37,7 +37,7 @@ def emulator(
     Args:
         servo_map: ids, models, zeros and the baud rate.
         link: a stable name for the port.
-        pace: the time that bytes take; by default none.
+        timing: the time that bytes take; by default none.
         physics: MJCF of the robot.
         faults: sentences of `faults`.
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
@@ -65,7 +65,7 @@ def emulator(
     server = Server(
         Network(devices, _boards(servo_map, plant)),
         world,
-        pace or WireTiming(),
+        timing or WireTiming(),
         link,
         strict,
         1 / lockstep if lockstep else None,

@@ -93,7 +93,7 @@ class Server:
 
     network: Network
     world: World
-    pace: WireTiming
+    timing: WireTiming
     strict: bool
     wire: Wire
     faults: FaultInjector
@@ -102,14 +102,14 @@ class Server:
         self,
         network: Network,
         world: World,
-        pace: WireTiming,
+        timing: WireTiming,
         link: Path | None,
         strict: bool = False,
         lockstep: float | None = None,
     ) -> None:
         """`lockstep`: time by which each frame of goals advances the world, instead of the clock [s]."""
         self._lockstep, self._told = lockstep, 0
-        self.network, self.world, self.pace, self.strict = network, world, pace, strict
+        self.network, self.world, self.timing, self.strict = network, world, timing, strict
         self.wire = Wire()
         self.faults = FaultInjector(network, world, self.wire)
         self.terminal: Terminal | None = Terminal(link)
@@ -179,9 +179,9 @@ class Server:
                 self.world.advance(
                     self._told * self._lockstep + self.world.step / 2
                 )  # whole steps in spite of rounding
-            self.pace.request(now, 10 + len(frame.stuffed))
+            self.timing.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):
-                due = self.pace.answer(now, len(answer.data), answer.delay) + self.wire.delay
+                due = self.timing.answer(now, len(answer.data), answer.delay) + self.wire.delay
                 self._out.append((due, self.wire.received(answer.data)))
                 self._through = due
 
