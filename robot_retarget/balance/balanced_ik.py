@@ -31,10 +31,8 @@ from robot_retarget.solve.sqp import FrameSolver
 class BalanceOptions:
     """Options of a planted robot; lengths are shares of a leg."""
 
-    margin: float = 0.06
-    """Distance of arms from all other links: servos lag, and links that are planned to pass closely touch ..."""
-    legs_margin: float = 0.025
-    """... and of other links: legs lag less, have to pass each other in a step, and to bend under a trunk."""
+    margin: float = 0.035
+    """Distance between links: arms that lag meet knees in a walk with less, thighs meet the trunk in a squat with more."""
     speed: float = 0.8
     """Usable share of the joints' speeds: servos under load are slower."""
     bent: float = 0.12
@@ -66,7 +64,7 @@ class BalancedIk:
         self.robot, self.match, self.options = graph.robot, graph.match, options or BalanceOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
-        self.graph = with_playback_margins(with_bent_knees(graph, own.bent), own)
+        self.graph = with_margin(with_bent_knees(graph, own.bent), self.leg * own.margin)
         """The graph with the limits of a playback."""
         tracks = [*self.graph.tracks, MassKind().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
@@ -162,21 +160,7 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
     return graph
 
 
-def with_playback_margins(graph: RobotGraph, options: BalanceOptions) -> RobotGraph:
-    """Return the graph with the margins between surfaces of a playback: smaller between links that are not on arms."""
-    arms = {graph.robot.model.body(int(b)).name for b in np.flatnonzero(_on_arms(graph.robot, graph.match))}
-    leg, tracks = graph.match.robot_leg, []
-    for track in graph.tracks:
-        if isinstance(track.kind, Nearby):
-            margins = [options.margin if set(ends) & arms else options.legs_margin for ends in track.ends]
-            track = track.bounded(leg * np.array(margins), np.inf)
-        tracks.append(track)
+def with_margin(graph: RobotGraph, margin: float) -> RobotGraph:
+    """Return the graph with a margin between surfaces [m]."""
+    tracks = (track.bounded(margin, np.inf) if isinstance(track.kind, Nearby) else track for track in graph.tracks)
     return replace(graph, tracks=tuple(tracks))
-
-
-def _on_arms(robot: Robot, match: Match) -> np.ndarray:
-    """Return (B,) the bodies that a hinge between chest and hands moves."""
-    moves, sites = carrying(robot.model), match.anatomy.sites
-    hands = [moves[sites[hand].body] for hand in ("l_hand", "r_hand") if hand in sites]
-    chest = moves[match.anatomy.frames["chest"][0]]
-    return np.asarray(moves[:, np.logical_or.reduce([*hands, chest]) & ~chest].any(axis=1))

@@ -90,24 +90,15 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
         BalanceError: it needs more than `slowest` times the human's time.
     """
     chosen = Pacing()
-    stretch = least_durations(clip.planted, clip.fps, chosen)
-    plan = plan_playback(ik, clip, stretch, how)
-    for _ in range(chosen.shifts):
-        late = plan.zmp.excess > chosen.excess
-        if not late.any() or stretch.mean() >= chosen.slowest - 1e-3:
-            break
-        stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, chosen), chosen)
-        _require_pace(stretch, slowest)
-        plan = plan_playback(ik, clip, stretch, how)
-        count.advance(len(plan.targets))
+    stretch, plan = _with_time_for_weight(ik, clip, how, chosen, slowest, count)
     found = played(ik, clip, plan, count)
-    for _ in range(chosen.rounds):
+    for number in range(chosen.rounds):
         loads = joint_torques(ik.robot, found.qpos, clip.fps, ik.soles, QUICK)
         inside = found.margin / plan.reach
         needs = motion_needs(ik.robot, found.qpos, loads, inside, found.friction, clip.fps, chosen)
         if needs.max() <= chosen.slack or stretch.mean() >= chosen.slowest - 1e-3:
             break
-        if not _jumps(ik, found):
+        if number:  # the second playback starts from a smooth motion and often needs no more time
             stretch = stretched(stretch, plan.timeline, needs, chosen)
             _require_pace(stretch, slowest)
         clip = replace(clip, qpos=_on_clip(ik.robot, found, clip))
@@ -116,10 +107,21 @@ def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slo
     return found
 
 
-def _jumps(ik: BalancedIk, found: Balanced) -> bool:
-    """Whether a joint exceeds its planted speed: links that met were separated late, which more time cannot correct."""
-    turned = np.abs(np.diff(found.qpos[:, ik.robot.qpos_index], axis=0)) * found.timeline.fps
-    return bool((turned > 1.01 * ik.solver.speed).any())
+def _with_time_for_weight(
+    ik: BalancedIk, clip: PlaybackClip, how: Steadiness, pacing: Pacing, slowest: float, count: Count
+) -> tuple[Floats, PlaybackPlan]:
+    """Return frame durations (T − 1,) that give every shift of weight its time, and the plan with them."""
+    stretch = least_durations(clip.planted, clip.fps, pacing)
+    plan = plan_playback(ik, clip, stretch, how)
+    for _ in range(pacing.shifts):
+        late = plan.zmp.excess > pacing.excess
+        if not late.any() or stretch.mean() >= pacing.slowest - 1e-3:
+            break
+        stretch = stretched(stretch, plan.timeline, shift_needs(late, plan.timeline, pacing), pacing)
+        _require_pace(stretch, slowest)
+        plan = plan_playback(ik, clip, stretch, how)
+        count.advance(len(plan.targets))
+    return stretch, plan
 
 
 def _require_pace(stretch: Floats, slowest: float) -> None:
