@@ -7,7 +7,6 @@ from robot_retarget.errors import MatchError
 from robot_retarget.motion.limbs import LimbPair, PosedSkeleton
 
 ARM_TO_LEG = (0.35, 1.3)
-TRUNK_TO_LEG = (0.25, 1.4)
 FOUR_LEGGED_ARM = 0.85
 """Arms of at least this share of the legs can be forelegs; a human on hands and knees has 0.5 … 0.75."""
 
@@ -28,14 +27,9 @@ def refuse_other_than_human(body: PosedSkeleton, legs: LimbPair, arms: LimbPair)
     ]
     if tails:
         raise MatchError(f"not a human body: {tails[0]!r}, which would be in a limb, is called a tail")
-    hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
-    trunk = float(np.median(np.linalg.norm(shoulders - hips, axis=1)))
-    for what, value, (low, high) in (
-        ("arms", arms.length / legs.length, ARM_TO_LEG),
-        ("the trunk", trunk / legs.length, TRUNK_TO_LEG),
-    ):
-        if not low <= value <= high:
-            raise MatchError(f"not a human body: {what} measure {value:.2f} of the legs, a human's {low} to {high}")
+    (low, high), ratio = ARM_TO_LEG, arms.length / legs.length
+    if not low <= ratio <= high:
+        raise MatchError(f"not a human body: arms measure {ratio:.2f} of the legs, a human's {low} to {high}")
     forelegs = arms.length > FOUR_LEGGED_ARM * legs.length or any(_tail(body, k) for k in range(len(body.evidence)))
     if forelegs and four_legged(body, legs, arms) > 0.5:
         raise MatchError(

@@ -18,8 +18,6 @@ class FootingRule:
 
     stance: StanceRule = field(default_factory=StanceRule)
     """A low part of a foot skates while it is faster than what starts a stance."""
-    running: float = 3.0
-    """A faster pelvis is not judged: the stances of a runner are too short to be seen."""
     high: float = 0.15
     """A body whose lowest point is higher than this above the floor floats."""
     most: float = 0.75
@@ -46,7 +44,7 @@ def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: 
     feet = x[:, [at(k) for k in FEET if k in recognition.marks]]
     low = feet[:, :, 2] - stance.floor_height(feet[:, :, 2], axis=0) < stance.enter_height
     slowest = np.where(low, speed_of(feet[:, :, :2], fps, stance), np.inf).min(axis=1)
-    seen = np.isfinite(slowest) & (speed_of(x[:, at("pelvis"), :2], fps, stance) < rule.running)
+    seen = np.isfinite(slowest)
     skates = slowest[seen] > stance.enter_speed
     if seen.mean() < 0.5 or skates.mean() < rule.most:
         return ()
