@@ -78,7 +78,7 @@ class ContactLog:
 
 
 def replay_contacts(robot: Robot, qpos: Floats) -> Contacts:
-    """Self-contacts over the configurations (T, nq), without any dynamics, less the `built_in` ones."""
+    """Self-contacts over the configurations (T, nq), without any dynamics, less the `reference_overlaps` ones."""
     return _overlaps(robot, qpos).own.without(reference_overlaps(robot))
 
 

@@ -156,7 +156,7 @@ def rollout_figures(rollout: Rollout, robot: Robot, until: float | None) -> dict
 
 
 def own_contacts(rollout: Rollout, robot: Robot, until: float | None) -> Contacts:
-    """Contacts of the robot with itself up to a fall, less the `built_in` ones."""
+    """Contacts of the robot with itself up to a fall, less the `reference_overlaps` ones."""
     contacts = rollout.contacts.own.without(reference_overlaps(robot))
     return contacts if until is None else contacts.of(rollout.times[contacts.frame] < until)
 
