@@ -6,8 +6,8 @@ fields of classes, and floats in function bodies. These do not count, because an
 - numbers of `ARITHMETIC`, which belong to formulas;
 - numbers up to `ROUNDING`, which guard divisions and compare what is equal;
 - the field default 0, which stands for nothing;
-- constants whose docstring cites a source, such as [Winter2009];
-- `READERS` and `FIGURES`: numbers of file formats, and of the scenes in the papers' figures.
+- constants and fields whose docstring cites a source, such as [Winter2009];
+- `READERS`, `FIGURES` and `FACTS`: numbers of file formats, of the scenes in the papers' figures, of frames and versions.
 
 Integers in function bodies do not count either: most are indices, powers and strides. Weights belong into constants.
 """
@@ -25,6 +25,8 @@ READERS = "formats"
 """Folders that hold the numbers of file formats, which are facts; their lines do not count either."""
 FIGURES = {"scenes.py", "body.py", "instances.py"}
 """Modules that hold the numbers of the papers' figures."""
+FACTS = {"role.py", "versions.py"}
+"""Modules that hold the frames that an edge joins, and versions of other packages."""
 ARITHMETIC = {0, 1, 2, 3, 0.5, 4, 6, 12, 90, 180, 270, 360}
 """Numbers of formulas: dimensions, halves, degrees, twelve coordinates of two by six."""
 ROUNDING = 1e-9
@@ -65,24 +67,29 @@ def inline(tree: ast.AST) -> int:
 
 def constants(tree: ast.Module) -> int:
     """Return the number of tuning values among the constants of a module."""
-    count = 0
-    for node, after in zip(tree.body, [*tree.body[1:], None], strict=True):
-        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+    return sum(map(numbers, chosen(tree.body)))
+
+
+def chosen(body: list[ast.stmt]) -> list[ast.expr | None]:
+    """Return the values that a body assigns, without those whose docstring cites a source."""
+    values = []
+    for node, after in zip(body, [*body[1:], None], strict=True):
         text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
-        count += 0 if CITATION.search(str(text)) else numbers(value)
-    return count
+        if isinstance(node, ast.Assign | ast.AnnAssign) and not CITATION.search(str(text)):
+            values.append(node.value)
+    return values
 
 
 def defaults(tree: ast.Module) -> int:
     """Return the number of tuning values among the defaults of fields."""
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    values = [item.value for node in classes for item in node.body if isinstance(item, ast.AnnAssign)]
+    values = [v for c in classes for v in chosen([item for item in c.body if not isinstance(item, ast.Assign)])]
     return sum(numbers(v) for v in values if not (isinstance(v, ast.Constant) and v.value == 0))
 
 
 def counts(path: Path) -> Counter[str]:
     """Return the tuning values of one module, by kind."""
-    if path.name in FIGURES:
+    if path.name in FIGURES | FACTS:
         return Counter()
     tree = ast.parse(path.read_text(encoding="utf-8"))
     found = {"constants": constants(tree), "option defaults": defaults(tree), "inline floats": inline(tree)}

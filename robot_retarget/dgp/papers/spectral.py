@@ -29,18 +29,17 @@ class Spectral:
     """
 
     value_tolerance: float = 1e-6
-    """Stop where f falls below it."""
+    """Stop where f falls below it [Mucherino2017]."""
     step_tolerance: float = 1e-6
-    """Stop where the projected direction is shorter [m]."""
+    """Stop where the projected direction is shorter [Mucherino2017] [m]."""
     max_iterations: int = 10_000
+    """Of every problem [Mucherino2017]."""
     memory: float = 0.99
     """η: 0 is the monotone search of Armijo, 1 remembers every value alike."""
     decrease: float = 1e-4
     """γ of the sufficient decrease."""
     least_curvature: float = 1e-12
-    """μ is kept above it."""
-    greatest_curvature: float = 1e12
-    """μ is kept below it."""
+    """μ is kept above it, and below its inverse."""
     least_fraction: float = 1e-12
     """Halving stops at this fraction of the direction."""
     explicit: bool = False
@@ -178,7 +177,7 @@ class _Search:
         # Along negative curvature the formula has no meaning; the last good step is kept.
         useful = (square > 0) & (product > 0)
         curvature = np.divide(product, square, out=self.curvature.copy(), where=useful)
-        self.curvature = np.clip(curvature, self.options.least_curvature, self.options.greatest_curvature)
+        self.curvature = np.clip(curvature, self.options.least_curvature, 1 / self.options.least_curvature)
         remembered = self.options.memory * self.weight
         self.weight = remembered + 1.0
         self.reference = (remembered * self.reference + f) / self.weight
