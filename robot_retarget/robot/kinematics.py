@@ -70,18 +70,6 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
     return places
 
 
-def point_function(robot: Robot, points: Points) -> ca.Function:
-    """q (nq) ↦ positions (3P, stacked x y z per point) [m] and their Jacobian by v (3P, nv).
-
-    Args:
-        robot: the robot.
-        points: points fixed to bodies.
-    """
-    bodies = Bodies(robot)
-    x = bodies.places(points)
-    return bodies.function("points", [ca.vec(x), bodies.travel(x, carrying(robot.model)[points.bodies])])
-
-
 def mass_function(robot: Robot) -> ca.Function:
     """q (nq) ↦ the centre of mass of the robot  Σ m_b c_b / Σ m_b  (3) [m] and its Jacobian by v (3, nv)."""
     bodies = Bodies(robot)
