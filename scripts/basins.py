@@ -15,7 +15,7 @@ import numpy as np
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.candidates import seek
+from robot_retarget.solve.candidates import multistart
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.solve import problem_of, solve_graph
@@ -50,7 +50,7 @@ def excess(graph: rr.RobotGraph, every: int, search: Search | None = None) -> Ex
             solver.costs.cost(q, targets),
             solver.solve_frame(q, targets, iterations=2 * solver.options.iterations),
         )
-        ends = seek(solver, solution.graph, asked, t, EXACT)
+        ends = multistart(solver, solution.graph, asked, t, EXACT)
         least = min(solver.costs.cost(end.qpos, targets) for end in ends)
         table.append((own / least, solver.costs.cost(alone.qpos, targets) / least))
     as_it_is, basin = np.maximum(np.array(table) - 1.0, 0.0).T

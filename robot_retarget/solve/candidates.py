@@ -45,7 +45,7 @@ def coarse_path(
     if first:
         found.start_from(first[-1])
     for moment in range(stride if first else 0, len(frames), stride):
-        found.multistart(moment)
+        found.search_moment(moment)
     found.bridge()
     path = found.cheapest()
     before = first[max(start - 2, 0) : start]
@@ -79,9 +79,9 @@ class Candidates:
         self.first = 1
         self._follow(pose, 0, range(1, len(self.frames)))
 
-    def multistart(self, moment: int) -> None:
+    def search_moment(self, moment: int) -> None:
         """Find the cheapest pose of a moment and follow it to both sides, to the ends if it meets no other."""
-        pose = seek(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)[0]
+        pose = multistart(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)[0]
         if self._add(moment, pose):
             self._follow(pose, moment, range(moment + 1, len(self.frames)))
             self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
@@ -146,10 +146,12 @@ class Candidates:
         return True
 
 
-def seek(
+def multistart(
     solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search
 ) -> list[FrameSolution]:
-    """Where descents from several starts end, the cheapest first; of ends in one basin, that of the first start.
+    """Return the minima of a frame that descents from several starts reach, the cheapest first.
+
+    Of several ends in one basin, that of the first start is kept.
 
     Ends in one basin differ by their tolerance, and so would the choice of the cheapest of them.
 
@@ -170,7 +172,7 @@ def seek(
 
 
 def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution, search: Search) -> bool:
-    """Whether two poses count as one: all their hinges lie near each other."""
+    """Return whether all hinges of two poses differ by no more than the basin threshold `Search.same`."""
     hinges = solver.robot.qpos_index
     return bool(np.abs(first.qpos - second.qpos)[hinges].max(initial=0.0) < search.same)
 

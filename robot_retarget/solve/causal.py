@@ -8,16 +8,26 @@ from robot_retarget.describe.kinds.kind import Past
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.candidates import seek
+from robot_retarget.solve.candidates import multistart
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
 
 def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: Count) -> list[FrameSolution]:
-    """Each frame from the ones before, no farther than joints turn; the first from several starts."""
+    """Solve the frames of a graph in order, each within reach of the joints from the frame before.
+
+    Args:
+        solver: solves single frames.
+        graph: T frames.
+        search: starts of the first frame.
+        count: receives one step per frame.
+
+    Returns:
+        T solved frames.
+    """
     all_targets, poses = targets_of(graph.tracks), []
-    before = seek(solver, graph, all_targets, 0, search)[0].qpos
+    before = multistart(solver, graph, all_targets, 0, search)[0].qpos
     for t in range(len(graph)):
         box = solver.reachable([before] if t else [], 1 / graph.fps)
         start = predicted(solver.robot, poses, box) if t > 2 else before

@@ -92,7 +92,14 @@ def coarse_tracks(graph: RobotGraph) -> list[Track]:
 
 
 def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
-    """Return the tracks; those that depend on the robot's own path are renewed."""
+    """Return the tracks of a graph; tracks of a `TwoPassKind` are recomputed from the coarse path.
+
+    Args:
+        solver: measures the edges.
+        graph: T frames.
+        coarse: T configurations (nq,).
+        fixed: number of first frames that stay unchanged.
+    """
     measured = measured_by(solver.problem, graph, np.array(coarse))
     return [
         track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, TwoPassKind) else track
@@ -101,7 +108,16 @@ def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats],
 
 
 def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Return per kind of symbolic cost (T, E) the values of its edges at configurations (T, nq)."""
+    """Measure the edges of every symbolic cost.
+
+    Args:
+        problem: the compiled measures.
+        graph: its tracks.
+        qpos: (T, nq) configurations.
+
+    Returns:
+        Name of the kind → (T, E) measured values.
+    """
     every = np.array([problem.values(q) for q in qpos])
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
     return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
@@ -110,7 +126,15 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
 def clip_of(
     solver: FrameSolver, tracks: Sequence[Track], smoothing: Smoothing, fps: float, fixed: int = 0
 ) -> ClipProblem:
-    """Return the clip with the targets of tracks (T frames) and their temporal costs."""
+    """Assemble a clip from tracks.
+
+    Args:
+        solver: solves single frames.
+        tracks: targets and temporal costs of T frames.
+        smoothing: options of the passes.
+        fps: frames per second [1/s].
+        fixed: number of first frames that are known.
+    """
     smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
     return ClipProblem(solver, targets_of(tracks), smoothing, smooth, inertia, fps, fixed)
 

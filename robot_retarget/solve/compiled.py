@@ -73,7 +73,13 @@ class Upgraded:
 
 
 def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Compiled:
-    """Compile expressions with dense outputs."""
+    """Compile expressions with dense outputs.
+
+    Args:
+        name: name of the function.
+        inputs: symbols, in the order of the arguments.
+        outputs: expressions of the inputs.
+    """
     return Compiled(ca.Function(name, inputs, [ca.densify(o) for o in outputs]))
 
 

@@ -26,7 +26,12 @@ class JointBounds:
 
 
 def joint_bounds(robot: Robot, tracks: Sequence[Track]) -> JointBounds:
-    """The intersection of all bound edges of each hinge, within the robot's own ranges."""
+    """Return the bounds of each hinge: the intersection of its range and of all its bound edges.
+
+    Args:
+        robot: gives the ranges.
+        tracks: tracks of all roles; those of other roles are ignored.
+    """
     lower, upper = np.array(robot.lower), np.array(robot.upper)
     speed = np.full(len(robot.joint_names), UNBOUNDED)
     for track in tracks:

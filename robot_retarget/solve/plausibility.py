@@ -71,7 +71,14 @@ def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
 
 
 def plausibility_checks(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[PlausibilityCheck]:
-    """All that is looked at."""
+    """Return the checks of the features by which a robot may oppose the human: bends of limbs, head over pelvis, sides.
+
+    Args:
+        motion: T frames of the human.
+        robot: the robot.
+        match: the correspondence of their keypoints.
+        qpos: (T, nq) solved configurations.
+    """
     human = _named(match, match.human_positions(motion))
     own = _named(match, world_points(robot, match.points, qpos))
     return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human, own)]

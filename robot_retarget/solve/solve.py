@@ -63,7 +63,13 @@ def solve_graph(
 
 
 def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
-    """Return configurations (T, nq) of the first T frames of a motion as a trajectory that names its source and times."""
+    """Return configurations as a trajectory that names its source and times.
+
+    Args:
+        motion: its first T frames are the source.
+        robot: the robot.
+        qpos: (T, nq) configurations.
+    """
     return Trajectory(
         qpos,
         motion.fps,
@@ -83,7 +89,14 @@ def problem_of(graph: RobotGraph) -> Problem:
 def solution_of(
     solver: FrameSolver, graph: RobotGraph, poses: list[FrameSolution], timings: dict[str, float]
 ) -> Solution:
-    """Evaluate the cost of every frame and the stress of every kind at solved poses."""
+    """Evaluate the cost of every frame and the stress of every kind at solved poses.
+
+    Args:
+        solver: the solver of the poses.
+        graph: its T frames.
+        poses: T solved frames.
+        timings: durations of the stages [s].
+    """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = trajectory_of(graph.motion, graph.robot, qpos)
     measured = measured_by(problem, graph, qpos)

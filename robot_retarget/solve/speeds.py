@@ -11,6 +11,11 @@ def within_speeds(angles: Floats, reach: Floats, fixed: int = 0) -> Floats:
     The result is halfway between the highest such path below the angles and the lowest above them: both keep the
     speeds, and so does their mean. The first `fixed` frames stay, and the frames after them are limited to angles
     within reach of them.
+
+    Args:
+        angles: (T, n) [rad].
+        reach: (n,) largest change per frame [rad].
+        fixed: number of first frames that stay unchanged.
     """
     over, under = _bounded(angles, reach, np.maximum), _bounded(angles, reach, np.minimum)
     path = (over + under) / 2

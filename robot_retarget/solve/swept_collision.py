@@ -26,7 +26,13 @@ class SweptConfiguration:
 
 
 def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[SweptConfiguration, ...]:
-    """Return even checks between a neighbour (nq,) and a frame (nq,); no hinge turns further than `TURN`."""
+    """Return evenly spaced configurations between two frames, less than `TURN` apart in every hinge.
+
+    Args:
+        robot: the robot.
+        neighbour: (nq,) configuration of the neighbour in time.
+        q: (nq,) configuration of the frame.
+    """
     hinges = robot.qpos_index
     checks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
     return tuple(SweptConfiguration(neighbour, k / (checks + 1)) for k in range(1, checks + 1))
