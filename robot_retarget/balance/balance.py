@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.foot_spacing import spread
-from robot_retarget.balance.footstep_limits import reachable_footholds, step_length
+from robot_retarget.balance.footstep_limits import reachable_footholds, total_step_length
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
 from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
@@ -152,5 +152,5 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     root = slice(ik.robot.root_address, ik.robot.root_address + 2)
     posed = np.array(draft)
     posed[:, root] += gaussian_filter1d((placed - corners).mean(axis=(1, 2))[:, :2], SWAY * fps, axis=0, mode="nearest")
-    stride = step_length(kept, placed) / max(step_length(kept, corners), 1e-9)
+    stride = total_step_length(kept, placed) / max(total_step_length(kept, corners), 1e-9)
     return PlaybackClip(graph, posed, placed, kept, fps, stride)

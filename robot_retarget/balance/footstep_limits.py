@@ -55,8 +55,13 @@ def _beyond(apart: np.ndarray, reach: float) -> np.ndarray:
     return apart * (1 - np.minimum(1.0, reach / np.maximum(np.abs(apart), 1e-9)))
 
 
-def step_length(planted: np.ndarray, corners: Floats) -> float:
-    """Return the total length of all steps [m]."""
+def total_step_length(planted: np.ndarray, corners: Floats) -> float:
+    """Return the summed length of the steps of all feet [m].
+
+    Args:
+        planted: (T, F) feet on the floor.
+        corners: (T, F, 4, 3) of the soles [m].
+    """
     middle, total = corners.mean(axis=2)[..., :2], 0.0
     for foot in range(planted.shape[1]):
         stances = [np.median(middle[start:stop, foot], axis=0) for start, stop in intervals(planted[:, foot])]

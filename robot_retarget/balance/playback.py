@@ -81,6 +81,13 @@ def expected_steps(graph: RobotGraph) -> int:
 def paced(ik: BalancedIk, clip: PlaybackClip, how: Steadiness, count: Count, slowest: float) -> Balanced:
     """Return the clip in balance, slowed down where a joint, the zero moment point or a shift of weight needs time.
 
+    Args:
+        ik: solves frames with soles at places and the centre of mass over points.
+        clip: T frames of the draft and their planted feet.
+        how: conditions on the centre of mass.
+        count: receives the progress.
+        slowest: largest duration over the human's [-].
+
     Raises:
         BalanceError: it needs more than `slowest` times the human's time.
     """
@@ -125,7 +132,15 @@ def _require_pace(stretch: Floats, slowest: float) -> None:
 
 
 def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count, near: bool = False) -> Balanced:
-    """Return the configurations that follow a plan; `near` for configurations that an earlier round solved."""
+    """Return the configurations that follow a plan.
+
+    Args:
+        ik: solves frames with soles at places and the centre of mass over points.
+        clip: T frames of the draft and their planted feet.
+        plan: targets of K frames of the playback.
+        count: receives the progress.
+        near: whether an earlier round solved the targets, so that they are good starts.
+    """
     timeline, robot = plan.timeline, ik.robot
     playback = ik.playback(timeline.share[:, None], plan.places, timeline.planted)
     tracks = ik.targets(clip.graph, timeline.at, plan.stands, playback, plan.zmp.centre)

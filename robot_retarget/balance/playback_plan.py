@@ -72,7 +72,14 @@ class PlaybackPlan:
 
 
 def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Steadiness) -> PlaybackPlan:
-    """Plan time, footholds and balance of a clip; frame t lasts stretch_t (T − 1,) times as long."""
+    """Plan time, footholds and balance of a clip.
+
+    Args:
+        ik: gives stands, soles and centres of mass.
+        clip: T frames of the draft and their planted feet.
+        stretch: (T − 1,) duration of each frame over its own [-].
+        how: conditions on the centre of mass.
+    """
     ends = [_end_places(ik, clip, t) for t in (0, -1)]
     stands = [balanced_stand(ik, places) for places in ends]
     timeline = timeline_of(ik, clip, stands, stretch)
@@ -88,7 +95,14 @@ def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Stea
 
 
 def timeline_of(ik: BalancedIk, clip: PlaybackClip, stands: list[Floats], stretch: Floats) -> Timeline:
-    """Lay the clip between its two stands, frame by frame of the playback."""
+    """Place the clip in time between its two stands.
+
+    Args:
+        ik: knows the robot's hinges.
+        clip: T frames.
+        stands: configurations (nq,) before and after.
+        stretch: (T − 1,) duration of each frame over its own [-].
+    """
     fps, last = clip.fps, len(clip.qpos) - 1
     times = np.concatenate([[0.0], np.cumsum(stretch)]) / fps
     inside = np.interp(np.arange(1, int(times[-1] * fps)) / fps, times, np.arange(last + 1))

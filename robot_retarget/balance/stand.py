@@ -27,7 +27,15 @@ def stand_places(ik: BalancedIk) -> Floats:
 
 
 def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
-    """Return (nq,) the standing pose with its soles at places (F, 4, 3) and its mass over the middle between them."""
+    """Return the standing pose with its mass over the middle of its support.
+
+    Args:
+        ik: solves the pose.
+        places: (F, 4, 3) corners of the soles [m].
+
+    Returns:
+        (nq,) configuration.
+    """
     own = flattened(ik.corners(ik.robot.standing()[None])[0])
     turn, address = _heading(places) - _heading(own), ik.robot.root_address
     posed, spin = np.array(ik.robot.standing()), Rotation.from_euler("z", turn)
@@ -62,7 +70,17 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
 
 
 def posed_in_place(ik: BalancedIk, draft: Floats, turns: Floats, stand: Floats) -> Floats:
-    """Return (T, nq) starts of planting: a draft's upper body over the legs of a stand, turned back by (T,) [rad]."""
+    """Return a draft's upper body over the legs of a stand.
+
+    Args:
+        ik: knows the coordinates of the legs.
+        draft: (T, nq) configurations.
+        turns: (T,) turns of the root about the vertical that are undone [rad].
+        stand: (nq,) configuration: gives the legs, the place of the root and its largest height.
+
+    Returns:
+        (T, nq) starts of the frames.
+    """
     posed, address, legs = np.array(draft), ik.robot.root_address, ik.leg_coordinates
     posed[:, legs] = stand[legs]
     posed[:, address : address + 2] = stand[address : address + 2]

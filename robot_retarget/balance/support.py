@@ -63,7 +63,18 @@ def planted_feet(
 def without_small_swings(
     planted: np.ndarray, corners: Floats, leg: float, fps: float, rule: StepRule | None = None
 ) -> np.ndarray:
-    """Return (T, F) without swings that neither lift nor displace a foot; weight transfers have both feet down."""
+    """Return planted feet without swings that neither lift nor displace a foot; weight transfers have both feet down.
+
+    Args:
+        planted: (T, F) feet on the floor.
+        corners: (T, F, 4, 3) of the soles [m].
+        leg: length of a leg [m].
+        fps: frames per second [1/s].
+        rule: the definition of a step.
+
+    Returns:
+        (T, F) feet on the floor.
+    """
     chosen, kept = rule or StepRule(), planted.copy()
     low = _over_floor(corners, chosen.drift * fps)
     for foot in range(planted.shape[1]):

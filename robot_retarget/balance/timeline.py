@@ -63,7 +63,16 @@ class Timeline:
 
 
 def least_durations(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
-    """Return frame durations (T − 1,) that give every swing of a foot, planted (T, F), its least duration."""
+    """Return the durations of frames that give every swing of a foot its least duration.
+
+    Args:
+        planted: (T, F) feet on the floor.
+        fps: frames per second of the clip [1/s].
+        pacing: the least duration of a swing, and the largest slowdown.
+
+    Returns:
+        (T − 1,) durations over 1/fps [-].
+    """
     factor = np.ones(len(planted) - 1)
     for foot in planted.T:
         for start, stop in intervals(~foot):
@@ -73,7 +82,14 @@ def least_durations(planted: np.ndarray, fps: float, pacing: Pacing) -> Floats:
 
 
 def stretched(stretch: Floats, timeline: Timeline, needs: Floats, pacing: Pacing) -> Floats:
-    """Return frame durations (T − 1,) times the factors of the playback frames (K,), blended over time and capped."""
+    """Return durations of frames multiplied by needed factors, blended over time and capped.
+
+    Args:
+        stretch: (T − 1,) durations of the clip's frames over their own [-].
+        timeline: K frames of the playback.
+        needs: (K,) factors by which the frames must last longer [-].
+        pacing: the blend and the largest slowdown.
+    """
     left = np.minimum(timeline.at.astype(int), len(stretch) - 1)
     inside = timeline.share >= 1
     factor = np.ones(len(stretch))
@@ -90,7 +106,16 @@ def _capped(stretch: Floats, pacing: Pacing) -> Floats:
 
 
 def shift_needs(late: np.ndarray, timeline: Timeline, pacing: Pacing) -> Floats:
-    """Return (K,) factors near the frames with a `late` centre of mass."""
+    """Return the factors of frames with all feet on the floor near a late shift of weight.
+
+    Args:
+        late: (K,) whether the centre of mass is outside its polygon.
+        timeline: K frames of the playback.
+        pacing: the factor, and the time around a late frame.
+
+    Returns:
+        (K,) factors, 1 elsewhere [-].
+    """
     around = maximum_filter1d(late.astype(np.int8), 2 * round(pacing.near * timeline.fps) + 1) > 0
     everywhere = timeline.planted.all(axis=1)
     return np.where(around & everywhere, pacing.shift, 1.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.balance.footstep_limits import REACH, reachable_footholds, step_length
+from robot_retarget.balance.footstep_limits import REACH, reachable_footholds, total_step_length
 
 LEG = 0.25
 SOLE = np.array([[0.06, 0.04, 0.0], [0.06, -0.04, 0.0], [-0.06, 0.04, 0.0], [-0.06, -0.04, 0.0]])
@@ -43,7 +43,7 @@ def test_steps_out_of_reach_become_as_long_as_legs_reach_whichever_way_they_go(l
         assert np.ptp(placed[stop : stop + 10, foot], axis=0).max() < 1e-9
     shape = placed - placed.mean(axis=2, keepdims=True)
     assert shape == pytest.approx(corners - corners.mean(axis=2, keepdims=True), abs=1e-9)
-    assert step_length(planted, placed) / step_length(planted, corners) == pytest.approx(1 / longer)
+    assert total_step_length(planted, placed) / total_step_length(planted, corners) == pytest.approx(1 / longer)
 
 
 def test_a_foot_in_the_air_is_no_farther_from_its_place_beside_the_other_than_one_that_stands() -> None:
