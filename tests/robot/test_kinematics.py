@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-import casadi as ca
 import mujoco
 import numpy as np
 import pytest
+from point_functions import point_function
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import Points, Robot, load_robot, world_points
-from robot_retarget.robot.kinematics import Bodies, carrying, difference, integrate, mass_function
+from robot_retarget.robot.kinematics import difference, integrate, mass_function
 
 MODELS = sorted(SHARED.glob("robots/*/*.xml"))
 
@@ -18,13 +18,6 @@ def random_case(robot: Robot, seed: int, count: int = 12) -> tuple[Points, np.nd
     draw = np.random.default_rng(seed)
     points = Points(draw.integers(1, robot.model.nbody, count), draw.normal(scale=0.1, size=(count, 3)))
     return points, integrate(robot, np.array(robot.model.qpos0), draw.normal(size=robot.model.nv))
-
-
-def point_function(robot: Robot, points: Points) -> ca.Function:
-    """q ↦ positions (3P) and their Jacobian by v (3P, nv), of the expressions that kinds of edges use."""
-    bodies = Bodies(robot)
-    x = bodies.places(points)
-    return bodies.function("points", [ca.vec(x), bodies.travel(x, carrying(robot.model)[points.bodies])])
 
 
 def mujoco_jacobian(robot: Robot, points: Points, qpos: np.ndarray) -> np.ndarray:

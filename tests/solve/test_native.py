@@ -11,23 +11,24 @@ from threading import enumerate as enumerate_threads
 
 import numpy as np
 import pytest
+from point_functions import point_function
 
 from robot_retarget.describe.graph import RobotGraph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Points, Robot, load_robot
-from robot_retarget.robot.kinematics import point_function
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve import solve as solve_module
 from robot_retarget.solve.native import machine_code
 from robot_retarget.solve.problem import Problem, build_problem, targets_of
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-SMALL = """
+SMALL = f"""
 import sys
+sys.path.insert(0, {str(Path(__file__).parent.parent)!r})
 from robot_retarget.solve.native import machine_code
 from robot_retarget.robot import Points, load_robot
-from robot_retarget.robot.kinematics import point_function
+from point_functions import point_function
 robot = load_robot("op3")
 compiled = machine_code(point_function(robot, Points([robot.model.nbody - 1], [[0, 0, 0.1]])))
 print(compiled(robot.standing())[0] if compiled else None)
