@@ -34,7 +34,7 @@ class Weights:
     huber_delta: float = 0.028
     """Errors of distances well above this count linearly, those below it by their square [-]."""
     touch: float = 2000.0
-    """A hand and the part it touches, or two feet, in addition to their distance."""
+    """A hand and the part it touches, in addition to their distance."""
     bones: dict[str, float] = field(
         default_factory=lambda: {
             "knee": LEG,

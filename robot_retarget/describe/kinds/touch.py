@@ -1,4 +1,4 @@
-"""Touch: a hand and the part it touches, or two feet, are as near on the robot, over the path between them."""
+"""Touch: a hand and the part it touches are as near on the robot, over the path between them."""
 
 from dataclasses import dataclass
 
@@ -47,8 +47,6 @@ class TouchKind:
     other: float = 0.1
     """A hand touches a head, the other hand or a knee, or another part within this distance, over the path between them
     [-]."""
-    feet: float = 0.045
-    """The same for two feet: nearer than feet pass each other in a walk [-]."""
     faint: float = 0.02
     """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
     lead: float = RAMP
@@ -90,8 +88,6 @@ class TouchKind:
             a: a keypoint.
             b: the other keypoint.
         """
-        if {a[2:], b[2:]} <= {"ankle", "toe"} and a[0] != b[0]:
-            return self.feet
         for hand, part in ((a, b), (b, a)):
             own_arm = part[:2] == hand[:2] and part[2:] in ARM
             if hand.endswith("_hand") and not own_arm:
