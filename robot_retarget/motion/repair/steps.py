@@ -18,16 +18,16 @@ class JumpRule:
     """Of the body as a whole, at any frame rate ..."""
     body_acceleration: float = 60.0
     """... and this on top over the squared frame rate [1/s²]: 5 g."""
+    limb: float = 0.2
+    """Of a keypoint relative to the body, at any frame rate ..."""
+    limb_acceleration: float = 200.0
+    """... and [1/s²]: 17 g, more than the fist of a boxer."""
     lowest_rate: float = 10.0
     """Least frame rate at which jumps are searched [1/s]."""
 
     def body_threshold(self, fps: float) -> float:
         """Return the largest step of the body as a whole [leg lengths]."""
         return self.body + self.body_acceleration / fps**2
-
-    def limb_threshold(self, fps: float) -> float:
-        """Return the largest step of a keypoint relative to the body [leg lengths]: 15 g, as much as the fist of a boxer."""
-        return 3 * self.body_threshold(fps)
 
 
 def excess(steps: Floats, rule: JumpRule) -> Floats:
@@ -56,7 +56,7 @@ def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Fl
         fps: frames per second [1/s].
         rule: thresholds.
     """
-    return _beyond(points - middle[:, None], rule.limb_threshold(fps), rule)
+    return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
 
 
 def _beyond(places: Floats, most: float, rule: JumpRule) -> Floats:
