@@ -144,10 +144,10 @@ def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[Fr
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Frames whose cost still falls after the last pass take more steps (`Smoothing.extra`). The function
-    returns the frames, not the path, because the frames satisfy all limits. Joint speeds hold between the frames: the
-    start is slowed down to them, and no step exceeds them relative to a neighbour. The first `fixed` frames stay
-    unchanged.
+    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Frames whose cost still falls
+    after the last pass take more steps (`Smoothing.extra`). The function returns the frames, not the path, because the
+    frames satisfy all limits. Joint speeds hold between the frames: the start is slowed down to them, and no step
+    exceeds them relative to a neighbour. The first `fixed` frames stay unchanged.
     """
     solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
     path = _at_speeds(clip, start)
@@ -282,10 +282,8 @@ def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: list[Pro
 def _shallower(
     clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
 ) -> FrameSolution:
-    """A frame solved again with its passages; without the smooth path's pull, from the frame before, if that is not enough."""
+    """Return a frame solved again with links apart on the ways to its neighbours, if links overlap less afterwards."""
     solver, box = clip.solver, clip.solver.reachable(_neighbours(poses, t), 1 / clip.fps)
     ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)
     again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, box=box, between=ways)
-    if solver.overlapping(again.qpos):
-        again = solver.solve_frame(poses[max(t - 1, 0)].qpos, targets, box=box, between=ways)
     return again if solver.depth(again.qpos) <= solver.depth(poses[t].qpos) else poses[t]
