@@ -42,7 +42,7 @@ class Places:
     play_qpos: Ints
     """... and their indices in the model's configuration."""
 
-    def lifted(self, qpos: Floats) -> Floats:
+    def model_qpos(self, qpos: Floats) -> Floats:
         """Return configurations (…, nq) of the robot as those of the model, with the play in the middle."""
         found = np.zeros((*np.shape(qpos)[:-1], len(self.qpos) + len(self.play)))
         found[..., self.qpos] = qpos

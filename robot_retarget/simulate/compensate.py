@@ -103,7 +103,7 @@ def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Float
     if mode == "pinned":
         held = np.setdiff1d(np.arange(qvel.shape[1]), dofs)
         qvel[:, held] = qacc[:, held] = 0
-    torque, states = np.empty((len(qpos), len(dofs))), places.lifted(qpos)
+    torque, states = np.empty((len(qpos), len(dofs))), places.model_qpos(qpos)
     for k in range(len(qpos)):
         data.qpos[:], data.qvel[places.dofs], data.qacc[places.dofs] = states[k], qvel[k], qacc[k]
         mujoco.mj_inverse(model, data)

@@ -264,7 +264,7 @@ def limb_inertia(robot: Robot, model: mujoco.MjModel | None = None) -> Floats:
     """(n,) what each hinge swings in the standing pose, the rest of the robot held still [kg m²]; `model` as in a plant."""
     chosen = robot.model if model is None else model
     data, places = mujoco.MjData(chosen), places_of(chosen, robot)
-    data.qpos[:] = places.lifted(robot.standing())
+    data.qpos[:] = places.model_qpos(robot.standing())
     mujoco.mj_forward(chosen, data)
     columns = np.zeros((chosen.nv, chosen.nv))
     for column, unit in zip(columns, np.eye(chosen.nv), strict=True):

@@ -137,7 +137,7 @@ def _begun(plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, feet:
     """A world before the first goal."""
     world, how = drawn(plant, draw, Playback())  # its model is its own
     data = mujoco.MjData(world.model)
-    data.qpos[:] = world.places.lifted(trajectory.qpos[0])
+    data.qpos[:] = world.places.model_qpos(trajectory.qpos[0])
     set_on_floor(world.model, data)
     mujoco.mj_forward(world.model, data)
     data.ctrl[:] = world.controls(goals.angles[:1])[0]

@@ -74,7 +74,7 @@ def roll_out(
     nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
     dt, times = nsub * model.opt.timestep, goals.times
     data = mujoco.MjData(model)
-    data.qpos[:] = plant.places.lifted(trajectory.qpos[0])
+    data.qpos[:] = plant.places.model_qpos(trajectory.qpos[0])
     if mode == "free":
         set_on_floor(model, data)
     carried = None
