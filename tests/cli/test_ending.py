@@ -24,9 +24,16 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "robot_retarget", *map(str, words)]
 
 
+def heeding_ctrl_c() -> None:
+    """Take SIGINT also where the tests run in the background of a shell, which ignores it and hands this down."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def interrupted(words: list[str], once: Path) -> subprocess.CompletedProcess[str]:
     """A command that gets SIGINT as soon as a file or folder is there."""
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, preexec_fn=heeding_ctrl_c
+    )
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and not once.exists() and process.poll() is None:
         time.sleep(0.01)
