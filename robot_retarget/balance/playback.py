@@ -24,6 +24,11 @@ from robot_retarget.trajectory import Trajectory
 
 QUICK = 0.04
 """Servos do not follow faster changes [s]: the zero moment point is computed from a motion smoothed over this time."""
+ASIDE = 0.1
+"""A joint of arms or head with a larger correction may be in another basin [rad]."""
+WORTH = 2.0
+"""Arms and head start from the correction of the frame before only if that is cheaper than their target by this
+factor."""
 IN_TURN = 3
 """Planting frame by frame takes about as long as this number of passes over all frames; the progress counts it as
 such."""
@@ -168,15 +173,24 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
 
 
 def _in_turn(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
-    """Return (K, nq) starts of the passes: root and legs start from the correction of the frame before.
+    """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
 
-    Arms and head start from their target: arms in another basin would not leave it again.
+    Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it
+    again. Arms that avoid a leaning trunk would meet it again at every frame.
     """
     robot, found, correction = ik.robot, [], np.zeros(ik.robot.model.nv)
     carried = ~np.isin(np.arange(robot.model.nv), robot.dof_index) | ik.leg_dofs
     for k, targets in enumerate(plan.targets):
-        start = integrate(robot, targets, np.where(carried, correction, 0.0))
-        pose = ik.solver.solve_frame(start, clip.all_targets.at(k), iterations=8, tolerance=1e-4)
+        starts = [np.where(carried, correction, 0.0)]
+        if np.abs(correction - starts[0]).max() > ASIDE:
+            starts.append(correction)
+        poses = [
+            ik.solver.solve_frame(
+                integrate(robot, targets, start), clip.all_targets.at(k), iterations=8, tolerance=1e-4
+            )
+            for start in starts
+        ]
+        pose = min(poses, key=lambda pose: pose.cost * (1 if pose is poses[0] else WORTH))
         correction = difference(robot, targets, pose.qpos)
         found.append(pose.qpos)
         count.advance(IN_TURN)
