@@ -13,7 +13,7 @@ GAP = 0.6
 
 
 def spread(corners: Floats, own: Floats) -> Floats:
-    """Return (T, 2, 4, 3) both feet, moved apart where they are nearer than in the stand `own`.
+    """Return (T, 2, 4, 3) both feet, moved apart if they are nearer than in the stand `own`.
 
     A human moves narrow feet past each other closely; large soles cannot pass.
     """

@@ -52,8 +52,8 @@ def planted_feet(
     chosen = rule or StepRule()
     low, speed = _over_floor(corners, chosen.drift * fps), _speed(corners, fps)
     _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
-    told = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
-    planted = np.stack(told, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
+    labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
+    planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
     planted = median_filter(planted, (2 * round(chosen.shortest * fps / 2) + 1, 1), mode="nearest")
     nobody = np.flatnonzero(~planted.any(axis=1))
     planted[nobody, speed[nobody].argmin(axis=1)] = True

@@ -14,7 +14,7 @@ APART = 8
 def foothold_places(planted: np.ndarray, corners: Floats, lift: float, gap: float) -> Floats:
     """Return (T, F, 4, 3) corners: flat and still in stance, on a low arc from foothold to foothold between.
 
-    In the middle of a swing a foot follows the draft `corners` where they are higher than the arc, but level: a heel
+    In the middle of a swing, a foot follows the draft `corners` if they are higher than the arc, but stays level: a heel
     raised far behind and set down in front needs all the speed of a small leg. Near both ends it rises from its
     foothold and comes down on the next.
 

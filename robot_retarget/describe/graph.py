@@ -183,8 +183,8 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
     resampled = motion.resample(fps)
     if fps <= motion.fps:
         return resampled
-    told = f"At {fps:g} frames a second, those between the motion's own {motion.fps:g} are interpolated."
-    return replace(resampled, notes=(*resampled.notes, told))
+    note = f"At {fps:g} frames a second, those between the motion's own {motion.fps:g} are interpolated."
+    return replace(resampled, notes=(*resampled.notes, note))
 
 
 def graph_of(

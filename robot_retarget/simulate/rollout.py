@@ -87,24 +87,24 @@ def simulate(
     """
     played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
     require_same_robot(played, robot)
-    plant, count = (
-        plant_of(robot, mode, drives, backlash),
-        Count(progress, SIMULATED + (draws if mode == "free" else 0)),
-    )
+    plant = plant_of(robot, mode, drives, backlash)
+    count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
     goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
     if _closes(plant, mode, feedback):
         goals = with_feedback(plant, played, goals)
     count.advance(COMPENSATION)
-    told = replace(played, goals=goals)
-    trials = run_trials(judges(plant) if others else {NOMINAL: plant}, told, how, playback, goals)
+    judged = replace(played, goals=goals)
+    trials = run_trials(judges(plant) if others else {NOMINAL: plant}, judged, how, playback, goals)
     chosen = worst_trial(trials)
     count.advance()
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.advance()
-    fallen = _fallen(plant, told, playback, draws, count) if how == "free" and not chosen.fell else ()
-    outcome = SimulatedTrajectory(told, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen)
-    return build_report(outcome, fingerprint(told), thresholds or Thresholds(), trial_figures(trials, chosen))
+    fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
+    outcome = SimulatedTrajectory(
+        judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen
+    )
+    return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), trial_figures(trials, chosen))
 
 
 def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:

@@ -17,15 +17,15 @@ LATE = 0.25
 def warning_score(warnings: Warnings, contacts: Contacts, times: np.ndarray, robot: Robot) -> dict[str, Any]:
     """Count contacts (self-contacts `contacts` at `times` of their frames) and warnings against each other."""
     happened = touches(contacts, times, robot)
-    told = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in warnings.events]
+    warned = [(frozenset(e.pair), e.first_warning / warnings.fps, e.last / warnings.fps) for e in warnings.events]
     leads, fulfilled = [], set()
     for pair, start in happened:
-        before = [k for k, (p, since, last) in enumerate(told) if p == pair and since <= start <= last + LATE]
+        before = [k for k, (p, since, last) in enumerate(warned) if p == pair and since <= start <= last + LATE]
         fulfilled |= set(before)
         if before:
-            leads.append(start - told[before[0]][1])
+            leads.append(start - warned[before[0]][1])
     return {
-        "warnings": len(told),
+        "warnings": len(warned),
         "warnings_fulfilled": len(fulfilled),
         "tracked_contacts": len(happened),
         "tracked_contacts_foreseen": len(leads),
