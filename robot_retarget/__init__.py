@@ -17,19 +17,19 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robot_retarget.describe.graph import RobotGraph as RobotGraph
-    from robot_retarget.describe.graph import describe as describe
-    from robot_retarget.dgp import interaction_distance as interaction_distance
-    from robot_retarget.dgp.graph import Graph as Graph
     from robot_retarget.errors import RobotRetargetError as RobotRetargetError
     from robot_retarget.formats import export as export
     from robot_retarget.formats import load_trajectory as load_trajectory
+    from robot_retarget.graph.describe import RobotGraph as RobotGraph
+    from robot_retarget.graph.describe import describe as describe
+    from robot_retarget.graph.graph import Graph as Graph
     from robot_retarget.human.match import Match as Match
     from robot_retarget.human.match import match as match
     from robot_retarget.motion import Motion as Motion
     from robot_retarget.motion import Skeleton as Skeleton
     from robot_retarget.motion import read_motion as read_motion
     from robot_retarget.motion import write_bvh as write_bvh
+    from robot_retarget.papers import interaction_distance as interaction_distance
     from robot_retarget.pipeline import Result as Result
     from robot_retarget.pipeline import retarget as retarget
     from robot_retarget.pipeline import solve as solve
@@ -48,10 +48,10 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _HOME = {
-    "describe": "describe.graph",
-    "Graph": "dgp.graph",
-    "RobotGraph": "describe.graph",
-    "interaction_distance": "dgp",
+    "describe": "graph.describe",
+    "Graph": "graph.graph",
+    "RobotGraph": "graph.describe",
+    "interaction_distance": "graph.interaction",
     "RobotRetargetError": "errors",
     "export": "formats",
     "Motion": "motion",
@@ -76,7 +76,7 @@ _HOME = {
     "load_trajectory": "formats",
     "view": "view.web.page",
 }
-_FOLDERS = ("describe", "score", "simulate", "solve", "view")
+_FOLDERS = ("score", "simulate", "solve", "view")
 """Folders that have the name of a public function."""
 
 

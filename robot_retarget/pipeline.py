@@ -11,11 +11,11 @@ from robot_retarget.balance.balance import balance_of, in_balance
 from robot_retarget.balance.balanced_ik import BalanceOptions
 from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
-from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.describe.likeness import Likeness, likeness_of
-from robot_retarget.describe.weights import Weights
-from robot_retarget.dgp.status import Status
 from robot_retarget.errors import MatchError
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.likeness import Likeness, likeness_of
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.notebook import card

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.dgp.track import HARD, Track
 from robot_retarget.errors import MatchError
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.track import HARD, Track
 from robot_retarget.motion import Motion, leg_length, stature
 from robot_retarget.motion import recognise as recognise_human
 from robot_retarget.robot import Robot
@@ -135,7 +135,6 @@ def describe_solution(solution: Solution, notes: tuple[str, ...] = ()) -> dict[s
         "solved_per_second": round(frames / seconds, 1) if seconds else None,
         "timings_s": {k: round(v, 3) for k, v in solution.timings.items()},
         "machine_code": solution.native,
-        "sigma": {k.value: round(float(v.mean()), 6) for k, v in solution.sigma.items()},
         **describe_stress(solution),
         "unmet": [edge.sentence for edge in solution.unmet],
         "notes": [*notes, *_unmet_notes(solution), *_jumps_told(solution)],

@@ -12,7 +12,7 @@ from pathlib import Path
 from retarget_figures import Figures, figures, mean
 
 import robot_retarget as rr
-from robot_retarget.describe.weights import Weights
+from robot_retarget.graph.weights import Weights
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.solve import solve_graph

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robot_retarget.dgp import (
+from robot_retarget.papers import (
     Ipopt,
     Newton,
     Spectral,

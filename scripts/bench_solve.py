@@ -21,7 +21,7 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import MOST_FPS, RobotGraph, describe
+from robot_retarget.graph.describe import MOST_FPS, RobotGraph, describe
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES

@@ -18,8 +18,8 @@ from retarget_figures import figures
 
 import robot_retarget as rr
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.targets import CausalTargets
-from robot_retarget.describe.graph import at_rate
+from robot_retarget.graph.causal.targets import CausalTargets
+from robot_retarget.graph.describe import at_rate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot

@@ -11,8 +11,8 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
 import robot_retarget as rr
-from robot_retarget.describe.graph import MOST_FPS
 from robot_retarget.errors import BalanceError, MatchError
+from robot_retarget.graph.describe import MOST_FPS
 from robot_retarget.human.activity import activity_of
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.stepping import Playback

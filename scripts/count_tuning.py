@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TypeGuard
 
 PACKAGE = Path(__file__).resolve().parents[1] / "robot_retarget"
-CORE = ("motion", "human", "robot", "describe", "dgp", "solve", "collision", "balance")
+CORE = ("motion", "human", "robot", "graph", "solve", "collision", "balance")
 READERS = "formats"
 """Folders that hold the numbers of file formats, which are facts; their lines do not count either."""
 FIGURES = {"scenes.py", "body.py", "instances.py"}

@@ -10,9 +10,9 @@ import numpy as np
 from moves import Floats, unit
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.dgp.papers.body import table_one_body
 from robot_retarget.motion import Motion, Skeleton
 from robot_retarget.motion.kinematics import backward, forward
+from robot_retarget.papers.body import table_one_body
 
 SIDES = {"Right": -1.0, "Left": 1.0}
 UP, FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])

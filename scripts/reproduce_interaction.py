@@ -7,7 +7,7 @@ import numpy as np
 import paper_plots as draw
 
 import robot_retarget as rr
-from robot_retarget.dgp import (
+from robot_retarget.papers import (
     INTERACTION,
     Interaction,
     Newton,
@@ -23,7 +23,7 @@ from robot_retarget.dgp import (
     solve_causally,
     stress,
 )
-from robot_retarget.dgp.papers.scenes import meeting, reaching
+from robot_retarget.papers.scenes import meeting, reaching
 from robot_retarget.shipped import SAMPLES
 
 Row = tuple[str, str, str]

@@ -14,7 +14,7 @@ import numpy as np
 import paper_plots as draw
 from reproduce_interaction import Row, anticipation, clap, online, two_constraints
 
-from robot_retarget.dgp import (
+from robot_retarget.papers import (
     Branching,
     Ipopt,
     Newton,
@@ -41,9 +41,9 @@ from robot_retarget.dgp import (
     table_one_body,
     transfer_directions,
 )
-from robot_retarget.dgp.papers.formation import links
-from robot_retarget.dgp.papers.instances import sensor_network, stiff_mesh
-from robot_retarget.dgp.papers.scenes import (
+from robot_retarget.papers.formation import links
+from robot_retarget.papers.instances import sensor_network, stiff_mesh
+from robot_retarget.papers.scenes import (
     Scene,
     clock,
     crossing,

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.adapt import normalised_distances
 from robot_retarget.human.match import Match
+from robot_retarget.human.normalisation import normalised_distances
 from robot_retarget.robot import Robot, world_points
 
 SEGMENTS = (("shoulder", "elbow"), ("elbow", "hand"), ("hip", "knee"), ("knee", "ankle"))

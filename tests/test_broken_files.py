@@ -10,8 +10,8 @@ import pytest
 from made_trajectories import wander
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.describe.edits import read_edits
 from robot_retarget.errors import MatchError, MotionError, RobotError, RobotRetargetError, ServoError, TrajectoryError
+from robot_retarget.graph.edits import read_edits
 from robot_retarget.human.match import match
 from robot_retarget.live.calibration import load_calibration, save_calibration
 from robot_retarget.motion import read_motion

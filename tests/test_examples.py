@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shared_files import ROOT
 
-from robot_retarget.dgp import distances, formation_rigidity, stress
+from robot_retarget.papers import distances, formation_rigidity, stress
 
 EXAMPLES = ROOT / "examples"
 

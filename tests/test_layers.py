@@ -28,7 +28,7 @@ BASE = {
     "unpickle",
 }
 """Modules that know nothing of motions and robots; every layer may import them."""
-CORE = {"trajectory", "motion", "dgp", "robot", "human", "describe", "solve", "balance"}
+CORE = {"trajectory", "motion", "robot", "human", "graph", "solve", "balance"}
 LAYERS = {
     **{module: set[str]() for module in sorted(BASE)},
     "actuators": set(),
@@ -36,30 +36,30 @@ LAYERS = {
     "goals": {"feedback"},
     "trajectory": {"goals"},
     "motion": set(),
-    "dgp": set(),
     "robot": {"actuators", "trajectory"},
-    "human": {"motion", "dgp", "robot"},
-    "describe": {"motion", "dgp", "robot", "human"},
-    "solve": {"trajectory", "motion", "dgp", "robot", "human", "describe"},
+    "human": {"motion", "robot"},
+    "graph": {"motion", "robot", "human"},
+    "solve": {"trajectory", "motion", "robot", "human", "graph"},
     "balance": CORE - {"balance"},
-    "edit": {"trajectory", "motion", "robot", "describe", "solve"},
+    "papers": {"human", "graph"},
+    "edit": {"trajectory", "motion", "robot", "graph", "solve"},
     "collision": {"trajectory", "robot"},
     "servo": {"actuators", "feedback", "goals", "trajectory"},
-    "summary": {"motion", "dgp", "robot", "describe", "solve"},
+    "summary": {"motion", "robot", "graph", "solve"},
     "pipeline": CORE | {"collision"},
-    "simulate": CORE - {"motion", "dgp", "human"} | {"actuators", "feedback", "goals", "collision"},
-    "score": {"trajectory", "motion", "robot", "human", "describe", "simulate"},
+    "simulate": CORE - {"motion", "human"} | {"actuators", "feedback", "goals", "collision"},
+    "score": {"trajectory", "motion", "robot", "human", "graph", "simulate"},
     "formats": {"actuators", "trajectory", "motion", "robot"},
     "view": {"trajectory", "motion", "robot", "human", "solve", "pipeline", "collision", "simulate"},
     "doctor": {"robot", "view"},
-    "batch": {"trajectory", "motion", "robot", "describe", "solve", "pipeline", "score", "formats", "edit", "view"},
+    "batch": {"trajectory", "motion", "robot", "graph", "solve", "pipeline", "score", "formats", "edit", "view"},
     "live": {"actuators", "goals", "motion", "robot", "servo", "collision", "simulate", "view"},
 }
 """Every folder and module below the commands, lower ones first, with its permitted imports in addition to `BASE`."""
 TOP = {"__init__", "__main__", "cli"}
 """The public names and the commands, which may import everything."""
 LIBRARIES = {
-    "casadi": ("robot/kinematics.py", "describe/", "solve/", "balance/", "dgp/"),
+    "casadi": ("robot/kinematics.py", "graph/", "solve/", "balance/", "papers/"),
     "mujoco": (
         "robot/",
         "simulate/",

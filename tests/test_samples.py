@@ -11,10 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
-from robot_retarget.dgp.papers.body import table_one_body
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.motion import Motion, read_motion, recognise
 from robot_retarget.motion.kinematics import backward
+from robot_retarget.papers.body import table_one_body
 from robot_retarget.shipped import SAMPLES
 
 CLIPS = ("wave", "clap", "hips_and_bow", "squat", "walk")

@@ -19,9 +19,9 @@ from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
 from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.zmp import Steadiness
-from robot_retarget.describe.graph import RobotGraph, graph_from
-from robot_retarget.describe.likeness import likeness_of
 from robot_retarget.errors import BalanceError, UsageError, known
+from robot_retarget.graph.describe import RobotGraph, graph_from
+from robot_retarget.graph.likeness import likeness_of
 from robot_retarget.human.activity import activity_of, require_own_feet
 from robot_retarget.motion.resample import at_frames
 from robot_retarget.progress import Count, Progress

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import Nearby, PlaybackKind, PlaybackTargets, StandKind
-from robot_retarget.describe.kinds.mass import MassKind
-from robot_retarget.describe.soles import CORNERS, sole_corners
-from robot_retarget.dgp.role import Role
-from robot_retarget.dgp.track import HARD, Track
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.kind import Nearby, PlaybackKind, PlaybackTargets, StandKind
+from robot_retarget.graph.kinds.mass import MassKind
+from robot_retarget.graph.role import Role
+from robot_retarget.graph.soles import CORNERS, sole_corners
+from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function

@@ -6,7 +6,7 @@ Soles are their corners (T, F, 4, 3) in the order of `soles.CORNER_NAMES`, the l
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.describe.soles import lengths
+from robot_retarget.graph.soles import lengths
 
 GAP = 0.6
 """Least gap between two soles, as a share of the gap in the robot's own stand."""

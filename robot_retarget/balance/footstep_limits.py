@@ -8,7 +8,7 @@ footholds move by the same amount, so steps within reach stay unchanged.
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.soles import lengths
+from robot_retarget.graph.soles import lengths
 from robot_retarget.motion.stance import intervals
 
 REACH = 0.35

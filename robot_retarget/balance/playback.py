@@ -9,9 +9,9 @@ from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.playback_plan import PlaybackClip, PlaybackPlan, plan_playback
 from robot_retarget.balance.timeline import Pacing, Timeline, least_durations, motion_needs, shift_needs, stretched
 from robot_retarget.balance.zmp import Steadiness, ZmpPlan
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.dgp.track import Track
 from robot_retarget.errors import BalanceError
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.track import Track
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import joint_torques, tread

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.balance.balanced_ik import BalancedIk
 from robot_retarget.balance.zmp import support
-from robot_retarget.describe.soles import flattened, lengths
+from robot_retarget.graph.soles import flattened, lengths
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.segments import heading

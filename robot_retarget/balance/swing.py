@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.foot_spacing import gaps, left
-from robot_retarget.describe.soles import flattened, smoothstep
+from robot_retarget.graph.soles import flattened, smoothstep
 from robot_retarget.motion.stance import intervals
 
 APART = 8

@@ -116,7 +116,7 @@ def _made(task: Task) -> dict[str, Any]:
 
 def _retargeted(motion: "Motion", robot: "Robot", settings: Settings) -> "tuple[Trajectory, tuple[str, ...]]":
     """The trajectory and its notes; long clips are solved piece by piece, in bounded memory."""
-    from robot_retarget.describe.weights import Weights
+    from robot_retarget.graph.weights import Weights
     from robot_retarget.pipeline import retarget
     from robot_retarget.solve.long import solve_long
 

@@ -30,11 +30,11 @@ def mend(
     quiet: Quiet = False,
 ) -> None:
     """Solve the frames around each edit again, as `view` does. Exit code 1 if a hard edge of the file is not met."""
-    from robot_retarget.describe.edits import read_edits
     from robot_retarget.edit.session import graph_of
     from robot_retarget.edit.touchup import apply_edits
     from robot_retarget.files import require_writable
     from robot_retarget.formats import load_trajectory
+    from robot_retarget.graph.edits import read_edits
 
     require_writable(output)
     model, edits = load(robot, limits), read_edits(edges)

@@ -12,7 +12,7 @@ from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
-    from robot_retarget.describe.graph import RobotGraph
+    from robot_retarget.graph.describe import RobotGraph
     from robot_retarget.motion import Motion
     from robot_retarget.pipeline import Result
     from robot_retarget.progress import Progress
@@ -289,8 +289,8 @@ def described(
     preset: str = "balanced",
 ) -> "RobotGraph":
     """The graph of a motion on a robot, with the edits of a file."""
-    from robot_retarget.describe.edits import edited, read_edits
-    from robot_retarget.describe.graph import describe
+    from robot_retarget.graph.describe import describe
+    from robot_retarget.graph.edits import edited, read_edits
 
     edits = read_edits(edges) if edges else []
     return edited(describe(motion, robot, fps=fps, overrides=map_file, preset=preset), edits)
@@ -298,7 +298,7 @@ def described(
 
 def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
     """A sentence for each hard edge of the user that is not met: the command then exits with 1."""
-    from robot_retarget.describe.kinds.own import OwnKind
+    from robot_retarget.graph.kinds.own import OwnKind
 
     return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == OwnKind.name))
 

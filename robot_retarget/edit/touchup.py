@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.added import SOFT, end_name
-from robot_retarget.describe.edits import Edit, edited, end_of
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.own import OwnKind
-from robot_retarget.describe.soles import smoothstep
+from robot_retarget.graph.added import SOFT, end_name
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.edits import Edit, edited, end_of
+from robot_retarget.graph.kinds.own import OwnKind
+from robot_retarget.graph.soles import smoothstep
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks

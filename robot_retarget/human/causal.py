@@ -3,11 +3,11 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.adapt import path_weights
 from robot_retarget.human.calibration import Calibration
 from robot_retarget.human.contacts import CausalContacts
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.ground import DRIFT, WINDOW
+from robot_retarget.human.normalisation import path_weights
 from robot_retarget.human.segments import facing
 
 LEAP = 12.0

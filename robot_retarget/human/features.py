@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.adapt import normalised_distances
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import Match
+from robot_retarget.human.normalisation import normalised_distances
 from robot_retarget.human.segments import facing, human_frames
 from robot_retarget.motion import Motion
 from robot_retarget.motion.stance import StanceRule

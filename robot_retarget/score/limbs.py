@@ -8,7 +8,7 @@ retargeting, as in GMR's and this project's comparisons.
 
 import numpy as np
 
-from robot_retarget.describe.likeness import bone_angles
+from robot_retarget.graph.likeness import bone_angles
 from robot_retarget.score.figure import Figure, Measure, Value
 from robot_retarget.score.subject import Subject
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.describe.soles import sole_corners
 from robot_retarget.errors import MatchError
+from robot_retarget.graph.soles import sole_corners
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise

@@ -11,8 +11,8 @@ import numpy as np
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
-from robot_retarget.describe.likeness import Likeness
 from robot_retarget.files import replacing
+from robot_retarget.graph.likeness import Likeness
 from robot_retarget.notebook import card, frame
 from robot_retarget.report_file import FORMAT_VERSION, sealed
 from robot_retarget.simulate.contacts import Contacts

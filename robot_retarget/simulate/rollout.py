@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import cast, get_args
 
 from robot_retarget.collision.warn import Warnings
-from robot_retarget.describe.likeness import Likeness
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
+from robot_retarget.graph.likeness import Likeness
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot

@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.status import Status
 from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.anatomy import limb_hinges
 from robot_retarget.robot.kinematics import difference

@@ -3,8 +3,8 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import Past
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.kind import Past
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate

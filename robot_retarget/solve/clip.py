@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import Past, TwoPassKind
-from robot_retarget.dgp.role import SECOND_DIFFERENCE
-from robot_retarget.dgp.status import Status
-from robot_retarget.dgp.track import Track, concatenated
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.kind import Past, TwoPassKind
+from robot_retarget.graph.role import SECOND_DIFFERENCE
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import Track, concatenated
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import coarse_path

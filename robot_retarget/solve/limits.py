@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.role import FRAME, Role
-from robot_retarget.dgp.track import Track
+from robot_retarget.graph.role import FRAME, Role
+from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 
 UNBOUNDED = 1e6

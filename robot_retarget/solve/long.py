@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph, at_rate, graph_of
-from robot_retarget.describe.weights import Weights
 from robot_retarget.errors import MatchError
+from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import match
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot

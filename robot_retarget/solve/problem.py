@@ -2,7 +2,7 @@
 
     minimise  Σ π ϱ((d(q ⊕ v) − y)/scale)    subject to    z_sole(q ⊕ v) ≥ 0
 
-over the edges of all kinds (`dgp.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
+over the edges of all kinds (`graph.track`), with y the point of [lower, upper] nearest to d. J is the Jacobian of
 the measures, r = d − y the residuals and w = π/scale² · ϱ'(e)/2e the weights (iteratively reweighted least squares,
 whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + vᵀ (Jᵀ W J) v.
 """
@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds import KINDS
-from robot_retarget.describe.kinds.kind import Grounded, Symbolic, frame_costs
-from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.dgp.role import Role
-from robot_retarget.dgp.track import HARD, Track
+from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.kinds.kind import Grounded, Symbolic, frame_costs
+from robot_retarget.graph.role import Role
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function

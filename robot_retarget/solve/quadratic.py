@@ -6,9 +6,9 @@ from typing import cast
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.kinds.kind import ContactRows, Evaluator, Nearby, Numeric, Past, Projecting, Proximity
-from robot_retarget.dgp.role import FRAME, STEP, Role
-from robot_retarget.dgp.track import Track
+from robot_retarget.graph.kinds.kind import ContactRows, Evaluator, Nearby, Numeric, Past, Projecting, Proximity
+from robot_retarget.graph.role import FRAME, STEP, Role
+from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.options import SolveOptions

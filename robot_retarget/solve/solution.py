@@ -2,22 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.expansion import between_points, places_of
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.dgp.graph import EdgeError
-from robot_retarget.dgp.objective import Objective
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.graph import EdgeError
+from robot_retarget.graph.status import Status
 from robot_retarget.trajectory import Trajectory
 
 JUMP = 15.0
 """A faster hinge is reported: 0.5 rad between frames at 30 frames a second [rad/s]; servos reach up to 10."""
-PRINTED = (Objective.RELATIVE, Objective.HALF_SQUARED, Objective.SQUARED)
-"""The papers' objectives."""
 
 
 @dataclass(frozen=True)
@@ -78,18 +73,6 @@ class Solution:
     def posture_error(self) -> Floats:
         """Return (T,) the mean of |d − δ|/τ over the posture edges."""
         return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))
-
-    @cached_property
-    def sigma(self) -> dict[Objective, Floats]:
-        """Return (T,) σ per objective of the papers (`dgp.stress`), over `graph.expanded()` without bones, which hold."""
-        vertices = (*self.graph.match.keypoints, *places_of(self.graph))
-        found = {objective: np.zeros(len(self.cost)) for objective in PRINTED}
-        for kind, measured in self.measured.items():
-            track = self.graph.kinds[kind]
-            free = between_points(track, vertices)
-            for objective, total in found.items():
-                total += track.subset(free).stress(measured[:, free], objective).sum(axis=1)
-        return found
 
     def unsolved(self) -> list[int]:
         """Return the frames that did not converge."""

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import Past
-from robot_retarget.dgp.role import SECOND_DIFFERENCE, Role
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.kind import Past
+from robot_retarget.graph.role import SECOND_DIFFERENCE, Role
+from robot_retarget.graph.status import Status
 from robot_retarget.motion import Motion
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot

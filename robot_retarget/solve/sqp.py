@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.describe.kinds.kind import Past
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.kinds.kind import Past
+from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.dgp.track import HARD
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.track import HARD
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver

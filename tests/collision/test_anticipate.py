@@ -6,10 +6,10 @@ from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import warnings_of
-from robot_retarget.describe.graph import describe
-from robot_retarget.describe.kinds.interaction import InteractionKind
-from robot_retarget.describe.kinds.kind import Past
-from robot_retarget.describe.weights import Weights
+from robot_retarget.graph.describe import describe
+from robot_retarget.graph.kinds.interaction import InteractionKind
+from robot_retarget.graph.kinds.kind import Past
+from robot_retarget.graph.weights import Weights
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.distances import LinkDistances

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shared_files import ROOT, SHARED, needs_shared
 
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES

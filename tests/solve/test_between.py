@@ -7,7 +7,7 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot

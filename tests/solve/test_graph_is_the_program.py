@@ -9,14 +9,14 @@ import pytest
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.balanced_ik import BalancedIk, BalanceOptions
-from robot_retarget.describe.edits import Edit
-from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.describe.kinds import KINDS, STREAM_KINDS
-from robot_retarget.describe.kinds.kind import FRAME, ContactRows, MeasureRows, Past, RetargetContext, Role
-from robot_retarget.describe.symbolic_robot import SymbolicRobot
-from robot_retarget.dgp.role import SECOND_DIFFERENCE
-from robot_retarget.dgp.track import Track, exact
 from robot_retarget.edit.touchup import apply_edit
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.edits import Edit
+from robot_retarget.graph.kinds import KINDS, STREAM_KINDS
+from robot_retarget.graph.kinds.kind import FRAME, ContactRows, MeasureRows, Past, RetargetContext, Role
+from robot_retarget.graph.role import SECOND_DIFFERENCE
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import Track, exact
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points

@@ -12,10 +12,10 @@ import pytest
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.describe.weights import Weights
-from robot_retarget.dgp.status import Status
 from robot_retarget.errors import GraphError, UsageError
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.solution import Solution

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import unit
-from robot_retarget.describe import graph as graph_module
 from robot_retarget.errors import MatchError
+from robot_retarget.graph import describe as graph_module
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.pipeline import retarget, solve
 from robot_retarget.robot import Robot, load_robot

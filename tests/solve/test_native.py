@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from point_functions import point_function
 
-from robot_retarget.describe.graph import RobotGraph, describe
+from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Points, Robot, load_robot

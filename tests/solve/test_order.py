@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import MODELS, SAMPLES

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.graph import RobotGraph, describe
+from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.robot.kinematics import integrate

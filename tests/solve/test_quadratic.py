@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.kinematics import integrate

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import describe
+from robot_retarget.graph.describe import describe
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_retarget.describe.graph import RobotGraph, graph_of
-from robot_retarget.describe.kinds.kind import frame_costs
-from robot_retarget.describe.weights import Weights
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.describe import RobotGraph, graph_of
+from robot_retarget.graph.kinds.kind import frame_costs
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import match_bodies
 from robot_retarget.motion import Motion, Skeleton, read_motion
 from robot_retarget.motion.recognise import Mark, Recognition

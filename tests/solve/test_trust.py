@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.describe.graph import RobotGraph, describe
-from robot_retarget.describe.kinds.posture import PostureKind
-from robot_retarget.describe.symbolic_robot import drawn_configurations
-from robot_retarget.dgp import Objective, PointGraph, stress
-from robot_retarget.dgp.status import Status
-from robot_retarget.dgp.track import Track
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.kinds.posture import PostureKind
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.symbolic_robot import drawn_configurations
+from robot_retarget.graph.track import Track
 from robot_retarget.motion import read_motion
+from robot_retarget.papers import Objective, PointGraph, stress
 from robot_retarget.robot import Points, load_robot, world_points
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.shipped import SAMPLES

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_retarget.describe.footholds import foothold_corners
-from robot_retarget.describe.soles import sole_corners
+from robot_retarget.graph.footholds import foothold_corners
+from robot_retarget.graph.soles import sole_corners
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot, world_points

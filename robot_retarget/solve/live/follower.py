@@ -7,14 +7,14 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.causal.targets import CausalTargets
-from robot_retarget.describe.graph import RobotGraph
-from robot_retarget.describe.kinds.kind import RetargetContext
-from robot_retarget.describe.kinds.temporal import SmoothnessKind
-from robot_retarget.describe.path import RootScaling, root_scaling_of
-from robot_retarget.describe.soles import CORNERS, sole_corners
-from robot_retarget.dgp.role import SECOND_DIFFERENCE
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.causal.targets import CausalTargets
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.kind import RetargetContext
+from robot_retarget.graph.kinds.temporal import SmoothnessKind
+from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.graph.role import SECOND_DIFFERENCE
+from robot_retarget.graph.soles import CORNERS, sole_corners
+from robot_retarget.graph.status import Status
 from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.dgp.role import CAUSAL_DIFFERENCE
-from robot_retarget.dgp.status import Status
+from robot_retarget.graph.role import CAUSAL_DIFFERENCE
+from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.limits import difference_weights

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.describe.graph import describe
-from robot_retarget.describe.kinds import STREAM_KINDS
-from robot_retarget.describe.weights import Weights
-from robot_retarget.dgp.status import Status
 from robot_retarget.errors import UsageError
+from robot_retarget.graph.describe import describe
+from robot_retarget.graph.kinds import STREAM_KINDS
+from robot_retarget.graph.status import Status
+from robot_retarget.graph.weights import Weights
 from robot_retarget.motion import Motion, Skeleton
 from robot_retarget.robot import Robot
 from robot_retarget.solve.live.follower import Follower, StreamPose

@@ -1,1 +1,0 @@
-"""The papers' problem on free points: instances, solvers, rigidity and discretization."""

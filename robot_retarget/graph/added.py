@@ -1,0 +1,264 @@
+"""Edges that a user adds, E⁺: their checks, and the track that holds them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robot_retarget.arrays import Floats
+from robot_retarget.errors import GraphError, known
+from robot_retarget.graph.kinds.own import End, OwnKind
+from robot_retarget.graph.track import HARD, Track, merged
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
+
+FADE = 0.2
+"""The priority of an added edge rises from 0 before its frames, and falls to 0 after them, within this time [s]."""
+SOFT = 100.0
+"""Default priority of a soft edge, over the squared leg [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class AddedEdge:
+    """One checked edge between two ends."""
+
+    ends: tuple[End, End]
+    lower: float
+    upper: float
+    """The interval of the distance [m]."""
+    frames: tuple[int, int]
+    """First and last."""
+    priority: float
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of both ends."""
+        return end_name(self.ends[0]), end_name(self.ends[1])
+
+    @property
+    def name(self) -> str:
+        """`l_hand – head`."""
+        return " – ".join(self.names)
+
+    def profile(self, frames: int, fps: float) -> Floats:
+        """(T,) the priority over time: full within the edge's frames, quadratic in time over `FADE` around them.
+
+        Args:
+            frames: number of frames |T|.
+            fps: frames per second.
+        """
+        time = np.arange(frames)
+        away = np.maximum(np.maximum(self.frames[0] - time, time - self.frames[1]), 0)
+        return self.priority * np.square(np.clip(1 - away / (FADE * fps + 1), 0.0, 1.0))
+
+
+def added_edge(
+    match: Match,
+    robot: Robot,
+    length: int,
+    ends: tuple[End, End],
+    at: float | tuple[float, float],
+    frames: tuple[int, int] | None,
+    priority: float | None,
+    hard: bool,
+) -> AddedEdge:
+    """Check an edge against the robot and a graph of `length` frames.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        length: number of frames of the graph.
+        ends: keypoints, points of bodies or places [m].
+        at: the distance, or its lower and upper bound [m].
+        frames: first and last; None takes all.
+        priority: π over the squared leg; None takes `SOFT`.
+        hard: whether the edge has the priority `HARD`.
+
+    Raises:
+        GraphError: an unknown end, an end joined to itself, an empty or unreachable interval, frames outside the clip, or
+            a priority that is not positive.
+    """
+    ends = checked_end(match, robot, ends[0]), checked_end(match, robot, ends[1])
+    name = f"{end_name(ends[0])} – {end_name(ends[1])}"
+    if end_name(ends[0]) == end_name(ends[1]):
+        raise GraphError(f"edge {name} joins an end to itself")
+    if priority is not None and not 0 < priority < np.inf:
+        raise GraphError(f"edge {name}: a priority is a number above 0, got {priority}")
+    if hard and priority is not None:
+        raise GraphError(f"edge {name}: a hard edge has no priority; give one or the other")
+    lower, upper = _interval(name, at)
+    _require_reach(match, robot, ends, lower)
+    chosen = HARD if hard else SOFT if priority is None else priority
+    return AddedEdge(ends, lower, upper, _span(name, frames, length), chosen)
+
+
+def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, leg: float) -> Track:
+    """The track of added edges with one more; an edge of the same ends, interval and hardness takes up its frames.
+
+    Args:
+        track: the added edges so far, None without any.
+        edge: the new one.
+        frames: number of frames |T|.
+        fps: frames per second.
+        leg: length of the robot's leg [m].
+
+    Raises:
+        GraphError: two hard edges of the same ends contradict each other in the same frames.
+    """
+    profile = edge.profile(frames, fps)
+    alone = Track(
+        OwnKind((edge.ends,)),
+        (edge.names,),
+        np.full((frames, 1), edge.lower),
+        np.full((frames, 1), edge.upper),
+        profile[:, None],
+        np.full(1, leg),
+    )
+    if track is None:
+        return alone
+    _refuse_contradiction(track, edge)
+    for k in np.flatnonzero(track.joins(*edge.names)):
+        same = (track.lower[0, k], track.upper[0, k]) == (edge.lower, edge.upper)
+        if same and (track.priority[:, k].max() >= HARD) == (edge.priority >= HARD):
+            return replace(track, priority=_raised(track.priority, int(k), profile))
+    return merged(track, alone)
+
+
+def checked_end(match: Match, robot: Robot, end: End) -> End:
+    """An end that the robot has, its coordinates as an array.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        end: a keypoint, a point of a body or a place [m].
+
+    Raises:
+        GraphError: an unknown keypoint or body, or a point without three finite coordinates.
+    """
+    if isinstance(end, str):
+        if end not in match.keypoints:
+            raise GraphError(f"no keypoint {end!r}; {known(match.keypoints)}")
+        return end
+    if isinstance(end, tuple) and len(end) == 2 and isinstance(end[0], str):
+        names = [robot.model.body(b).name for b in range(robot.model.nbody)]
+        if end[0] not in names:
+            raise GraphError(f"{robot.name} has no body {end[0]!r}; {known(names)}")
+        return end[0], _place(end[1])
+    return _place(np.asarray(end))
+
+
+def end_name(end: End) -> str:
+    """Return an end in words: a keypoint, `body@(x, y, z)` or `(x, y, z)`."""
+    if isinstance(end, str):
+        return end
+    body = end[0] if isinstance(end, tuple) and isinstance(end[0], str) else None
+    place = np.asarray(end if body is None else end[1], dtype=float)  # type: ignore[index]
+    words = "(" + ", ".join(f"{c:g}" for c in place) + ")"
+    return words if body is None else f"{body}@{words}"
+
+
+def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
+    """An upper bound of the distance between two ends in any configuration [m]; ∞ where one end is a place in the world.
+
+    The bound is the length of the chain of link origins that joins both ends.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+        ends: checked ends.
+    """
+    points = [_carrier(match, robot, end) for end in ends]
+    if any(point is None for point in points):
+        return np.inf
+    (first, one), (second, other) = (point for point in points if point is not None)
+    paths = [_ancestors(robot, body) for body in (first, second)]
+    links = set(paths[0]) ^ set(paths[1])
+    model = robot.model
+    chain = sum(float(np.linalg.norm(model.body_pos[body])) + 2 * _anchor(robot, body) for body in links)
+    return one + other + chain
+
+
+def _carrier(match: Match, robot: Robot, end: End) -> tuple[int, float] | None:
+    """The body that carries an end and the end's distance from the body's origin [m]; None of a place in the world."""
+    if isinstance(end, str):
+        site = match.anatomy.sites[end]
+        return site.body, float(np.linalg.norm(site.offset))
+    if isinstance(end, tuple) and isinstance(end[0], str):
+        return robot.model.body(end[0]).id, float(np.linalg.norm(np.asarray(end[1], dtype=float)))
+    return None
+
+
+def _ancestors(robot: Robot, body: int) -> list[int]:
+    """A body and all that carry it, without the world."""
+    found = []
+    while body > 0:
+        found.append(body)
+        body = int(robot.model.body_parentid[body])
+    return found
+
+
+def _anchor(robot: Robot, body: int) -> float:
+    """The largest distance of a body's joint anchors from its origin [m]."""
+    first = int(robot.model.body_jntadr[body])
+    anchors = (
+        robot.model.jnt_pos[first : first + int(robot.model.body_jntnum[body])] if first >= 0 else np.zeros((0, 3))
+    )
+    return float(np.linalg.norm(anchors, axis=1).max(initial=0.0))
+
+
+def _require_reach(match: Match, robot: Robot, ends: tuple[End, End], lower: float) -> None:
+    most = reach_between(match, robot, ends)
+    if lower > most:
+        a, b = (end_name(end) for end in ends)
+        raise GraphError(
+            f"edge {a} – {b}: {lower:g} m is beyond the robot's reach; {robot.name} can hold them {most:.2f} m apart at most"
+        )
+
+
+def _interval(name: str, at: float | tuple[float, float]) -> tuple[float, float]:
+    try:
+        lower, upper = (float(at), float(at)) if np.isscalar(at) else map(float, at)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise GraphError(f"edge {name}: `at` is a distance [m] or a pair (lower, upper) [m], got {at!r}") from None
+    if not 0 <= lower <= upper or np.isinf(lower):
+        raise GraphError(
+            f"edge {name} has the interval {lower:g} … {upper:g} m: the lower bound must be 0 or more, the upper no less"
+        )
+    return lower, upper
+
+
+def _span(name: str, frames: tuple[int, int] | None, length: int) -> tuple[int, int]:
+    first, last = (0, length - 1) if frames is None else frames
+    if int(first) != first or int(last) != last:
+        raise GraphError(f"edge {name}: frames are whole numbers, got {first:g} … {last:g}")
+    if not 0 <= first <= last < length:
+        raise GraphError(f"edge {name}: frames {first} … {last} are not within 0 … {length - 1}")
+    return int(first), int(last)
+
+
+def _refuse_contradiction(track: Track, edge: AddedEdge) -> None:
+    if edge.priority < HARD:
+        return
+    first, last = edge.frames
+    for k in np.flatnonzero(track.joins(*edge.names)):
+        low, high = track.lower[first, k], track.upper[first, k]
+        hard = (track.priority[first : last + 1, k] >= HARD).any()
+        if hard and (edge.lower > high or edge.upper < low):
+            raise GraphError(
+                f"hard edges of {' – '.join(track.ends[k])} contradict each other: {low:g} … {high:g} m and "
+                f"{edge.lower:g} … {edge.upper:g} m in the same frames"
+            )
+
+
+def _raised(values: Floats, column: int, at_least: Floats) -> Floats:
+    """Return values (T, E) with one column raised to at least (T,)."""
+    found = np.array(values)
+    found[:, column] = np.maximum(found[:, column], at_least)
+    return found
+
+
+def _place(values: ArrayLike) -> Floats:
+    place = np.asarray(values, dtype=float)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise GraphError(f"a point takes three finite coordinates [m], got {values!r}")
+    return place

@@ -1,0 +1,103 @@
+"""Footholds of a stream: a sole stands where the robot put it down; in swing it returns to the human's path."""
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.footholds import Sole, sole_of
+from robot_retarget.graph.kinds.foothold import FootholdKind
+from robot_retarget.graph.kinds.kind import RetargetContext
+from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, smoothstep
+from robot_retarget.graph.track import HARD
+from robot_retarget.graph.weights import RAMP, Weights
+from robot_retarget.human.features import HumanFeatures
+
+STRAYED = 0.2
+"""A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""
+BLENDED = 0.3
+"""A swing foot loses the offset of its foothold within this time [s]."""
+
+
+class CausalFootholds:
+    """The edges of one robot's soles; F feet."""
+
+    soles: list[Sole]
+    feet: tuple[str, ...]
+    weights: Weights
+    hard: Floats
+    held: Floats
+    places: Floats
+    offset: Floats
+    landed: Floats
+    height: Floats
+    strayed: float
+    since: Floats
+
+    def __init__(self, graph: RobotGraph, feet: tuple[str, ...], kind: FootholdKind):
+        context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
+        self.soles = [sole_of(graph.human, graph.match, graph.robot, foot) for foot in feet]
+        self.feet, self.weights = feet, graph.weights
+        self.hard = np.array([HARD, HARD, kind.across(context)])
+        self.held = np.zeros((len(feet), CORNERS), dtype=bool)
+        self.places = np.zeros((len(feet), CORNERS, 3))
+        self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
+        self.height = np.zeros((len(feet), CORNERS))
+        """Height of corners at touchdown [m]."""
+        self.strayed = STRAYED * graph.match.robot_leg
+        self.since = np.full(len(feet), np.inf)
+        """Time since a foot last touched down or rose [s]."""
+
+    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
+        """Return the targets of corners (F · 4 · 3) [m], and π.
+
+        Args:
+            corners: (F, 4, 3) positions of the robot's corners [m].
+        """
+        target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
+        for k, sole in enumerate(self.soles):
+            carried = sole.places(human)[0]
+            held = self._stands(human, sole.foot) & self._still(k, carried)
+            stood, stands = bool(self.held[k].any()), bool(held.any())
+            self.since[k] = 0.0 if stood != stands else self.since[k] + seconds
+            if stands and not (stood and held[self.held[k]].all()):
+                self.places[k], self.landed[k] = _come_down(corners[k], carried, held), carried
+                self.height[k] = corners[k, :, 2]
+            if stood and not stands:
+                self.offset[k] = corners[k] - carried
+            self.held[k] = held
+            target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
+        return target.ravel(), priority.ravel()
+
+    def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
+        held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
+        if said is not None:
+            held[TOE], held[HEEL] = said[0]
+        return held
+
+    def _still(self, foot: int, carried: Floats) -> bool:
+        """Whether a foot may stand: the human has not moved it away from its foothold, and it has not just risen."""
+        if self.held[foot].any():
+            return bool(np.abs(carried - self.landed[foot]).max() < self.strayed)
+        return bool(self.since[foot] >= RAMP)
+
+    def _standing(self, foot: int) -> tuple[Floats, Floats]:
+        """Return the targets of a stance while the sole moves to the floor.
+
+        π rises by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
+        """
+        share, least = min(self.since[foot] / RAMP, 1.0), self.weights.swing
+        place = self.places[foot].copy()
+        place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
+        return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** ((1 + share) / 2), 0.0)
+
+    def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
+        """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold."""
+        left = 1 - smoothstep(np.minimum(self.since[foot] / BLENDED, 1.0))
+        return carried + left * self.offset[foot], self.weights.swing
+
+
+def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:
+    """Return a foothold (4, 3) under corners (4, 3): flat, headed as the human's foot (4, 3), held corners in place."""
+    place = flattened(carried)
+    place[:, :2] += (corners - place)[held, :2].mean(axis=0)
+    return place

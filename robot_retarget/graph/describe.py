@@ -1,0 +1,221 @@
+"""The graph of a retargeting, G = (V × T, E, {δ, π}), from human to robot.
+
+V are keypoints, sole corners, segments, joints and places of the matched bodies, T the frames of the motion. A track
+holds the edges of one kind: their ends once, their intervals and priorities frame by frame. The solver minimises and
+enforces only the tracks of a graph.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.errors import UsageError
+from robot_retarget.graph.added import added_edge, with_added
+from robot_retarget.graph.graph import Graph
+from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.kinds.kind import MotionKind, RetargetContext, TwoPassKind, frame_costs
+from robot_retarget.graph.kinds.own import End, OwnKind
+from robot_retarget.graph.path import pelvis_path
+from robot_retarget.graph.role import Role
+from robot_retarget.graph.track import Track
+from robot_retarget.graph.weights import REFERENCE_FPS, Weights
+from robot_retarget.human.features import HumanFeatures, features_of
+from robot_retarget.human.match import Match, match
+from robot_retarget.motion import Motion, read_motion
+from robot_retarget.robot import Robot, load_robot
+
+MOST_FPS = REFERENCE_FPS
+"""Default upper limit of the rate of a described motion [1/s]."""
+PLAUSIBLE_FPS = (5.0, 120.0)
+"""Accepted rates in addition to the motion's own [1/s]: below, limb swings fall between frames; above, frames are
+interpolated, as playback does anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotGraph(Graph):
+    """The edges of one motion on one robot, realized by its joint coordinates."""
+
+    motion: Motion
+    """The described motion: cut and resampled."""
+    robot: Robot
+    match: Match
+    human: HumanFeatures
+    pelvis: Floats
+    """(T, 3) target positions of the pelvis [m]; the solver's starts use them."""
+    weights: Weights
+    mapped: bool = False
+    """Whether a map file assigned the joints."""
+
+    def __len__(self) -> int:
+        return len(self.human)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self.human.fps
+
+    @property
+    def costs(self) -> list[Track]:
+        """The tracks of symbolic costs of one frame, in the order of compiled measures."""
+        return frame_costs(self.tracks)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{len(track)} {name}" for name, track in self.kinds.items())
+        return f"<Graph {self.robot.name} × {len(self)} frames at {self.fps:g}/s; edges a frame: {counts}>"
+
+    def with_edge(
+        self,
+        a: End,
+        b: End,
+        at: float | tuple[float, float],
+        *,
+        frames: tuple[int, int] | None = None,
+        priority: float | None = None,
+        hard: bool = False,
+    ) -> "RobotGraph":
+        """Return the graph with an additional edge of the user, E⁺.
+
+        Args:
+            a: a keypoint, a point `(body, (x, y, z))` [m] of the robot, or a place `(x, y, z)` in the world [m].
+            b: the other end.
+            at: the distance, or its lower and upper bound [m]; the upper may be ∞.
+            frames: the first and the last; all by default. The priority rises before and falls after (`added.FADE`).
+            priority: π over the squared leg; `added.SOFT` by default.
+            hard: held within a millimetre; a frame in which that fails is reported (`Solution.unmet`).
+
+        Raises:
+            GraphError: an unknown end, an empty or unreachable interval, frames outside the clip, or two hard edges of
+                the same ends and frames that contradict each other.
+        """
+        edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
+        own = next((track for track in self.tracks if isinstance(track.kind, OwnKind)), None)
+        grown = with_added(own, edge, len(self), self.fps, self.match.robot_leg)
+        return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
+
+    def frames(self, first: int, last: int) -> "RobotGraph":
+        """Return the graph of frames `first` … `last` − 1.
+
+        Args:
+            first: first frame.
+            last: the frame after the last one.
+        """
+        return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
+
+    def at(self, frames: slice | np.ndarray) -> "RobotGraph":
+        """Return the edges at some frames, of the same motion."""
+        return replace(
+            self,
+            human=self.human.at(frames),
+            pelvis=self.pelvis[frames],
+            tracks=tuple(track.at(frames) for track in self.tracks),
+        )
+
+    def _is_free(self, track: Track) -> bool:
+        """Whether the intervals of a track do not follow the human's motion."""
+        return track.role is not Role.COST or isinstance(track.kind, OwnKind)
+
+    def _less(self, track: Track, edges: Bools) -> Track:
+        """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
+        whole = isinstance(track.kind, TwoPassKind) and not edges.all()
+        return track.weighed(0.0, edges) if whole else super()._less(track, edges)
+
+
+def describe(
+    motion: Motion | str | Path,
+    robot: Robot | str | Path,
+    *,
+    fps: float | None = None,
+    overrides: str | Path | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    kinds: Iterable[MotionKind] = KINDS,
+) -> RobotGraph:
+    """Build the graph of a human motion on a robot.
+
+    Args:
+        motion: a motion, or a file that `read_motion` reads.
+        robot: a robot, or a name or model file that `load_robot` loads.
+        fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
+        overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
+        weights: how much each kind of edge counts.
+        preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
+        kinds: the kinds of edges that describe the motion.
+
+    Raises:
+        MatchError: the motion is not human, or the robot no humanoid.
+        UsageError: fps out of range, or an unknown preset.
+    """
+    weighed = (weights or Weights()).with_preset(preset)
+    motion = at_rate(motion if isinstance(motion, Motion) else read_motion(motion), fps)
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    matched = match(motion, robot, overrides)
+    graph = graph_of(motion, robot, matched, weighed, kinds)
+    return replace(graph, mapped=overrides is not None)
+
+
+def at_rate(motion: Motion, fps: float | None) -> Motion:
+    """Return the motion at the rate `fps`; without it, at its own rate or `MOST_FPS`, whichever is lower.
+
+    Args:
+        motion: the human's.
+        fps: frames per second, or None.
+
+    Raises:
+        UsageError: fps out of range.
+    """
+    if fps is None:
+        return motion.resample(min(motion.fps, MOST_FPS))
+    least, most = min(PLAUSIBLE_FPS[0], motion.fps), max(PLAUSIBLE_FPS[1], motion.fps)
+    if not least <= fps <= most:
+        raise UsageError(
+            f"fps '{fps:g}' is outside {least:g} to {most:g} frames a second for a motion of {motion.fps:g}: with fewer, "
+            "limbs swing unseen between frames; with more, all that is added is interpolated, as in playback"
+        )
+    resampled = motion.resample(fps)
+    if fps <= motion.fps:
+        return resampled
+    note = f"At {fps:g} frames a second, those between the motion's own {motion.fps:g} are interpolated."
+    return replace(resampled, notes=(*resampled.notes, note))
+
+
+def graph_of(
+    motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[MotionKind] = KINDS
+) -> RobotGraph:
+    """The graph of matched bodies.
+
+    Args:
+        motion: the human's.
+        robot: the robot.
+        matched: the matched bodies.
+        weights: π of every kind.
+        kinds: the kinds of edges that describe the motion.
+    """
+    context = RetargetContext(features_of(motion, matched), matched, robot, weights)
+    return _built(motion, context, kinds)
+
+
+def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
+    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay.
+
+    Args:
+        graph: of another human.
+        human: features of as many frames.
+    """
+    context = RetargetContext(human, graph.match, graph.robot, graph.weights)
+    costs = {track.name for track in graph.costs}
+    tracks = tuple(_retargeted(track, context) if track.name in costs else track for track in graph.tracks)
+    return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
+
+
+def _retargeted(track: Track, context: RetargetContext) -> Track:
+    """Return a track with the targets of another human; the same where its kind has none."""
+    return (track.kind.targets(context) if isinstance(track.kind, MotionKind) else None) or track
+
+
+def _built(motion: Motion, context: RetargetContext, kinds: Iterable[MotionKind]) -> RobotGraph:
+    tracks = tuple(track for kind in kinds if (track := kind.targets(context)) is not None)
+    path = pelvis_path(context.human, context.match)
+    return RobotGraph(tracks, motion, context.robot, context.match, context.human, path, context.weights)

@@ -1,0 +1,207 @@
+"""Footholds: the place of each standing sole on the floor, and the swing reference between stances.
+
+The robot's ankle stands where the human's does, scaled by the leg and moved outward by half the difference of the hip
+widths; its sole points where the human's foot points. The foothold of a stance is the median of its frames. Between two
+stances a swing foot follows its own path, with an offset that changes from one foothold's to the next one's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.human.segments import heading
+from robot_retarget.motion.stance import intervals
+from robot_retarget.robot import Points, Robot, world_points
+
+
+@dataclass(frozen=True, eq=False)
+class Footholds:
+    """Footholds of F feet over T frames."""
+
+    feet: tuple[str, ...]
+    held: np.ndarray
+    """(T, F, 4) which corners stand: the front ones while the toe does, the rear ones while the heel does."""
+    places: Floats
+    """(T, F, 4, 3) places of standing corners, and targets of a swing foot's corners [m]."""
+
+
+def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
+    """Return the footholds of the matched feet; empty for a robot with a fixed base.
+
+    Args:
+        human: features of T frames.
+        match: the matched bodies.
+        robot: the robot.
+    """
+    feet = placed_feet(match, robot)
+    held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
+    places = np.zeros((*held.shape, 3))
+    for k, foot in enumerate(feet):
+        if foot in human.contacts:
+            held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
+        places[:, k] = foothold_corners(held[:, k], sole_of(human, match, robot, foot).places(human))
+    return Footholds(feet, held, places)
+
+
+def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
+    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base.
+
+    Args:
+        match: the matched bodies.
+        robot: the robot.
+    """
+    known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
+    return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
+
+
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """Map the sole of one foot: scale its ankle by the leg, and move it outward by half the hip widths' difference."""
+
+    foot: str
+    root_scaling: RootScaling
+    hips: tuple[int, int]
+    ankle: int
+    wider: float
+    """[m]"""
+    corners: Floats
+    """(4, 3) corners relative to the ankle: ahead, to its left and up [m]."""
+
+    def places(self, human: HumanFeatures) -> Floats:
+        """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
+        left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
+        outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
+        places = self.root_scaling.path(human) + self.root_scaling.ratio * (ankle - (left + right) / 2)
+        places[:, :2] += self.wider * outward
+        turn = human.segments.get(f"{self.foot}_foot", human.facing)
+        return places[:, None] + self.corners @ turn.swapaxes(1, 2)
+
+
+def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole:
+    """Return the map of a foot's sole, from a whole motion.
+
+    Args:
+        human: features of T frames.
+        match: the matched bodies.
+        robot: the robot.
+        foot: `l` or `r`.
+    """
+    left, right = (match.index(f"{side}_hip") for side in "lr")
+    hip, corners = _hip_and_sole(robot, match, foot)
+    apart = np.linalg.norm(human.positions[:, left] - human.positions[:, right], axis=1)
+    wider = hip - match.leg_ratio * float(np.median(apart)) / 2
+    return Sole(foot, root_scaling_of(human, match), (left, right), match.index(f"{foot}_ankle"), wider, corners)
+
+
+def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]:
+    """Return half the hip width [m], and (4, 3) sole corners ahead of the ankle, to its left and up [m], standing."""
+    sites, corners = match.anatomy.sites, sole_corners(match.anatomy, foot)
+    named = [sites[k] for k in ("l_hip", "r_hip", f"{foot}_ankle")]
+    points = Points(
+        np.append([site.body for site in named], corners.bodies),
+        np.vstack([*(site.offset for site in named), corners.offsets]),
+    )
+    left, right, ankle, *sole = world_points(robot, points, robot.standing()[None])[0]
+    along = np.array(sole) - ankle
+    ahead = unit(lengths(along))
+    own = np.column_stack([along[:, :2] @ ahead, along[:, :2] @ leftward(ahead), along[:, 2]])
+    return float(np.linalg.norm((left - right)[:2])) / 2, own
+
+
+def without_unreachable(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
+    """Free both feet while the robot's legs cannot put them on their footholds together.
+
+    The legs alone put the feet at `corners`. Footholds that differ from these by more than `reach`, after the best
+    common shift and turn, require another placement of one foot relative to the other than the legs can give.
+
+    Args:
+        held: (T, F, 4) which corners stand.
+        corners: (T, F, 4, 3) corners where the legs put them [m].
+        reach: [m].
+        fixed: number of frames at the start that keep their value.
+
+    Returns:
+        (T, F, 4) which corners stand.
+    """
+    held = held.copy()
+    while True:
+        places = np.stack([foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])], axis=1)
+        both = np.flatnonzero(np.asarray(held.any(axis=2)).sum(axis=1) > 1)
+        apart = [t for t in both if t >= fixed and _misfit(corners[t][held[t]], places[t][held[t]]) > reach]
+        if not apart:
+            return held
+        held[apart] = False
+
+
+def _misfit(corners: Floats, places: Floats) -> float:
+    """Return the largest distance between points (N, 3) along the floor after the best common shift and turn [m]."""
+    a, b = ((x[:, 0] + 1j * x[:, 1]) - (x[:, 0] + 1j * x[:, 1]).mean() for x in (corners, places))
+    turn = (a.conj() * b).sum()
+    return float(np.abs(a * turn / max(abs(turn), 1e-12) - b).max())
+
+
+def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
+    """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
+
+    Args:
+        held: (T, 4) which corners stand.
+        corners: (T, 4, 3) corners without footholds [m]: a stance uses their median, a swing their shape.
+        fixed: number of frames at the start that stay unchanged; a stance that began there keeps its place.
+    """
+    stands, places = np.asarray(held.any(axis=1)), corners.copy()
+    for start, stop in intervals(stands):
+        known = slice(start, min(fixed, stop) if start < fixed else stop)
+        whole = np.asarray(held[known].all(axis=1))
+        seen = corners[known][whole if whole.any() else slice(None)]
+        pose = median_pose(seen)
+        places[start:stop] = flattened(pose) if held[start:stop].all(axis=1).any() else _edges_down(pose)
+    stands[:fixed] = True
+    places[~stands] += _blended(stands, places - corners)[~stands]
+    return places
+
+
+def median_pose(corners: Floats) -> Floats:
+    """Return corners (4, 3) of one rigid sole that fits a stance: median place, heading and pitch of corners (N, 4, 3) [m].
+
+    Medians are taken in axes along the mean heading, so that a stance turned about the vertical gives the same pose, turned.
+    """
+    pitch = corners[:, TOE, 2].mean(axis=1) - corners[:, HEEL, 2].mean(axis=1)
+    typical = corners[np.argsort(pitch, kind="stable")[len(pitch) // 2]]
+    headings, middles = unit(lengths(corners)), corners.mean(axis=1)
+    mean = unit(headings.sum(axis=0))
+    axes = np.stack([mean, leftward(mean)])
+    angle = float(np.median(np.arctan2(headings @ axes[1], headings @ axes[0])))
+    ahead = np.array([np.cos(angle), np.sin(angle)]) @ axes
+    start, middle = unit(lengths(typical)), typical.mean(axis=0)
+    turn = np.stack([start, leftward(start)]).T @ np.stack([ahead, leftward(ahead)])
+    pose = typical - middle
+    pose[:, :2] = pose[:, :2] @ turn + middles[0, :2] + np.median((middles - middles[0])[:, :2] @ axes.T, axis=0) @ axes
+    pose[:, 2] += np.median(middles[:, 2])
+    return pose
+
+
+def _edges_down(corners: Floats) -> Floats:
+    """Return corners (4, 3) of a sole on its toes or heels: both edges on the floor, with their place and width."""
+    down = corners.copy()
+    for edge in (TOE, HEEL):
+        width = np.linalg.norm(corners[edge[0]] - corners[edge[1]]) / 2
+        across = unit((corners[edge[0]] - corners[edge[1]]) * [1.0, 1.0, 0.0])
+        middle = corners[edge].mean(axis=0) * [1.0, 1.0, 0.0]
+        down[edge] = middle + width * across, middle - width * across
+    return down
+
+
+def _blended(stands: np.ndarray, offset: Floats) -> Floats:
+    """Return (T, 4, 3) offsets in swing, from the last stance's to the next one's, with zero slope at both ends."""
+    known, frames = np.flatnonzero(stands), np.arange(len(stands))
+    if not known.size:
+        return np.zeros_like(offset)
+    after = np.searchsorted(known, frames)
+    first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    share = smoothstep(np.clip((frames - first) / np.maximum(last - first, 1), 0.0, 1.0))[:, None, None]
+    return (1 - share) * offset[first] + share * offset[last]

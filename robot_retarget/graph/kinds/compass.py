@@ -1,0 +1,70 @@
+"""Compass: directions of bones and of the hip and shoulder lines.
+
+An edge joins a keypoint to a beacon at distance R along an axis; as R grows, the difference of two such distances becomes
+the coordinate of the difference vector. With its length d it is the bone's direction  u = (x_a − x_b)/d,  three edges a bone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import Floats, unit
+from robot_retarget.graph.kinds.kind import AXES, FRAME, SHORTEST, RetargetContext, Role, coordinates
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import Track
+from robot_retarget.human.features import HumanFeatures
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Lines between keypoints, three edges each."""
+
+    ends: list[tuple[str, str]]
+    one: list[int]
+    other: list[int]
+    priority: Floats
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return coordinates of unit vectors, and π."""
+        x = human.positions
+        return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority
+
+
+@dataclass(frozen=True)
+class CompassKind:
+    """Directions of bones, as the human's."""
+
+    name: str = "compass"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The human's directions."""
+        return coordinates(self, self.edges(context), context.human)
+
+    def edges(self, context: RetargetContext) -> "_Lines | None":
+        """The lines."""
+        match, lines = context.match, list(self._lines(context))
+        if not lines:
+            return None
+        one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
+        ends = [(a, b) for a, b, _ in lines for _ in AXES]
+        return _Lines(ends, one, other, np.repeat([line[2] for line in lines], len(AXES)))
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """The coordinates of unit vectors, x y z of one line after the other."""
+        apart = [body.keypoint(a) - body.keypoint(b) for a, b in track.ends[:: len(AXES)]]
+        return ca.vertcat(*(line / ca.sqrt(ca.sumsqr(line) + 1e-12) for line in apart))
+
+    def _lines(self, context: RetargetContext) -> Iterator[tuple[str, str, float]]:
+        """Yield two keypoints and the weight of the direction from the second to the first."""
+        match, w = context.match, context.weights
+        for k, keypoint in enumerate(match.keypoints):
+            weight = w.bones.get(keypoint.split("_")[-1], 0.0)
+            if match.parents[k] >= 0 and weight and match.robot_bones[k] > SHORTEST:
+                yield keypoint, match.keypoints[int(match.parents[k])], weight
+        for part, weight in (("hip", w.hips), ("shoulder", w.shoulders)):
+            if {f"l_{part}", f"r_{part}"} <= set(match.keypoints) and weight:
+                yield f"l_{part}", f"r_{part}", weight

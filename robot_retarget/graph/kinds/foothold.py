@@ -1,0 +1,114 @@
+"""Foothold: a sole point of a standing foot keeps its place of the frame before, δ = 0; a swing foot has a reference.
+
+Edges of length 0 from frame to frame chain a stance to one place, the foothold. An edge with the priority of a hard
+edge joins each coordinate of a held corner to it. The foothold's position comes from the human (`describe.footholds`)
+until a coarse path of the robot shows where its legs put the foot.
+"""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.footholds import Footholds, foothold_corners, footholds_of, without_unreachable
+from robot_retarget.graph.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role
+from robot_retarget.graph.soles import CORNER_NAMES
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import HARD, Track, exact
+from robot_retarget.graph.weights import Weights
+from robot_retarget.robot.kinematics import carrying
+
+
+@dataclass(frozen=True)
+class FootholdKind:
+    """The corners of every sole."""
+
+    name: str = "foothold"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+    tilting: float = 20.0
+    """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
+
+    reach: float = 0.1
+    """Two feet stand together only if their footholds are at most this far from where the legs put them, over the leg
+    [-]: 0.03 … 0.1 in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips
+    do."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Footholds read off the human."""
+        footholds = footholds_of(context.human, context.match, context.robot)
+        return self.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
+
+    def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
+        """Return edges to given footholds.
+
+        Args:
+            footholds: of F feet over T frames.
+            leg: length of the robot's leg [m].
+            weights: π of swings.
+            across: π across the floor of soles that stand.
+        """
+        ends = [
+            (f"{foot} sole {corner}", "foothold") for foot in footholds.feet for corner in CORNER_NAMES for _ in AXES
+        ]
+        held = np.where(footholds.held[..., None], [HARD, HARD, across], 0.0)
+        stands = np.asarray(footholds.held.any(axis=2))[:, :, None, None]
+        priority = np.where(stands, held, weights.swing).reshape(len(footholds.places), -1)
+        places = footholds.places.reshape(len(footholds.places), -1)
+        return exact(self, ends, places, priority, leg, axes=AXES * (len(ends) // len(AXES)))
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """Where the corners are, x y z of one after the other [m]."""
+        found = []
+        for sole, _ in track.ends[:: len(AXES)]:
+            foot, corner = sole.split(" sole ")
+            found.append(body.corners(foot)[CORNER_NAMES.index(corner)])
+        return ca.vertcat(*found)
+
+    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
+        """Return the places and the grip of the plan."""
+        return replace(track, lower=playback.soles, upper=playback.soles, priority=playback.grip)
+
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
+        """Return the same as in a playback."""
+        return self.played(track, measured, playback)
+
+    def coarse(self, track: Track) -> Track:
+        """Return targets that lay standing soles on the floor, at any place."""
+        priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
+        priority[~self._held(track).reshape(len(priority), -1)] = 0.0
+        priority[..., :2] = 0.0
+        return replace(track, priority=priority.reshape(track.priority.shape))
+
+    def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
+        """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
+        stood = self._held(track)
+        corners = measured.reshape(*stood.shape, len(AXES))
+        held = without_unreachable(stood, corners, self.reach * float(track.scale[0]), fixed)
+        places = [foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
+        places = np.stack(places, axis=1).reshape(measured.shape)
+        priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
+        return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
+
+    @staticmethod
+    def _freed(priority: Floats, freed: np.ndarray) -> Floats:
+        """Return π (T, F, 4, 3) with freed corners on the floor; along it they follow their reference as in swing."""
+        swing = priority[(priority > 0) & (priority < HARD)]
+        priority = priority.copy()
+        priority[freed, :2] = np.median(swing) if swing.size else 0.0
+        return priority
+
+    @staticmethod
+    def _held(track: Track) -> np.ndarray:
+        """Return (T, F, 4) which corners stand."""
+        along = track.priority[:, :: len(AXES)] >= HARD
+        return along.reshape(len(along), -1, len(CORNER_NAMES))
+
+    def across(self, context: RetargetContext) -> float:
+        """π across the floor of soles that stand."""
+        moves = carrying(context.robot.model)
+        sites, soles = context.match.anatomy.sites, context.match.anatomy.soles
+        pelvis = moves[sites["pelvis"].body] if "pelvis" in sites else moves[context.robot.root_body]
+        hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
+        return HARD if min(hinges, default=6) >= 6 else self.tilting

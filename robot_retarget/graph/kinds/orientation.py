@@ -1,0 +1,68 @@
+"""Orientation: rotations of pelvis, chest, head, hands and feet, which joint centres do not determine.
+
+Each segment has two markers, one ahead of it and one above: their directions  R e  equal the human segment's, r.
+"""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role, coordinates
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import Track
+from robot_retarget.human.features import HumanFeatures
+
+MARKERS = ("forward", "up")
+_COLUMNS = [0, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class _Markers:
+    """The markers of segments, three edges each."""
+
+    ends: list[tuple[str, str]]
+    segments: tuple[str, ...]
+    priority: Floats
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return coordinates of unit vectors, and π."""
+        turns = np.stack([human.segments[segment] for segment in self.segments], axis=1)
+        return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority
+
+
+@dataclass(frozen=True)
+class OrientationKind:
+    """Forward and up of segments."""
+
+    name: str = "orientation"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The human's, of segments that both bodies have."""
+        return coordinates(self, self.edges(context), context.human)
+
+    def edges(self, context: RetargetContext) -> "_Markers | None":
+        """The markers."""
+        segments, w = tuple(context.human.segments), context.weights
+        if not segments:
+            return None
+        weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
+        ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
+        return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
+
+    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
+        """Return the rotation of the pelvis in the standing pose."""
+        weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
+        return replace(track, lower=measured, upper=measured, priority=weight[None])
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """R e, x y z of one marker after the other."""
+        frames = body.match.anatomy.frames
+        found = []
+        for segment, marker in track.ends[:: len(AXES)]:
+            own, axes = frames[segment]
+            found.append(body.axis(own, axes[:, _COLUMNS[MARKERS.index(marker)]]))
+        return ca.vertcat(*found)

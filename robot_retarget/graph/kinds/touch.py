@@ -1,0 +1,101 @@
+"""Touch: a hand and the part it touches are as near on the robot, over the path between them."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.kinds.kind import FRAME, SHORTEST, RetargetContext, Role
+from robot_retarget.graph.kinds.posture import distances
+from robot_retarget.graph.symbolic_robot import SymbolicRobot
+from robot_retarget.graph.track import Track, exact
+from robot_retarget.graph.weights import RAMP
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.normalisation import path_weights
+from robot_retarget.keypoints import ARM
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """C pairs of keypoints that may touch."""
+
+    ends: list[tuple[str, str]]
+    i: Ints
+    j: Ints
+    tau: Floats
+    """(C,) length of the robot's path between each pair [m]."""
+    reach: Floats
+    faint: float
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
+        """Return δ [m], and the strength of each touch, 0 … 1; π follows it gradually."""
+        close = human.closeness[:, self.i, self.j]
+        return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
+
+
+@dataclass(frozen=True)
+class TouchKind:
+    """Pairs that may touch; π is 0 while they are apart."""
+
+    name: str = "touch"
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+    head: float = 0.22
+    hand: float = 0.14
+    other: float = 0.1
+    """A hand touches a head, the other hand or a knee, or another part within this distance, over the path between them
+    [-]."""
+    faint: float = 0.02
+    """A pair of at most this strength does not touch [-]: a hand that swings past a hip."""
+    lead: float = RAMP
+    """Rise time and fall time of a touch [s]."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """The normalised distance of the human, while it is that of a touch."""
+        edges = self.edges(context)
+        if edges is None:
+            return None
+        target, strength = edges.targets(context.human)
+        gently = self._gently(strength, round(self.lead * context.human.fps))
+        return exact(self, edges.ends, target, context.weights.touch * gently, edges.tau)
+
+    def edges(self, context: RetargetContext) -> "Touches | None":
+        """The pairs."""
+        match = context.match
+        pairs = [
+            (a, b)
+            for a in range(len(match.keypoints))
+            for b in range(a)
+            if self.reach(match.keypoints[b], match.keypoints[a])
+        ]
+        if not pairs:
+            return None
+        i, j = np.array(pairs).T
+        ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
+        tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
+        return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
+
+    def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
+        """d_uv."""
+        return distances(track, body)
+
+    def reach(self, a: str, b: str) -> float:
+        """Return the touch distance of two keypoints, over the path between them; 0 for parts that cannot touch [-].
+
+        Args:
+            a: a keypoint.
+            b: the other keypoint.
+        """
+        for hand, part in ((a, b), (b, a)):
+            own_arm = part[:2] == hand[:2] and part[2:] in ARM
+            if hand.endswith("_hand") and not own_arm:
+                return {"head": self.head, "hand": self.hand, "knee": self.hand}.get(part.split("_")[-1], self.other)
+        return 0.0
+
+    def _gently(self, touching: Floats, frames: int) -> Floats:
+        """Return (T, C) strengths that rise and fall gradually: the maximum of the frames around, then its mean."""
+        width = 2 * frames + 1
+        most = maximum_filter1d(touching, width, axis=0, mode="nearest")
+        return np.maximum(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0)  # a running sum may end at −1e-17

@@ -1,0 +1,290 @@
+"""Edges of one kind over time: their ends are constant, their targets vary."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import GraphError
+from robot_retarget.graph.objective import Objective, edge_terms
+from robot_retarget.graph.role import Role
+
+HARD = 1e4
+"""π of a hard edge, over the squared length of a leg: it gives way by a tenth of a millimetre [-]."""
+
+
+class EdgeKind(Protocol):
+    """Common properties of the edges of a track."""
+
+    @property
+    def name(self) -> str:
+        """The name in tables and reports."""
+        ...
+
+    @property
+    def role(self) -> Role:
+        """Cost, inequality or bound."""
+        ...
+
+    @property
+    def stencil(self) -> tuple[int, ...]:
+        """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
+        ...
+
+
+@runtime_checkable
+class Selectable(Protocol):
+    """A kind that stores data per edge."""
+
+    def of(self, edges: np.ndarray) -> Any:
+        """Return the same kind for some of the edges."""
+        ...
+
+    def with_edges(self, other: Any) -> Any:
+        """Return the same kind for its own edges and those of another."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """E edges of one kind over T frames.
+
+    An edge measures d(q), a distance between its two ends or the coordinate of their difference along an axis (the limit of
+    a distance to a far beacon). Its error is e = (d − y)/scale with y the point of [lower, upper] nearest to d, and it costs
+
+        π ϱ(e),   ϱ(e) = 2 g² (√(1 + (e/g)²) − 1)  (pseudo-Huber of scale g),   e² for g = ∞.
+    """
+
+    kind: EdgeKind
+    ends: tuple[tuple[str, str], ...]
+    """(E,) names of both ends."""
+    lower: Floats
+    upper: Floats
+    """(T, E) the target interval [m], [rad] for joints, unitless for directions; equal bounds are exact."""
+    priority: Floats
+    """(T, E) π, 0 for an absent edge."""
+    scale: Floats
+    """(E,) scale that makes an error dimensionless, in the unit of the interval."""
+    axes: tuple[str, ...] = ()
+    """(E,) the axis of a coordinate; empty for distances."""
+    huber_delta: float = np.inf
+    """g, the Huber scale: errors well above it count linearly [-]."""
+
+    def __post_init__(self) -> None:
+        frames, edges = np.shape(self.lower)
+        for name, shape in (("lower", (frames, edges)), ("upper", (frames, edges)), ("priority", (frames, edges))):
+            object.__setattr__(self, name, frozen(np.broadcast_to(getattr(self, name), shape)))
+        object.__setattr__(self, "scale", frozen(np.broadcast_to(self.scale, (edges,))))
+        if len(self.ends) != edges:
+            raise GraphError(f"{self.name}: {len(self.ends)} pairs of ends for {edges} edges")
+        self.refuse(~(self.lower <= self.upper), "has no interval")
+        self.refuse(~(self.priority >= 0), "has a priority that is no number of 0 or more")
+        if not self.huber_delta > 0:
+            raise GraphError(f"{self.name} has the Huber scale {self.huber_delta:g}, which is not above 0")
+
+    def refuse(self, wrong: np.ndarray, reason: str) -> None:
+        """Raise for the first edge that is wrong.
+
+        Args:
+            wrong: (T, E) which edges are.
+            reason: the predicate of the message after the edge's name.
+
+        Raises:
+            GraphError: an edge is wrong; the message names it, its frame, interval and priority.
+        """
+        if wrong.any():
+            frame, edge = np.argwhere(wrong)[0]
+            lower, upper, priority = (getattr(self, name)[frame, edge] for name in ("lower", "upper", "priority"))
+            raise GraphError(
+                f"{self.edge_name(edge)} {reason} at frame {frame}: {lower:g} … {upper:g}, priority {priority:g}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    @property
+    def name(self) -> str:
+        """Name of the kind."""
+        return self.kind.name
+
+    @property
+    def role(self) -> Role:
+        """Role of the kind."""
+        return self.kind.role
+
+    @property
+    def stencil(self) -> tuple[int, ...]:
+        """Stencil of the kind."""
+        return self.kind.stencil
+
+    @property
+    def exact(self) -> bool:
+        """Whether every interval is a single value."""
+        return bool((self.lower == self.upper).all())
+
+    @property
+    def present(self) -> np.ndarray:
+        """(T, E) where an edge exists: its priority is above 0, and its stencil stays within the frames."""
+        frames = np.arange(len(self.lower))
+        inside = (frames + self.stencil[0] >= 0) & (frames + self.stencil[-1] < len(frames))
+        return (self.priority > 0) & inside[:, None]
+
+    def errors(self, values: Floats) -> Floats:
+        """Return (T, E) errors (d − y)/scale of measures (T, E) [-]: negative where a pair is too close."""
+        return (values - np.clip(values, self.lower, self.upper)) / self.scale
+
+    def stress(self, values: Floats, objective: Objective = Objective.SQUARED) -> Floats:
+        """Return (T, E) the share of every edge in σ.
+
+        Args:
+            values: (T, E) measures, in the unit of the interval.
+            objective: `SQUARED` is what solvers of robots minimise, π ϱ(e).
+        """
+        target = np.clip(values, self.lower, self.upper)
+        huber_delta = None if np.isinf(self.huber_delta) else self.huber_delta * self.scale
+        return edge_terms(objective, values - target, target, self.priority / self.scale**2, huber_delta)[0]
+
+    def edge_name(self, edge: int) -> str:
+        """Return a name such as `touch l_hand – head`, with the axis of a coordinate."""
+        a, b = self.ends[edge]
+        axis = f" ({self.axes[edge]})" if self.axes else ""
+        return f"{self.name} {a} – {b}{axis}"
+
+    def joins(self, a: str, b: str) -> np.ndarray:
+        """Return (E,) which edges join two ends, in either order.
+
+        Args:
+            a: name of an end.
+            b: name of the other end.
+        """
+        return np.array([set(ends) == {a, b} for ends in self.ends], dtype=bool)
+
+    def at(self, frames: slice | Sequence[int] | np.ndarray) -> "Track":
+        """Return the same edges at some frames."""
+        return replace(self, lower=self.lower[frames], upper=self.upper[frames], priority=self.priority[frames])
+
+    def resampled(self, at: Floats) -> "Track":
+        """Return the same edges at fractional frames (K,), interpolated linearly."""
+        before = np.minimum(np.asarray(at, dtype=int), len(self.lower) - 1)
+        after, share = np.minimum(before + 1, len(self.lower) - 1), (at - before)[:, None]
+        columns = {}
+        for name in ("lower", "upper", "priority"):
+            values = getattr(self, name)
+            ahead = np.where(np.isfinite(values[after]), values[after], values[before])
+            columns[name] = np.where(share > 0, (1 - share) * values[before] + share * ahead, values[before])
+        return replace(self, **columns)
+
+    def subset(self, edges: np.ndarray) -> "Track":
+        """Return some of the edges, by a mask or indices."""
+        kept = np.arange(len(self))[edges]
+        columns = {name: getattr(self, name)[:, kept] for name in ("lower", "upper", "priority")}
+        return replace(
+            self,
+            kind=self.kind.of(kept) if isinstance(self.kind, Selectable) else self.kind,
+            ends=tuple(self.ends[k] for k in kept),
+            axes=tuple(self.axes[k] for k in kept) if self.axes else (),
+            scale=self.scale[kept],
+            **columns,
+        )
+
+    def bounded(self, lower: Floats | float, upper: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
+        """Return the track with other intervals for some edges.
+
+        Args:
+            lower: broadcast to (T, edges), in the unit of the interval.
+            upper: as `lower`.
+            edges: a mask or indices of columns.
+        """
+        bounds = {"lower": np.array(self.lower), "upper": np.array(self.upper)}
+        bounds["lower"][:, edges], bounds["upper"][:, edges] = lower, upper
+        return replace(self, **bounds)
+
+    def weighed(self, factor: Floats | float, edges: np.ndarray | slice = slice(None)) -> "Track":
+        """Return the track with π of some edges multiplied by a factor.
+
+        Args:
+            factor: broadcast to (T, edges) [-].
+            edges: a mask or indices of columns.
+        """
+        priority = np.array(self.priority)
+        priority[:, edges] *= factor
+        return replace(self, priority=priority)
+
+
+def exact(
+    kind: EdgeKind,
+    ends: Sequence[tuple[str, str]],
+    target: Floats,
+    priority: Floats | float,
+    scale: Floats | float = 1.0,
+    *,
+    axes: Sequence[str] = (),
+    huber_delta: float = np.inf,
+) -> Track:
+    """Edges that targets for one value each (T, E).
+
+    Args:
+        kind: of the edges.
+        ends: (E,) names of both ends.
+        target: (T, E) in the unit of the measure.
+        priority: π, broadcast to (T, E).
+        scale: (E,) or a scalar, in the unit of the measure.
+        axes: (E,) axes of coordinates; empty for distances.
+        huber_delta: Huber scale of the errors [-].
+    """
+    return Track(
+        kind,
+        tuple(ends),
+        target,
+        target,
+        np.asarray(priority, dtype=float),
+        np.asarray(scale, dtype=float),
+        tuple(axes),
+        huber_delta,
+    )
+
+
+def limit(
+    kind: EdgeKind, ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
+) -> Track:
+    """Return edges with the same interval at every frame, of an inequality or a bound, without priority.
+
+    Args:
+        kind: of the edges.
+        ends: (E,) names of both ends.
+        lower: (E,) or a scalar, in the unit of the measure.
+        upper: as `lower`.
+        frames: number of frames |T|.
+    """
+    shape = (frames, len(ends))
+    low, high = np.broadcast_to(lower, shape), np.broadcast_to(upper, shape)
+    return Track(kind, tuple(ends), low, high, np.full(shape, np.inf), np.ones(len(ends)))
+
+
+def concatenated(parts: Sequence[Track]) -> Track:
+    """Return the same edges over consecutive frames."""
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("lower", "upper", "priority")}
+    return replace(parts[0], **columns)
+
+
+def merged(first: Track, second: Track) -> Track:
+    """Return the edges of two tracks of one kind over the same frames.
+
+    Args:
+        first: E edges over T frames.
+        second: further edges over the same frames.
+
+    Raises:
+        GraphError: the tracks are of different kinds or Huber scales.
+    """
+    joins = isinstance(first.kind, Selectable) and type(first.kind) is type(second.kind)
+    if not joins and (first.kind, first.huber_delta) != (second.kind, second.huber_delta):
+        raise GraphError(f"tracks of one name {first.name} have other stencils, measures or Huber scales")
+    columns = {
+        name: np.hstack([getattr(first, name), getattr(second, name)])
+        for name in ("lower", "upper", "priority", "scale")
+    }
+    kind = first.kind.with_edges(second.kind) if isinstance(first.kind, Selectable) else first.kind
+    return replace(first, kind=kind, ends=(*first.ends, *second.ends), axes=(*first.axes, *second.axes), **columns)

@@ -1,0 +1,122 @@
+"""How far a body travels over the floor, how far it turns, and how many steps it takes.
+
+p(t) = x(t) − x(0)        the place of the pelvis, seen from above
+ψ(t) = α(t) − α(0)        the heading of the hip line, unwrapped
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.graph.soles import sole_corners
+from robot_retarget.human.activity import ActivityRule
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.ground import WINDOW, grounded
+from robot_retarget.human.match import Match
+from robot_retarget.motion import Motion
+from robot_retarget.motion.stance import intervals
+from robot_retarget.robot import Robot, world_points
+
+Frames = slice | Bools
+
+
+@dataclass(frozen=True)
+class StepThresholds:
+    """Which swings of a foot count as steps; lengths in units of the body's leg."""
+
+    lift: float = ActivityRule.high
+    """A human swing counts if the ankle rises by more ..."""
+    length: float = 0.3
+    """... or comes down farther away; less is a shuffle, which a flat sole need not copy."""
+    clearance: float = 0.02
+    """A robot's sole is in the air above this height; planned swings are exact, captured ones are not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """The travel of one body over T frames."""
+
+    path: Floats
+    """(T, 2) place of the pelvis relative to the first frame [m]."""
+    heading: Floats
+    """(T,) heading relative to the first frame, positive to the left [rad]; 0 without hips."""
+    steps: int
+    """Steps of all feet."""
+
+    @property
+    def distance(self) -> float:
+        """The greatest distance from the first place [m]."""
+        return float(np.linalg.norm(self.path, axis=1).max())
+
+    @property
+    def turn(self) -> float:
+        """The greatest angle from the first heading [rad]."""
+        return float(np.abs(self.heading).max())
+
+    def figures(self) -> dict[str, float]:
+        """The figures of reports."""
+        return {"distance_m": round(self.distance, 3), "turn_rad": round(self.turn, 3), "steps": self.steps}
+
+
+def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepThresholds | None = None) -> Travel:
+    """Return the travel of the human at some frames of a motion.
+
+    Args:
+        frames: consecutive ones.
+    """
+    clip, span = motion.clip, motion.span
+    x = grounded(match.human_positions(clip), match, clip.fps)
+    steps, chosen = 0, rule or StepThresholds()
+    for side, stands in contact_schedule(x, match, clip.fps, clip.contacts).items():
+        foot = next((k for k in (f"{side}_ankle", f"{side}_toe") if k in match.keypoints), None)
+        if foot is not None:
+            place, planted = x[span, match.index(foot)] / match.human_leg, np.any(stands, axis=1)[span]
+            steps += _counted(place[frames], ~planted[frames], chosen)
+    return _travel(x[span][frames], match, steps)
+
+
+def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepThresholds | None = None) -> Travel:
+    """Return the travel of a robot through configurations (T, nq).
+
+    Args:
+        qpos: (T, nq).
+        robot: the robot.
+        match: the matched bodies.
+        fps: frames per second.
+        rule: which swings count as steps; None takes the defaults.
+    """
+    chosen, feet = rule or StepThresholds(), tuple(match.anatomy.soles)
+    steps = 0
+    if feet:
+        soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
+        low = np.stack(soles, axis=1) / match.robot_leg
+        floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
+        steps = sum(len(_inner(foot, len(qpos))) for foot in (low - floor[:, None] > chosen.clearance).T)
+    return _travel(world_points(robot, match.points, qpos), match, steps)
+
+
+def _counted(place: Floats, swinging: Bools, rule: StepThresholds) -> int:
+    """The number of swings of a foot, at places (T, 3) in legs, that lift it or carry it away."""
+    count = 0
+    for start, stop in _inner(swinging, len(place)):
+        before, after = place[start - 1], place[stop]
+        lift = place[start:stop, 2].max() - max(before[2], after[2])
+        count += bool(lift > rule.lift or np.linalg.norm((after - before)[:2]) > rule.length)
+    return count
+
+
+def _inner(swinging: Bools, count: int) -> list[tuple[int, int]]:
+    """The swings that begin and end inside a clip of `count` frames."""
+    return [(start, stop) for start, stop in intervals(swinging) if start > 0 and stop < count]
+
+
+def _travel(x: Floats, match: Match, steps: int) -> Travel:
+    """Of keypoints (T, K, 3) [m]."""
+    pelvis = x[:, match.index("pelvis") if "pelvis" in match.keypoints else 0, :2]
+    turned = np.zeros(len(x))
+    if {"l_hip", "r_hip"} <= set(match.keypoints):
+        across = x[:, match.index("l_hip"), :2] - x[:, match.index("r_hip"), :2]
+        turned = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))
+    return Travel(pelvis - pelvis[0], turned - turned[0], steps)

@@ -1,0 +1,101 @@
+"""The weights of every kind of edge."""
+
+from dataclasses import dataclass, field, fields, replace
+
+from robot_retarget.errors import UsageError, known
+from robot_retarget.human.normalisation import NEAR
+
+BLEND = 5.0
+"""Factor between two presets [-]."""
+PRESETS = {"directions": 1 / BLEND, "balanced": 1.0, "distances": BLEND}
+"""Factor of the weights of distances between keypoints, relative to the balanced blend [-]."""
+LEG = 8.0
+"""Directions of thigh and shin [-]."""
+ARM = 2.0
+"""Directions of upper arm and forearm [-]."""
+NECK = 0.24
+"""Directions of neck and head [-]."""
+RAMP = 0.1
+"""Touches and footholds gain and lose their priority within this time [s]."""
+REFERENCE_FPS = 30.0
+"""Frame rate at which `Weights.smooth` is given, a common rate of reference motions [1/s]."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """π of every kind, checked; one set for all clips and robots. Errors are dimensionless: over a path, a leg, or of unit vectors."""
+
+    near: float = 56.0
+    """Distances between nearby keypoints, over the path between them ..."""
+    far: float = 17.0
+    """... and between distant ones; the sum over a frame, over the number of keypoints."""
+    reach: float = NEAR
+    """Two keypoints at this share of the path between them are half near [-]."""
+    huber_delta: float = 0.028
+    """Errors of distances well above this count linearly, those below it by their square [-]."""
+    touch: float = 2000.0
+    """A hand and the part it touches, in addition to their distance."""
+    bones: dict[str, float] = field(
+        default_factory=lambda: {
+            "knee": LEG,
+            "ankle": LEG,
+            "chest": 3.2,
+            "elbow": ARM,
+            "hand": ARM,
+            "toe": 0.64,
+            "neck": NECK,
+            "head": NECK,
+        }
+    )
+    """Directions of the bones that end in a keypoint; clavicles and hip bones only mirror how a body is built."""
+    hips: float = 20.0
+    """Direction of the hip line, which is the heading of the body."""
+    shoulders: float = 3.0
+    """Direction of the shoulder line."""
+    orientation: float = 0.3
+    """Forward and up of pelvis, chest, head and hands ..."""
+    foot: float = 0.1
+    """... and of feet."""
+    path: float = 4.0
+    """The pelvis on its path, over the leg."""
+    rest: float = 0.0004
+    """Joints as the robot stands [1/rad²] ..."""
+    wrist: float = 0.1
+    """... and wrists, if no marker shows the rotation of a hand [1/rad²]."""
+    swing: float = path
+    """A swing foot at its reference, as the pelvis on its path."""
+    smooth: float = 20.0
+    """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
+    smooth_root: float = 10.0
+    """Factor for the root, per rad² and per m² [-]."""
+
+    interaction: float = 0.0
+    """Approaching links, over the squared leg; 0 disables it, 1 lowers false alarms of warnings [-]."""
+
+    def __post_init__(self) -> None:
+        for name, value in (*self._numbers(), *((f"bones[{bone!r}]", w) for bone, w in self.bones.items())):
+            positive = name in ("reach", "huber_delta")
+            if not (value > 0 if positive else value >= 0) or value == float("inf"):
+                raise UsageError(
+                    f"Weights.{name} must be a number {'above 0' if positive else 'of 0 or more'}, got {value}"
+                )
+
+    def _numbers(self) -> list[tuple[str, float]]:
+        return [(f.name, getattr(self, f.name)) for f in fields(self) if f.name != "bones"]
+
+    def with_preset(self, preset: str) -> "Weights":
+        """Multiply the weights of distances between keypoints by the factor of a preset.
+
+        Args:
+            preset: `directions` (of limbs, like the human's), `distances` (between parts, like the human's) or `balanced`
+                (no change): a key of `PRESETS`.
+
+        Returns:
+            The weights; all other weights are unchanged.
+
+        Raises:
+            UsageError: the preset is unknown.
+        """
+        if preset not in PRESETS:
+            raise UsageError(f"no preset {preset!r}; {known(PRESETS, typed=preset)}")
+        return replace(self, near=PRESETS[preset] * self.near, far=PRESETS[preset] * self.far)

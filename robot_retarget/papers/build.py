@@ -1,0 +1,280 @@
+"""Instances from animations: the edge sets E* and E⁺ of [MucherinoOmer2019, §3–4]."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import GraphError, UsageError, known
+from robot_retarget.graph.track import Track
+from robot_retarget.papers.edges import BONE, POSTURE, SEPARATION, SMOOTHNESS, PointKind, trace
+from robot_retarget.papers.evaluation import distances
+from robot_retarget.papers.points import Animated, PointGraph
+from robot_retarget.papers.skeletal import SkeletalStructure
+from robot_retarget.papers.solution import PointSolution
+
+
+def empty(vertices: Sequence[str], animation: ArrayLike) -> tuple[PointGraph, Floats]:
+    """Return the graph of V × T without edges, and the animation (T, V, K), checked.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) or (V, K) [m].
+
+    Raises:
+        GraphError: the animation is not (T, V, K) or (V, K) with K = 2 or 3.
+    """
+    x = np.array(animation, dtype=np.float64)
+    x = x[None] if x.ndim == 2 else x
+    if x.ndim != 3:
+        raise GraphError(f"an animation is (frames, vertices, K), got {x.shape}")
+    graph = PointGraph((), tuple(vertices), len(x), x.shape[2])
+    return graph, graph.checked(x)
+
+
+def listed_edges(
+    vertices: Sequence[str], dimension: int, i: Ints, j: Ints, lower: ArrayLike, upper: ArrayLike, **columns: ArrayLike
+) -> PointGraph:
+    """Return a graph of one frame from a list of distances.
+
+    Args:
+        vertices: (V,) names.
+        dimension: K.
+        i: (E,) index of one end.
+        j: (E,) index of the other end.
+        lower: (E,) least distances [m].
+        upper: (E,) greatest distances [m].
+        columns: priority (E,) or a scalar, 1 by default.
+
+    Raises:
+        GraphError: an index is no vertex.
+    """
+    graph = PointGraph((), tuple(vertices), 1, dimension)
+    outside = [k for k in (*np.ravel(i), *np.ravel(j)) if not 0 <= k < len(graph.vertices)]
+    if outside:
+        raise GraphError(f"an edge ends at vertex {outside[0]} of {len(graph.vertices)}; {known(graph.vertices)}")
+    return replace(graph, tracks=(edge_track(POSTURE, graph, i, j, lower, upper, **columns),))
+
+
+def edge_track(
+    kind: PointKind,
+    graph: PointGraph,
+    i: Ints,
+    j: Ints,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    priority: ArrayLike = 1.0,
+) -> Track:
+    """Return a track of E edges between objects.
+
+    Args:
+        kind: of the edges.
+        graph: gives V × T.
+        i: (E,) places of the first ends in V.
+        j: (E,) places of the second ends.
+        lower: least distances [m], broadcast to (T, E).
+        upper: as `lower`.
+        priority: π, broadcast to (T, E).
+    """
+    ends = tuple((graph.vertices[a], graph.vertices[b]) for a, b in zip(i, j, strict=True))
+    low, high, weight = (
+        np.broadcast_to(np.asarray(x, dtype=float), (graph.frames, len(ends))) for x in (lower, upper, priority)
+    )
+    return Track(kind, ends, low, high, weight, np.ones(len(ends)))
+
+
+def trace_edges(vertices: Sequence[str], animation: ArrayLike, depth: int = 3, priority: float = 1.0) -> PointGraph:
+    """Return E* of [MucherinoOmer2019, eq. 1]: each object to its own last `depth` positions (τ, 3 in the paper).
+
+    ⋃_{t ≥ τ+1} E_v^(t−τ, t) is every pair of v with |q − t| ≤ τ: τ (2n − τ − 1)/2 edges per object.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) [m].
+        depth: τ.
+        priority: π of every edge.
+
+    Raises:
+        UsageError: the depth is not within 1 … frames − 1.
+    """
+    graph, x = empty(vertices, animation)
+    if not 1 <= depth < max(len(x), 2):
+        raise UsageError(f"depth must be 1 … {len(x) - 1} for {len(x)} frames, got {depth}")
+    everyone, tracks = np.arange(x.shape[1]), []
+    for lag in range(1, depth + 1):
+        delta = np.zeros(x.shape[:2])
+        delta[lag:] = np.linalg.norm(x[lag:] - x[:-lag], axis=-1)
+        tracks.append(edge_track(trace(lag), graph, everyone, everyone, delta, delta, priority))
+    return replace(graph, tracks=tuple(tracks))
+
+
+def frame_edges(vertices: Sequence[str], animation: ArrayLike, priority: ArrayLike = 1.0) -> PointGraph:
+    """Return E* = ⋃_t E_t, every pair of every frame: the second method of [MucherinoOmer2019, §4.1].
+
+    The paper's text says inter-frame where its formula and argument say intra-frame.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) or (V, K) [m].
+        priority: π, a scalar or one per pair of `numpy.triu_indices(V, 1)`.
+    """
+    graph, x = empty(vertices, animation)
+    i, j = np.triu_indices(x.shape[1], 1)
+    return replace(graph, tracks=(measured(POSTURE, graph, x, i, j, priority),))
+
+
+def measured(
+    kind: PointKind, graph: PointGraph, animation: Floats, i: Ints, j: Ints, priority: ArrayLike = 1.0
+) -> Track:
+    """Return a track of exact edges whose δ is the distance of two objects in the animation.
+
+    Args:
+        kind: of the edges.
+        graph: gives V × T.
+        animation: (T, V, K) [m].
+        i: (E,) places of the first ends in V.
+        j: (E,) places of the second ends.
+        priority: π, broadcast to (T, E).
+    """
+    delta = np.linalg.norm(animation[:, i] - animation[:, j], axis=-1)
+    return edge_track(kind, graph, i, j, delta, delta, priority)
+
+
+def motion_edges(motion: Animated | ArrayLike, names: Sequence[str] | None, postures: bool, traces: int) -> PointGraph:
+    """Return E* of a motion, or of places (T, V, K): see `PointGraph.of`.
+
+    Args:
+        motion: a motion with a skeleton, or positions (T, V, K) [m].
+        names: names of objects, or None.
+        postures: whether to add every pair of every frame.
+        traces: τ, 0 omits traces.
+    """
+    if isinstance(motion, Animated):
+        graph, x = empty(motion.skeleton.names, motion.positions)
+        parents = np.asarray(motion.skeleton.parents, dtype=np.int64)
+    else:
+        x = np.asarray(motion, dtype=np.float64)
+        numbered = [str(k) for k in range(x.shape[-2] if x.ndim > 1 else 0)]
+        graph, x = empty(numbered if names is None else names, x)
+        parents = np.full(len(graph.vertices), -1)
+    i, j = np.triu_indices(len(parents), 1)
+    bone = (parents[i] == j) | (parents[j] == i)
+    tracks = [measured(BONE, graph, x, i[bone], j[bone])] if bone.any() else []
+    if postures and not bone.all():
+        tracks.append(measured(POSTURE, graph, x, i[~bone], j[~bone]))
+    within = replace(graph, tracks=tuple(tracks))
+    return within.joined(trace_edges(graph.vertices, x, traces)) if traces and len(x) > 1 else within
+
+
+def bone_edges(graph: PointGraph, structure: SkeletalStructure, priority: float = 10.0) -> PointGraph:
+    """Return the bones of (S, χ) in every frame of a graph, δ = ‖χ(u) − χ(v)‖, [MucherinoOmer2019, Definition 3].
+
+    Args:
+        graph: gives V × T.
+        structure: (S, χ).
+        priority: π of every bone.
+
+    Raises:
+        GraphError: a joint is no vertex of the graph.
+    """
+    places = np.array([graph.place(name) for name in structure.names])
+    parent, child = structure.bones.T
+    lengths = structure.lengths[1:]
+    return replace(graph, tracks=(edge_track(BONE, graph, places[parent], places[child], lengths, lengths, priority),))
+
+
+def pair_edges(
+    graph: PointGraph,
+    pairs: Sequence[tuple[str, str]],
+    lower: ArrayLike,
+    upper: ArrayLike = np.inf,
+    *,
+    kind: PointKind = SEPARATION,
+    priority: ArrayLike = 10.0,
+) -> PointGraph:
+    """Return edges between named objects in every frame (from the second on for `INTERACTION`).
+
+    Args:
+        graph: gives V × T.
+        pairs: the objects, by name.
+        lower: least distance of each pair [m], a scalar or one per pair.
+        upper: greatest distance [m].
+        kind: of the edges.
+        priority: of each pair.
+
+    Raises:
+        GraphError: an unknown object.
+    """
+    ends = np.array([[graph.place(name) for name in pair] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    return replace(graph, tracks=(edge_track(kind, graph, ends[:, 0], ends[:, 1], lower, upper, priority),))
+
+
+def smoothness_edges(vertices: Sequence[str], animation: ArrayLike, priority: float = 1.0) -> PointGraph:
+    """Return second differences of every object, δ = [0, ‖x^(t−1) − 2 x^t + x^(t+1)‖]: no rougher than the animation.
+
+    Args:
+        vertices: (V,) names.
+        animation: (T, V, K) [m].
+        priority: π of every edge.
+
+    Raises:
+        UsageError: there are fewer than three frames.
+    """
+    graph, x = empty(vertices, animation)
+    if len(x) < 3:
+        raise UsageError(f"second differences need three frames, got {len(x)}")
+    most, everyone = np.zeros(x.shape[:2]), np.arange(x.shape[1])
+    most[1:-1] = np.linalg.norm(np.diff(x, 2, axis=0), axis=-1)
+    return replace(graph, tracks=(edge_track(SMOOTHNESS, graph, everyone, everyone, 0.0, most, priority),))
+
+
+def threshold_edges(candidates: PointGraph, animation: ArrayLike) -> PointGraph:
+    """Return E⁺ of [MucherinoOmer2019, eq. 2]: the candidates whose pair is within its lower bound in the animation.
+
+    Args:
+        candidates: every pair that may be separated, δ = [Δ, ∞].
+        animation: (T, V, K) [m].
+    """
+    return candidates.select(_closer(candidates, candidates.checked(animation), 0.0))
+
+
+def solve_with_thresholds(
+    base: PointGraph,
+    candidates: PointGraph,
+    start: ArrayLike,
+    solver: Callable[[PointGraph, Floats], PointSolution],
+    *,
+    tolerance: float = 1e-4,
+    rounds: int = 10,
+) -> PointSolution:
+    """Solve E* ∪ E⁺, and detect E⁺ again in the solution until no pair violates its threshold.
+
+    A single detection in the original animation misses frames that become violated during the solution.
+
+    Args:
+        base: E*, with boxes and fixed vertices.
+        candidates: every pair that may be separated, δ = [Δ, ∞].
+        start: the original animation (T, V, K) [m].
+        solver: from a graph and a start to a solution, such as `solve`.
+        tolerance: a smaller violation is ignored [m].
+        rounds: maximum number of rounds.
+
+    Returns:
+        The solution of the last round.
+    """
+    x = base.checked(start)
+    chosen = _closer(candidates, x, 0.0)
+    solution = solver(base.joined(candidates.select(chosen)), x)
+    for _ in range(rounds - 1):
+        violated = _closer(candidates, solution.positions, -tolerance)
+        if not (violated & ~chosen).any():
+            break
+        chosen |= violated
+        solution = solver(base.joined(candidates.select(chosen)), solution.positions)
+    return solution
+
+
+def _closer(candidates: PointGraph, x: Floats, slack: float) -> NDArray[np.bool_]:
+    return distances(candidates, x) <= candidates.edges.lower + slack

@@ -1,0 +1,161 @@
+"""One interface to the solvers: the input is a graph and a start, the result is a `Solution`."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import UsageError
+from robot_retarget.graph.objective import Objective
+from robot_retarget.papers.columns import Explicit, Reduced, blocks, box_of, by_frame, taken
+from robot_retarget.papers.evaluation import Intervals, intervals_of, lengths, operator
+from robot_retarget.papers.incidence import Incidence
+from robot_retarget.papers.ipopt import Ipopt, constrain
+from robot_retarget.papers.newton import Newton, descend
+from robot_retarget.papers.points import PointGraph
+from robot_retarget.papers.solution import PointSolution
+from robot_retarget.papers.spectral import Minimum, Spectral, minimise
+
+_BATCH = 128
+"""Frames solved side by side: their edges stay in the processor's cache."""
+
+
+def solve(
+    graph: PointGraph,
+    start: ArrayLike,
+    options: Spectral | Newton | Ipopt | None = None,
+    objective: Objective = Objective.SQUARED,
+) -> PointSolution:
+    """Find x: V × T → ℝ^K with a (locally) least stress, all frames at once.
+
+    Args:
+        graph: the instance; edges are soft (but see `Ipopt`), boxes and fixed vertices are hard.
+        start: (T, V, K), or (V, K) for one frame [m]. A solution of a neighbouring problem is a warm start.
+        options: which method, and its parameters: `Spectral` (the papers', the default), `Newton` (second order, exact
+            to rounding) or `Ipopt` (hard bones and thresholds).
+        objective: any of the four; `RELATIVE` has kinks and is for `Ipopt` alone. The stress of a solution counts the
+            hard edges too, with what error they have.
+
+    Raises:
+        GraphError: the start does not fit the graph.
+        UsageError: the objective is not smooth and the method needs it so.
+    """
+    options = options or Spectral()
+    x = graph.checked(start) if isinstance(options, Ipopt) else _ready(graph, start, objective)
+    began = time.perf_counter()
+    if isinstance(options, Ipopt):
+        return _solution(graph, [constrain(graph, x, options, objective)], objective, began, "ipopt")
+    if isinstance(options, Newton):
+        return _solution(graph, [descend(graph, x, options, objective)], objective, began, "newton")
+    box = tuple(side.reshape(-1, 1) for side in box_of(graph, x))
+    found = _spectral(
+        operator(graph), intervals_of(graph.edges), objective, x.reshape(-1, 1), box, graph.dimension, options
+    )
+    return _solution(graph, [found], objective, began, "spectral")
+
+
+def solve_frames(
+    graph: PointGraph, start: ArrayLike, options: Spectral | None = None, objective: Objective = Objective.SQUARED
+) -> PointSolution:
+    """The same for a graph whose edges stay within a frame: T independent problems, solved side by side.
+
+    Args:
+        graph: the instance.
+        start: (T, V, K) [m].
+        options: parameters; None takes the defaults.
+        objective: one of `Objective`.
+
+    Raises:
+        GraphError: an edge joins two frames, or is measured across two.
+    """
+    x, options = _ready(graph, start, objective), options or Spectral()
+    began = time.perf_counter()
+    pattern, bounds = by_frame(graph)
+    inc = operator(pattern)
+    lower, upper = (side.reshape(graph.frames, -1).T for side in box_of(graph, x))
+    z, found = x.reshape(graph.frames, -1).T, []
+    for block in blocks(graph.frames, _BATCH):
+        part = taken(bounds, block)
+        box = lower[:, block], upper[:, block]
+        found.append(_spectral(inc, part, objective, z[:, block], box, graph.dimension, options))
+    return _solution(graph, found, objective, began, "spectral")
+
+
+def multistart(
+    graph: PointGraph,
+    starts: Sequence[ArrayLike],
+    options: Spectral | None = None,
+    objective: Objective = Objective.SQUARED,
+) -> PointSolution:
+    """The solution of least stress over several starts, searched side by side.
+
+    Args:
+        graph: the instance.
+        starts: (T, V, K) each [m].
+        options: parameters; None takes the defaults.
+        objective: one of `Objective`.
+
+    Raises:
+        UsageError: there is no start.
+    """
+    if not len(starts):
+        raise UsageError("multistart needs at least one start")
+    xs, options = [_ready(graph, start, objective) for start in starts], options or Spectral()
+    began = time.perf_counter()
+    boxes = [box_of(graph, x) for x in xs]
+    box = tuple(np.stack([sides[side].ravel() for sides in boxes], axis=1) for side in range(2))
+    z = np.stack([x.ravel() for x in xs], axis=1)
+    found = _spectral(operator(graph), intervals_of(graph.edges), objective, z, box, graph.dimension, options)
+    best = int(np.argmin(found.values))
+    chosen = Minimum(
+        found.z[:, [best]], found.values[[best]], (found.statuses[best],), (found.iterations[best],), found.history
+    )
+    return _solution(graph, [chosen], objective, began, "spectral")
+
+
+def _ready(graph: PointGraph, start: ArrayLike, objective: Objective) -> Floats:
+    if objective is Objective.RELATIVE:
+        raise UsageError("the relative objective has kinks: use RELATIVE_SQUARED, or Ipopt, which takes it")
+    return graph.checked(start)
+
+
+def _spectral(
+    inc: Incidence,
+    bounds: Intervals,
+    objective: Objective,
+    z: Floats,
+    box: tuple[Floats, ...],
+    dimension: int,
+    options: Spectral,
+) -> Minimum:
+    """Minimise over X, or over (X, y) with y started at the point of its interval nearest to d."""
+    lower, upper = box
+    if not options.explicit:
+        return minimise(Reduced(inc, bounds, objective, dimension), z, lower, upper, options)
+    d = lengths(inc.differences(z.reshape(-1, dimension, z.shape[1]))[0])
+    tall, shape = np.concatenate([z, bounds.nearest(d)]), d.shape
+    floor = np.concatenate([lower, np.broadcast_to(bounds.lower, shape)])
+    ceiling = np.concatenate([upper, np.broadcast_to(bounds.upper, shape)])
+    return minimise(Explicit(inc, bounds, objective, dimension), tall, floor, ceiling, options)
+
+
+def _solution(
+    graph: PointGraph, found: list[Minimum], objective: Objective, began: float, method: str
+) -> PointSolution:
+    shape = (graph.frames, len(graph.vertices), graph.dimension)
+    coordinates = shape[0] * shape[1] * shape[2] // sum(part.z.shape[1] for part in found)
+    positions = np.concatenate([part.z[:coordinates].T for part in found]).reshape(shape)
+    longest = max(len(part.history) for part in found)
+    padded = np.array([part.history + part.history[-1:] * (longest - len(part.history)) for part in found])
+    return PointSolution(
+        graph=graph,
+        positions=frozen(positions),
+        objective=objective,
+        statuses=tuple(status for part in found for status in part.statuses),
+        iterations=tuple(count for part in found for count in part.iterations),
+        history=tuple(float(value) for value in padded.sum(axis=0)),
+        seconds=time.perf_counter() - began,
+        method=method,
+    )

@@ -1,0 +1,79 @@
+"""Targets of a stream equal those of the whole clip, except where these depend on later frames."""
+
+import numpy as np
+import pytest
+
+from robot_retarget.graph.causal.targets import CausalTargets
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.track import HARD
+from robot_retarget.human.calibration import calibrate
+from robot_retarget.human.causal import LEAP, CausalFeatures
+from robot_retarget.motion import read_motion
+from robot_retarget.robot import load_robot
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.problem import targets_of
+
+CLIPS = ("walk", "squat", "wave", "clap", "hips_and_bow")
+
+
+@pytest.fixture(scope="module", params=CLIPS)
+def graph(request: pytest.FixtureRequest) -> RobotGraph:
+    return describe(read_motion(SAMPLES / f"{request.param}.bvh"), load_robot("op3"), fps=30)
+
+
+def asked(graph: RobotGraph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(T, E) bounds and π, frame by frame; the robot's soles are where the human's way has them."""
+    human, all_targets, motion = (
+        CausalFeatures(calibrate(graph.motion, graph.match, graph.human)),
+        CausalTargets(graph),
+        graph.motion,
+    )
+    soles = graph.kinds["foothold"].lower.reshape(len(graph), -1, 4, 3)
+    found = []
+    for t, positions in enumerate(motion.positions):
+        turns = None if motion.rotations is None else motion.rotations[t]
+        frame = all_targets.at(human.step(positions, turns, 1 / graph.fps), soles[t], 1 / graph.fps)
+        found.append([np.array(each) for each in frame])
+    lower, upper, priority = (np.array(each) for each in zip(*found, strict=True))
+    return lower, upper, priority
+
+
+def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: RobotGraph) -> None:
+    (lower, upper, priority), whole, first = asked(graph), targets_of(graph.tracks), 0
+    for track in graph.tracks:
+        edges = slice(first, first + len(track))
+        first += len(track)
+        if track.name == "foothold":
+            continue
+        on = whole.priority[:, edges] > 0
+        assert np.abs(lower[:, edges] - whole.lower[:, edges])[on].max(initial=0.0) < 1e-6, track.name
+        assert np.abs(upper[:, edges] - whole.upper[:, edges])[on].max(initial=0.0) < 1e-6, track.name
+        if track.name != "touch":
+            assert np.allclose(priority[:, edges], whole.priority[:, edges], rtol=1e-9), track.name
+
+
+def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: RobotGraph) -> None:
+    track = graph.kinds["foothold"]
+    first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
+    standing = asked(graph)[2][:, first : first + len(track) : 3] > graph.weights.swing
+    whole = track.priority[:, ::3] >= HARD
+    assert (standing == whole).mean() > 0.85
+
+
+def test_a_touch_comes_on_within_its_time_and_no_faster(graph: RobotGraph) -> None:
+    track = graph.kinds["touch"]
+    first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
+    priority = asked(graph)[2][:, first : first + len(track)] / graph.weights.touch
+    assert np.abs(np.diff(priority, axis=0)).max(initial=0.0) <= 1 / (0.1 * graph.fps) + 1e-9
+
+
+def test_who_is_put_elsewhere_goes_on_from_where_he_was() -> None:
+    graph = describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
+    motion = graph.motion
+    still, leaping = (CausalFeatures(calibrate(motion, graph.match, graph.human)) for _ in range(2))
+    for t, positions in enumerate(motion.positions):
+        turns = None if motion.rotations is None else motion.rotations[t]
+        away = np.array([LEAP, -LEAP, 0.0]) if t >= 40 else np.zeros(3)
+        here, there = (one.step(x, turns, 1 / 30) for one, x in ((still, positions), (leaping, positions + away)))
+        assert np.abs(there.positions - here.positions).max() < 0.2
+    assert (still.leaps, leaping.leaps) == (0, 1)

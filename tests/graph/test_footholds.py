@@ -1,0 +1,248 @@
+"""Stances and footholds: where a sole stands it stays, flat; near in time to a stance a swing foot is led to it."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.footholds import (
+    foothold_corners,
+    footholds_of,
+    median_pose,
+    without_unreachable,
+)
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.graph.track import HARD
+from robot_retarget.human.contacts import contact_schedule
+from robot_retarget.human.features import features_of
+from robot_retarget.human.ground import grounded
+from robot_retarget.human.match import match
+from robot_retarget.motion import Motion, read_motion
+from robot_retarget.motion.stance import intervals
+from robot_retarget.robot import load_robot, world_points
+from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve.solve import solve_graph
+
+SOLE = np.array([[0.2, 0.05, 0], [0.2, -0.05, 0], [0, 0.05, 0], [0, -0.05, 0]])
+"""Front left, front right, rear left, rear right [m]."""
+stances = st.integers(8, 40).flatmap(lambda frames: arrays(bool, frames))
+
+
+@cache
+def walk() -> RobotGraph:
+    return describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
+
+
+def schedule(motion: Motion) -> dict[str, np.ndarray]:
+    matched = match(motion, load_robot("op3"))
+    return contact_schedule(grounded(matched.human_positions(motion), matched, motion.fps), matched, motion.fps)
+
+
+def tilted(draw: np.random.Generator, frames: int) -> Floats:
+    """(T, 4, 3) a sole that goes its own way, tilted by up to half a radian."""
+    turns = np.cumsum(draw.normal(scale=0.05, size=(frames, 3)), axis=0)
+    c, s = np.cos(turns), np.sin(turns)
+    one, zero = np.ones(frames), np.zeros(frames)
+    z = np.array([[c[:, 0], -s[:, 0], zero], [s[:, 0], c[:, 0], zero], [zero, zero, one]]).transpose(2, 0, 1)
+    y = np.array([[c[:, 1], zero, s[:, 1]], [zero, one, zero], [-s[:, 1], zero, c[:, 1]]]).transpose(2, 0, 1)
+    return SOLE @ (z @ y).swapaxes(1, 2) + np.cumsum(draw.normal(scale=0.01, size=(frames, 1, 3)), axis=0)
+
+
+def shape(corners: Floats) -> Floats:
+    """(…, 4, 4) distances between corners."""
+    return np.linalg.norm(corners[..., :, None, :] - corners[..., None, :, :], axis=-1)
+
+
+def test_a_squatting_human_stands_on_both_whole_soles_throughout() -> None:
+    assert all(stands.mean() > 0.98 for stands in schedule(read_motion(SAMPLES / "squat.bvh")).values())
+
+
+def test_a_walker_always_stands_on_one_foot_and_lifts_each_in_turn() -> None:
+    left, right = (np.asarray(walk().human.contacts[side].any(axis=1)) for side in "lr")
+    assert (left | right).mean() > 0.95
+    assert len(intervals(~left)) >= 3 and len(intervals(~right)) >= 3
+
+
+def test_stances_do_not_depend_on_the_frame_rate() -> None:
+    motion = read_motion(SAMPLES / "walk.bvh")
+    slow, fast = schedule(motion.resample(30)), schedule(motion.resample(120))
+    for side in "lr":
+        assert (slow[side] == fast[side][::4][: len(slow[side])]).mean() > 0.95
+
+
+@given(arrays(bool, st.integers(0, 40)))
+def test_intervals_are_the_runs_of_true(flags: np.ndarray) -> None:
+    runs = intervals(flags)
+    inside = [t for start, stop in runs for t in range(start, stop)]
+    assert inside == np.flatnonzero(flags).tolist()
+    assert all(first[1] < second[0] for first, second in pairwise(runs))
+
+
+def test_drifting_heights_are_levelled_and_level_ones_kept() -> None:
+    motion = read_motion(SAMPLES / "walk.bvh")
+    matched = match(motion, load_robot("op3"))
+    x = matched.human_positions(motion)
+    feet = [matched.index(k) for k in ("l_toe", "r_toe", "l_ankle", "r_ankle")]
+    level = grounded(x, matched, motion.fps)
+    rise = np.linspace(0, 1.0, len(x))[:, None, None] * [0, 0, 1]
+    drifted = grounded(x + rise, matched, motion.fps)
+    assert np.ptp(level - x, axis=0).max() < 1e-12
+    assert np.abs((drifted - level)[:, feet, 2]).max() < 0.15 and np.allclose(drifted[..., :2], x[..., :2])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_sole_laid_flat_keeps_its_middle_heading_and_shape(seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), 5)
+    flat = flattened(corners)
+    assert (flat[..., 2] == 0).all()
+    assert np.allclose(flat.mean(axis=1)[:, :2], corners.mean(axis=1)[:, :2])
+    assert np.allclose(shape(flat), shape(corners), atol=1e-9)
+    one, other = lengths(flat), lengths(corners)
+    assert np.allclose(one[:, 0] * other[:, 1], one[:, 1] * other[:, 0]) and ((one * other).sum(axis=1) > 0).all()
+    assert np.allclose(flattened(flat), flat)
+
+
+def test_a_step_between_0_and_1_is_at_rest_at_both_ends() -> None:
+    share = np.linspace(0, 1, 101)
+    slope = np.gradient(smoothstep(share), share)
+    assert smoothstep(share)[[0, 50, -1]].tolist() == [0.0, 0.5, 1.0]
+    assert slope[0] < 0.04 > slope[-1] and (slope > 0).all()
+
+
+@given(stances, st.integers(0, 2**32 - 1))
+def test_a_foot_that_stands_is_flat_and_still_wherever_it_goes_by_itself(stands: np.ndarray, seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), len(stands))
+    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners)
+    for start, stop in intervals(stands):
+        assert (places[start:stop] == places[start]).all() and (places[start][:, 2] == 0).all()
+        assert np.allclose(shape(places[start]), shape(SOLE), atol=1e-9)
+        middles = corners[start:stop].mean(axis=1)[:, :2]
+        assert (places[start].mean(axis=0)[:2] <= middles.max(axis=0) + 0.1).all()
+    if not stands.any():
+        assert (places == corners).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([TOE, HEEL]))
+def test_a_foot_on_its_toes_or_heels_alone_keeps_its_edges_as_wide_and_on_the_floor(seed: int, edge: list[int]) -> None:
+    corners = tilted(np.random.default_rng(seed), 6)
+    held = np.zeros((6, 4), dtype=bool)
+    held[1:5, edge] = True
+    down = foothold_corners(held, corners)[1]
+    for one, other in (TOE, HEEL):
+        assert np.allclose(down[[one, other], 2], 0)
+        assert np.linalg.norm(down[one] - down[other]) == pytest.approx(np.linalg.norm(SOLE[one] - SOLE[other]))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-np.pi, np.pi))
+def test_footholds_turn_with_the_human(seed: int, yaw: float) -> None:
+    draw = np.random.default_rng(seed)
+    corners, held = tilted(draw, 30), np.repeat(draw.random((30, 2)) < 0.8, 2, axis=1)
+    turn = Rotation.from_euler("z", yaw).as_matrix()
+    assert np.allclose(foothold_corners(held, corners @ turn.T), foothold_corners(held, corners) @ turn.T, atol=1e-9)
+
+
+def test_the_pose_of_a_stance_is_that_of_most_of_its_frames() -> None:
+    corners = np.repeat(tilted(np.random.default_rng(1), 1), 9, axis=0)
+    moved = corners.copy()
+    moved[:2] += [0.3, -0.2, 0.1]
+    assert np.allclose(median_pose(moved), corners[0], atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_swing_goes_its_own_way_shifted_from_one_foothold_to_the_next_without_a_leap(seed: int) -> None:
+    corners = tilted(np.random.default_rng(seed), 40)
+    stands = np.ones(40, dtype=bool)
+    stands[10:30] = False
+    places = foothold_corners(np.repeat(stands[:, None], 4, axis=1), corners)
+    offset = places - corners
+    before, after = offset[9], offset[30]
+    share = smoothstep((np.arange(40) - 9) / 21)[10:30, None, None]
+    assert np.allclose(offset[10:30], (1 - share) * before + share * after)
+    most = np.abs(after - before).max() * 1.5 / 21
+    assert np.abs(np.diff(offset[9:31], axis=0)).max(initial=0.0) <= most + 1e-12
+
+
+@given(st.integers(1, 11), st.integers(0, 2**32 - 1))
+def test_fixed_frames_stay_and_a_stance_that_began_in_them_goes_on_where_it_was(fixed: int, seed: int) -> None:
+    corners, held = tilted(np.random.default_rng(seed), 40), np.zeros((40, 4), dtype=bool)
+    corners[:12] = flattened(corners[:1])  # stands there, as the window before had it
+    held[:20] = held[30:] = True
+    places = foothold_corners(held, corners, fixed)
+    assert np.allclose(places[:20], corners[0], atol=1e-12) and np.ptp(places[30:], axis=0).max() == 0
+    offset = (places - corners)[19:31]
+    assert np.abs(np.diff(offset, axis=0)).max() < 1.5 / 11 * np.abs(offset[-1] - offset[0]).max() + 1e-9
+
+
+def two_feet(turned: float) -> tuple[np.ndarray, Floats]:
+    """Both feet stand in frames 10 … 19, the left one until 20 and the right one from 10 on; the right one is `turned` [rad] first."""
+    held = np.zeros((40, 2, 4), dtype=bool)
+    held[:20, 0] = held[10:, 1] = True
+    corners = np.stack([np.repeat(SOLE[None], 40, axis=0) + np.array([0, y, 0]) for y in (0.1, -0.1)], axis=1)
+    turn = Rotation.from_euler("z", turned).as_matrix()
+    corners[:18, 1] = corners[:18, 1] @ turn.T
+    return held, corners
+
+
+def test_both_feet_are_free_while_the_legs_cannot_reach_both_footholds() -> None:
+    held, corners = two_feet(0.6)
+    free = without_unreachable(held, corners, reach=0.03)
+    assert not free[10:18].any()
+    assert np.array_equal(free[:10], held[:10]) and np.array_equal(free[20:], held[20:])
+
+
+def test_stances_that_the_legs_can_reach_are_kept() -> None:
+    held, corners = two_feet(0.05)
+    assert np.array_equal(without_unreachable(held, corners, reach=0.03), held)
+    turn = Rotation.from_euler("z", 1.0).as_matrix()
+    assert np.array_equal(without_unreachable(held, corners @ turn.T + 0.3, reach=0.03), held)
+
+
+def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -> None:
+    """Both feet further out by what the robot's hips are wider; a turn of the human about the vertical turns it all."""
+    graph = walk()
+    found = footholds_of(graph.human, graph.match, graph.robot)
+    assert found.feet == ("l", "r") and found.places.shape == (len(graph), 2, 4, 3)
+    assert (found.places[found.held][:, 2] == 0).all()
+    for k, foot in enumerate(found.feet):
+        ankle = graph.human.positions[:, graph.match.index(f"{foot}_ankle")]
+        stands = intervals(np.asarray(found.held[:, k].all(axis=1)))
+        middles = np.array([found.places[start, k].mean(axis=0)[:2] for start, _ in stands])
+        theirs = np.array([np.median(ankle[start:stop], axis=0)[:2] for start, stop in stands]) * graph.match.leg_ratio
+        assert np.allclose(np.diff(middles, axis=0), np.diff(theirs, axis=0), atol=0.02)
+
+
+def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:
+    graph = walk()
+    bolted = replace(graph.robot, root_joints=np.zeros(0, dtype=np.int64))
+    assert footholds_of(features_of(graph.motion, graph.match), graph.match, bolted).feet == ()
+
+
+def test_corners_that_stand_are_held_hard_and_feet_in_swing_follow_their_path() -> None:
+    graph = walk()
+    track, held = graph.kinds["foothold"], footholds_of(graph.human, graph.match, graph.robot).held
+    along = track.priority.reshape(len(graph), 2, 4, 3)
+    stands = np.asarray(held.any(axis=2))
+    assert (along[held] == HARD).all() and (along[stands[..., None] & ~held] == 0).all()
+    assert (along[~stands] == graph.weights.swing).all() and (~stands).any()
+
+
+def test_footholds_of_a_solved_walk_do_not_slide() -> None:
+    """By less than a millimetre over any stance, of the corners that are held."""
+    graph = walk().frames(0, 90)
+    qpos = solve_graph(graph).trajectory.qpos
+    held, seen = footholds_of(graph.human, graph.match, graph.robot).held, 0
+    for k, foot in enumerate("lr"):
+        corners = world_points(graph.robot, sole_corners(graph.match.anatomy, foot), qpos)
+        for corner in range(4):
+            for start, stop in intervals(held[:, k, corner]):
+                seen += 1
+                assert np.ptp(corners[start:stop, corner], axis=0).max() < 1e-3
+    assert seen >= 12
