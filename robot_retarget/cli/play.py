@@ -94,12 +94,16 @@ def play(
     else:
         if part != PlaybackRange() or rate is not None:
             raise UsageError(ALTERED)
-        require_judged(trajectory, read, servo_map, servos, report, mode, loose)
+        options = replace(
+            options, tracking_rms=require_judged(trajectory, read, servo_map, servos, report, mode, loose)
+        )
         plan = goal_plan(read, servo_map)
         if plan.feedback is not None and not feedback:
             raise UsageError(OPEN_LOOP)
     if not feedback:
         plan = replace(plan, feedback=None)
+    if mode == "pinned":
+        plan = plan.held()
     if dry_run:
         facts = preview(plan, servo_map, port or None)
         console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])

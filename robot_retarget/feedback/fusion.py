@@ -24,18 +24,19 @@ class Fusion:
 
     def __init__(self, time_constant: float) -> None:
         self._time_constant = time_constant
-        self._up: Floats | None = None
+        self.up: Floats | None = None
+        """(3,) the measured vertical; None before the first reading."""
 
     def step(self, reading: Reading, dt: float) -> Floats:
-        """Roll and pitch (2,) [rad] after a reading, `dt` [s] after the one before."""
+        """Return roll and pitch (2,) [rad] after a reading, `dt` [s] after the one before."""
         size = float(np.sqrt(reading.accel @ reading.accel))
         felt = reading.accel / size if size > 1e-6 else np.array([0.0, 0.0, 1.0])
-        if self._up is None:
-            self._up = felt
+        if self.up is None:
+            self.up = felt
         wx, wy, wz = reading.gyro
-        x, y, z = self._up
-        turned = self._up - dt * np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
+        x, y, z = self.up
+        turned = self.up - dt * np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
         trust = max(0.0, 1.0 - abs(size - STANDARD_GRAVITY) / TRUST)
         up = turned + min(1.0, dt / self._time_constant) * trust * (felt - turned)
-        self._up = up / np.sqrt(up @ up)
-        return tilt_of(self._up)
+        self.up = up / np.sqrt(up @ up)
+        return tilt_of(self.up)

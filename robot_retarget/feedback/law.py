@@ -130,10 +130,11 @@ class Law:
         """Whether the robot leaned beyond the range of the feedback; it then moves to its crouch."""
 
     def step(self, row: int, plan: Floats, reading: Reading | None) -> Floats:
-        """Return the goals (n,) [rad] to send for planned ones; without a reading the added angle stays."""
-        if reading is not None:
+        """Return the goals (n,) [rad] to send for planned ones; without a finite reading the added angle stays."""
+        heard = reading is not None and reading.finite
+        if reading is not None and heard:
             self._measure(row, reading)
-        if reading is not None or not self.trusted:
+        if heard or not self.trusted:
             self._add()
         if self.stopped:
             return self._within(self.feedback.crouch, self.feedback.speed)

@@ -16,6 +16,11 @@ class Reading(NamedTuple):
     accel: Floats
     """(3,) acceleration minus gravity [m/s²]: +g along the vertical at rest."""
 
+    @property
+    def finite(self) -> bool:
+        """Whether all six numbers are finite; a law that took in another would keep it for good."""
+        return bool(np.isfinite(self.gyro).all() and np.isfinite(self.accel).all())
+
 
 LEVEL = Reading(np.zeros(3), np.array([0.0, 0.0, STANDARD_GRAVITY]))
 """The reading of a level body at rest."""

@@ -3,16 +3,16 @@
 import time
 from collections.abc import Callable
 
-import numpy as np
-
-from robot_retarget.actuators.balance_tables import Imu
+from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback, Law
 from robot_retarget.feedback.lean import LeanTest
-from robot_retarget.feedback.monitor import Monitor, rest_faults
+from robot_retarget.feedback.monitor import rest_faults
 from robot_retarget.feedback.reading import Reading
+from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.outcome import FaultError
+from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.sensor import Sensor
 
 SAMPLES = 50
@@ -44,32 +44,26 @@ def require_sound(sensor: Sensor, imu: Imu, lockstep: bool = False) -> None:
         )
 
 
-class Balancer:
+class Balancer(FallGuard):
     """The law during one playback.
 
     Args:
         feedback: of the plan, in the order of its joints.
-        sensor: checked.
-        imu: its data sheet.
-        rate: ticks a second [1/s].
-        note: receives faults of the sensor.
     """
 
     law: Law
 
-    def __init__(self, feedback: Feedback, sensor: Sensor, imu: Imu, rate: float, note: Callable[[str], None]) -> None:
-        self.law = Law(feedback, 1 / rate)
-        self._sensor, self._imu, self._monitor = sensor, imu, Monitor(imu, 1 / rate)
-        self._rate, self._note = rate, note
-        self._before: list[Reading] = []
-        self._bias = np.zeros(3)
-        self._stopped = 0
-
-    def listen(self) -> None:
-        """Take a reading on the way to the first pose, on which the trunk hardly moves."""
-        reading = self._sensor.read()
-        if reading is not None:
-            self._before.append(reading)
+    def __init__(
+        self,
+        feedback: Feedback,
+        plan: ServoPlan,
+        sensor: Sensor,
+        imu: Imu,
+        balance: Balance,
+        note: Callable[[str], None],
+    ) -> None:
+        super().__init__(plan, sensor, imu, balance, note)
+        self.law, self._stopped = Law(feedback, 1 / plan.rate), 0
 
     def ready(self) -> None:
         """Compare the readings with the first pose, and subtract the gyroscope's bias from later readings.
@@ -80,10 +74,10 @@ class Balancer:
         faults = rest_faults(self._before, self._imu, self.law.feedback.reference[0, :2], still=False)
         if faults:
             raise FaultError("; ".join(faults))
-        self._bias = np.mean([reading.gyro for reading in self._before], axis=0)
+        super().ready()
 
     def test(self, first: Floats) -> LeanTest:
-        """The test lean from the first pose (n,) [rad]."""
+        """Return the test lean from the first pose (n,) [rad]."""
         return LeanTest(first, self.law.feedback.lean, self._rate)
 
     def lean(self, test: LeanTest, tick: int) -> None:
@@ -101,20 +95,27 @@ class Balancer:
             raise FaultError(f"{'; '.join(faults)}: check the axes of [imu]")
 
     def goal(self, row: int, plan: Floats) -> Floats:
-        """The goals (n,) of a tick.
+        """Return the goals (n,) of a tick [rad].
 
         Raises:
             FaultError: the robot leaned too far; by now it crouches.
         """
-        reading = self._sensor.read()
-        fault = self._monitor.fault(reading)
-        if fault is not None and self.law.trusted:
-            self.law.trusted = False
-            self._note(f"{fault}: feedback fades out")
-        if reading is not None:
-            reading = Reading(reading.gyro - self._bias, reading.accel)
-        goal = self.law.step(row, plan, reading if self.law.trusted else None)
+        goal = self.law.step(row, plan, self._read())
         self._stopped += self.law.stopped
         if self._stopped > CROUCHED * self._rate:
-            raise FaultError("the robot leaned too far from the plan; it stopped in a crouch")
+            self.require_upright(row)
         return goal
+
+    def require_upright(self, row: int = -1) -> None:
+        """Check that the law did not give up on a lean, and that the robot did not fall.
+
+        Raises:
+            FaultError: it did.
+        """
+        if self.law.stopped:
+            raise FaultError("the robot leaned too far from the plan; it stopped in a crouch")
+        super().require_upright(row)
+
+    def _lose(self, fault: str) -> None:
+        self.trusted = self.law.trusted = False
+        self._note(f"{fault}: feedback fades out")

@@ -8,7 +8,7 @@ recorded angles follow the goals.
 """
 
 from dataclasses import dataclass, replace
-from math import copysign, sin, tau
+from math import copysign, inf, sin, tau
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +92,8 @@ def identify(
             f"{joint}: identification needs the range −{SWING:g}…{SWING:g} rad, with 0 where the pendulum hangs"
         )
     alone = replace(servo_map, servos=(servo,), stop=Stop())
-    outcome = play(excitation(), alone, port, options or PlaybackOptions(), log)
+    how = replace(options or PlaybackOptions(), tracking_rms=inf)  # steps of the excitation are off by their height
+    outcome = play(excitation(), alone, port, how, log)
     if outcome.ended is not PlaybackEnd.FINISHED:
         raise ServoError(f"identification was stopped: {outcome.sentence}")
     with np.load(log) as ticks:

@@ -9,6 +9,7 @@ import numpy as np
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.documents import read_json
 from robot_retarget.errors import ServoError
+from robot_retarget.goals import TRACKING_RMS
 from robot_retarget.report_file import FORMAT_VERSION, NAMES, content_sha256
 from robot_retarget.servo.plan import goal_plan
 from robot_retarget.servo.scale import JointScale
@@ -23,7 +24,7 @@ def require_judged(
     report: str | Path | None = None,
     mode: str = "free",
     loose: bool = False,
-) -> None:
+) -> float:
     """Check that the goals in a trajectory file are those that passed.
 
     Args:
@@ -32,6 +33,9 @@ def require_judged(
         report: the report; by default that of the mode next to the trajectory, or for `pinned` the `report.json` that `run` writes.
         mode: `free`, or `pinned` for a robot held by its pelvis.
         loose: accept a pass under thresholds above the defaults.
+
+    Returns:
+        The tracking error (rms) of the worst joint under which they passed [rad].
 
     Raises:
         ServoError: the goals may not be sent; the message gives the reason and the command that judges them again.
@@ -44,7 +48,7 @@ def require_judged(
         or _mismatch(content, path, trajectory, servo_map, servos, where)
     )
     if why is None:
-        return
+        return float(content["thresholds"].get("tracking_rms", {}).get("value", TRACKING_RMS))
     command = ["robot-retarget", "simulate", path, "--robot", trajectory.robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
     raise ServoError(f"{why}; judge it again: {shlex.join(map(str, command))}")

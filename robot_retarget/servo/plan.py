@@ -8,8 +8,9 @@ from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback
+from robot_retarget.feedback.reading import vertical_in
 from robot_retarget.goals import RATE
-from robot_retarget.trajectory import Trajectory
+from robot_retarget.trajectory import FREE_ROOT, Trajectory
 
 PEAK = 1.875
 """The top speed of a minimum-jerk path, as a multiple of its mean."""
@@ -29,11 +30,13 @@ class ServoPlan:
     """How an inertial sensor's readings alter the rows, which are judged with it; or None."""
     motion: Floats | None = None
     """(N, n) angles that the joints should have at each tick, if the rows lead them to compensate lag and load [rad]."""
+    up: Floats | None = None
+    """(N, 3) planned vertical in the root body's axes; None if the root is fixed or held."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "angles", frozen(self.angles))
-        if self.motion is not None:
-            object.__setattr__(self, "motion", frozen(self.motion))
+        for name in ("angles", "motion", "up"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def duration(self) -> float:
@@ -48,7 +51,12 @@ class ServoPlan:
     def resampled(self, rate: float) -> "ServoPlan":
         """The same path at another rate, straight between rows; its last tick is the nearest to the end."""
         times = np.minimum(np.arange(round(self.duration * rate) + 1) / rate, self.duration)
-        return ServoPlan(_interpolated(self.angles, times * self.rate), rate)
+        up = None if self.up is None else _interpolated(self.up, times * self.rate)
+        return ServoPlan(_interpolated(self.angles, times * self.rate), rate, up=up)
+
+    def held(self) -> "ServoPlan":
+        """Return the same for a robot that is held by its pelvis: no feedback acts, and no lean of the trunk is a fall."""
+        return replace(self, feedback=None, up=None)
 
 
 def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> ServoPlan:
@@ -61,8 +69,10 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> ServoPlan:
         raise ServoError("the trajectory has no goals: simulate makes them")
     goals, order = trajectory.goals, _order(trajectory, servo_map)
     feedback = None if goals.feedback is None else goals.feedback.of(order)
-    motion = _interpolated(_hinges(trajectory)[:, order], goals.times * trajectory.fps)
-    return ServoPlan(goals.angles[:, order], goals.rate, feedback, motion)
+    rows = goals.times * trajectory.fps
+    motion, up = _interpolated(_hinges(trajectory)[:, order], rows), _vertical(trajectory)
+    up = None if up is None else _interpolated(up, rows)
+    return ServoPlan(goals.angles[:, order], goals.rate, feedback, motion, up)
 
 
 def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) -> ServoPlan:
@@ -71,7 +81,8 @@ def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) 
     Raises:
         ServoError: the joints are not those of the map.
     """
-    return ServoPlan(_hinges(trajectory)[:, _order(trajectory, servo_map)], trajectory.fps).resampled(rate)
+    angles = _hinges(trajectory)[:, _order(trajectory, servo_map)]
+    return ServoPlan(angles, trajectory.fps, up=_vertical(trajectory)).resampled(rate)
 
 
 def part_of(
@@ -120,6 +131,12 @@ def eased(u: Floats) -> Floats:
 def _hinges(trajectory: Trajectory) -> Floats:
     """Return the hinge angles (T, n) of a trajectory [rad]."""
     return trajectory.qpos[:, -len(trajectory.joint_names) :]
+
+
+def _vertical(trajectory: Trajectory) -> Floats | None:
+    """Return the vertical (T, 3) in the root body's axes; None for a root that is not free."""
+    root = trajectory.qpos[:, : -len(trajectory.joint_names)]
+    return vertical_in(root[:, 3:]) if root.shape[1] == FREE_ROOT else None
 
 
 def _interpolated(angles: Floats, rows: Floats) -> Floats:

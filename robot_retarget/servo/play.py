@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.actuators.balance_tables import Balance
 from robot_retarget.actuators.map import ServoMap
 from robot_retarget.errors import ServoError
+from robot_retarget.feedback.law import Feedback
 from robot_retarget.feedback.lean import LEAN, LeanTest
 from robot_retarget.goals import RATE
 from robot_retarget.servo.bus import Bus, NoAnswerError, PortLostError, StatusError, slow_adapter
 from robot_retarget.servo.check import Condition, ServoFinding, check
 from robot_retarget.servo.clock import real_time, wait_until, without_sleep_states
 from robot_retarget.servo.cycle import Cycle, Step
+from robot_retarget.servo.fall import FallGuard
 from robot_retarget.servo.feedback import Balancer, require_sound
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.hold import leave_holding, let_go, take_hold
@@ -72,19 +75,30 @@ class Player:
         Raises:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
-        balancer = self._balancer(plan)
-        return self.perform(plan.rate, lambda cycle: self._perform(cycle, plan, balancer))
+        watch = self._balancer(plan, plan.feedback) if plan.feedback is not None else self._fall_guard(plan)
+        outcome = self.perform(plan.rate, lambda cycle: self._perform(cycle, plan, watch))
+        return outcome.compared(self.options.tracking_rms)
 
-    def _balancer(self, plan: ServoPlan) -> Balancer | None:
-        """The feedback of a plan that has one, its sensor checked."""
-        if plan.feedback is None:
-            return None
+    def _balancer(self, plan: ServoPlan, feedback: Feedback) -> Balancer:
+        """Return the feedback of a plan, its sensor checked."""
         imu = self.map.imu
         if imu is None:
             raise ServoError("the goals were judged with feedback, and the servo map has no [imu]; see --no-feedback")
         sensor = open_sensor(self.bus, imu)
         require_sound(sensor, imu, self.options.lockstep)
-        return Balancer(plan.feedback, sensor, imu, plan.rate, self._note_fault)
+        return Balancer(feedback, plan, sensor, imu, self.map.balance or Balance(), self._note_fault)
+
+    def _fall_guard(self, plan: ServoPlan) -> FallGuard | None:
+        """Return the watch over a free robot that has an inertial sensor."""
+        imu = self.map.imu
+        if imu is None or plan.up is None:
+            return None
+        try:
+            sensor = open_sensor(self.bus, imu)
+        except ServoError as error:
+            self._note_fault(f"{error}: a fall stops nothing")
+            return None
+        return FallGuard(plan, sensor, imu, self.map.balance or Balance(), self._note_fault)
 
     def _note_fault(self, text: str) -> None:
         self.warnings.append(text)
@@ -131,16 +145,19 @@ class Player:
         self.guard = take_hold(self.link, judge)
         return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
-    def _perform(self, cycle: Cycle, plan: ServoPlan, balancer: Balancer | None) -> str:
+    def _perform(self, cycle: Cycle, plan: ServoPlan, watch: FallGuard | None) -> str:
         way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
         self.say(f"approaching the first frame in {way.duration:.1f} s")
-        self._follow(cycle, way, "approach", balancer)
-        if balancer is not None:
-            balancer.ready()
-            self._lean(cycle, balancer.test(plan.angles[0]), balancer)
+        self._follow(cycle, way, "approach", watch)
+        if watch is not None:
+            watch.ready()
+        if isinstance(watch, Balancer):
+            self._lean(cycle, watch.test(plan.angles[0]), watch)
         self.say(f"playing {plan.duration:.1f} s")
-        self._follow(cycle, plan, "play", balancer)
-        self.move_to_stop_pose(cycle)
+        self._follow(cycle, plan, "play", watch)
+        self.move_to_stop_pose(cycle, watch)
+        if watch is not None:
+            watch.require_upright()
         return PlaybackEnd.FINISHED.value
 
     def _lean(self, cycle: Cycle, test: LeanTest, balancer: Balancer) -> None:
@@ -161,24 +178,22 @@ class Player:
         self.run_ticks(cycle, step, last)
         balancer.require_leant(test)
 
-    def move_to_stop_pose(self, cycle: Cycle) -> None:
+    def move_to_stop_pose(self, cycle: Cycle, watch: FallGuard | None = None) -> None:
         """Move to the map's stop pose, if it has one and the options allow it."""
         if self.options.end_pose and self.map.stop.pose:
             here = zip(self.map.joints, cycle.guard.goal, strict=True)
             pose = np.array([self.map.stop.pose.get(joint, angle) for joint, angle in here])
             self.say("going to the stop pose")
-            self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end")
+            self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end", watch)
 
-    def _follow(self, cycle: Cycle, plan: ServoPlan, phase: str, balancer: Balancer | None = None) -> None:
+    def _follow(self, cycle: Cycle, plan: ServoPlan, phase: str, watch: FallGuard | None = None) -> None:
         """Ticks on an even clock until the plan is over."""
         targets, last = list(plan.angles), len(plan.angles) - 1
 
         def step(k: int) -> Step:
             target = targets[k]
-            if balancer is not None and phase == "play":
-                target = balancer.goal(k, target)
-            elif balancer is not None:
-                balancer.listen()
+            if watch is not None:
+                target = watch.goal(k, target) if phase == "play" else watch.listen(target)
             return Step(target, phase, targets[min(k + 1, last)], None if plan.motion is None else plan.motion[k])
 
         self.run_ticks(cycle, step, last)

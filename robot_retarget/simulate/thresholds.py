@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 from robot_retarget.documents import read_toml
 from robot_retarget.errors import UsageError, known
+from robot_retarget.goals import TRACKING_RMS
 
 
 @dataclass(frozen=True)
 class Thresholds:
     """Upper limits of a pass. An unstable simulation and a fall in mode `free` always fail."""
 
-    tracking_rms: float = 0.2
-    """Of the worst joint [rad]: 11°, the error of a servo with 50 ms lag at 4 rad/s."""
+    tracking_rms: float = TRACKING_RMS
+    """Of the worst joint [rad]."""
     penetration: float = 0.001
     """Of the robot with itself in the replay [m]; no frame may be deeper."""
     between_frames: float = 0.01

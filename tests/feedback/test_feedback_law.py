@@ -146,6 +146,17 @@ def test_additions_keep_their_bounds_and_goals_keep_range_and_speed() -> None:
         last = goal
 
 
+def test_a_reading_that_is_not_finite_changes_nothing() -> None:
+    laws, found = [Law(feedback(), DT) for _ in range(2)], [np.zeros(3)]
+    for row in range(40):
+        reading = leaning(0.05, -0.02)
+        found = [law.step(row, np.zeros(3), reading) for law in laws]
+        if row == 20:
+            for wrong in (Reading(np.array([0.0, np.nan, 0.0]), STILL.accel), Reading(np.zeros(3), np.full(3, np.inf))):
+                laws[1].step(row, np.zeros(3), wrong)
+    assert np.array_equal(found[0], found[1]) and np.abs(found[0]).max() > 0.01
+
+
 def test_without_trust_additions_fade_out_and_stay_out() -> None:
     law = Law(feedback(fade=0.2), DT)
     for row in range(40):
