@@ -23,7 +23,7 @@ $(VENV)/.ready: pyproject.toml
 	touch $@
 
 bench: $(VENV)/.ready
-	$(BIN)/python scripts/write_performance.py
+	$(BIN)/python scripts/bench/write_performance.py
 
 docs: $(VENV)/.ready
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet

@@ -37,7 +37,7 @@ def clips() -> dict[str, Motion]:
 def made(tmp_path_factory) -> list[Path]:
     folders = [tmp_path_factory.mktemp("made"), tmp_path_factory.mktemp("again")]
     for folder in folders:
-        script = [sys.executable, str(ROOT / "scripts" / "make_samples.py"), "--out", str(folder)]
+        script = [sys.executable, str(ROOT / "scripts" / "tools" / "make_samples.py"), "--out", str(folder)]
         subprocess.run(script, check=True, capture_output=True, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)})
     return folders
 

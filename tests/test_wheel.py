@@ -32,7 +32,7 @@ def test_models_and_samples_are_inside(wheel: Path) -> None:
 
 
 def test_an_environment_without_the_checkout_retargets_with_it(wheel: Path, tmp_path: Path) -> None:
-    """It shares the dependencies of this one; `scripts/check_release.py` installs them anew."""
+    """It shares the dependencies of this one; `scripts/tools/check_release.py` installs them anew."""
     venv.create(tmp_path / "venv")
     python = tmp_path / "venv/bin/python"
     command = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps", str(wheel)]

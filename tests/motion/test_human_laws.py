@@ -1,6 +1,6 @@
 """However a clip is cut, laid down, renamed, mirrored, rewritten or broken: it is taken for the same, or it is said.
 
-Every law of `scripts/check_human.py`, which counts them over all clips, on some of them.
+Every law of `scripts/bench/check_human.py`, which counts them over all clips, on some of them.
 """
 
 import runpy
@@ -23,7 +23,7 @@ SOME = (
 
 @pytest.fixture(scope="module")
 def checks() -> Any:
-    return runpy.run_path(str(ROOT / "scripts" / "check_human.py"))
+    return runpy.run_path(str(ROOT / "scripts" / "bench" / "check_human.py"))
 
 
 @pytest.fixture(scope="module", params=SOME, ids=lambda path: Path(path).stem)

@@ -1,4 +1,4 @@
-"""However a robot is written down, the same robot is recognised: every law of `scripts/robot_variants.py`."""
+"""However a robot is written down, the same robot is recognised: every law of `scripts/bench/robot_variants.py`."""
 
 import runpy
 from pathlib import Path
@@ -10,7 +10,7 @@ from shared_files import ROOT, SHARED, needs_shared
 
 from robot_retarget.robot import load_robot, recognise
 
-SCRIPTS = ROOT / "scripts"
+SCRIPTS = ROOT / "scripts" / "bench"
 OP3 = load_robot("op3").path
 SHARED_ROBOTS = sorted((SHARED / "robots").glob("*/*.xml"))
 

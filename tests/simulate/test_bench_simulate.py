@@ -8,7 +8,7 @@ from shared_files import ROOT
 
 from robot_retarget.robot import load_robot
 
-BENCH = runpy.run_path(str(ROOT / "scripts/bench_simulate.py"))
+BENCH = runpy.run_path(str(ROOT / "scripts/bench/bench_simulate.py"))
 
 
 def test_the_bench_prints_a_row_for_each_mode_and_no_great_overhead(capsys: pytest.CaptureFixture[str]) -> None:
@@ -19,6 +19,6 @@ def test_the_bench_prints_a_row_for_each_mode_and_no_great_overhead(capsys: pyte
 
 
 def test_the_tracking_bench_finds_compensation_better() -> None:
-    bench, robot = runpy.run_path(str(ROOT / "scripts/bench_tracking.py")), load_robot("op3")
+    bench, robot = runpy.run_path(str(ROOT / "scripts/bench/bench_tracking.py")), load_robot("op3")
     plain, better, worst = bench["simulated"](robot, swing(robot, "l_el", 0.4, 0.5, 2.0), "pinned")
     assert better < plain / 2 and worst.startswith("l_el")

@@ -11,7 +11,7 @@ import robot_retarget as rr
 from robot_retarget.shipped import SAMPLES
 
 with pytest.MonkeyPatch.context() as patch:
-    patch.syspath_prepend(str(ROOT / "scripts"))
+    patch.syspath_prepend(str(ROOT / "scripts" / "bench"))
     bench = importlib.import_module("bench_upright")
 judged, table = bench.judged, bench.table
 

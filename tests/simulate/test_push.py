@@ -20,7 +20,7 @@ from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import roll_out
 
 with pytest.MonkeyPatch.context() as patch:
-    patch.syspath_prepend(str(ROOT / "scripts"))
+    patch.syspath_prepend(str(ROOT / "scripts" / "bench"))
     fit = importlib.import_module("fit_feedback")
 
 OP3 = rr.load_robot("op3")

@@ -12,7 +12,7 @@ from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Search
 
-SCRIPT = runpy.run_path(str(ROOT / "scripts/basins.py"))
+SCRIPT = runpy.run_path(str(ROOT / "scripts/bench/basins.py"))
 
 
 @pytest.mark.parametrize("clip", ["wave", "clap"])

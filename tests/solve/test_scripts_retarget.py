@@ -14,7 +14,7 @@ from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.candidates import place_root
 from robot_retarget.solve.options import Smoothing
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts" / "bench"
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_a_robot_compared_with_itself_has_no_error(script: Any) -> None:
 
 
 def test_the_pages_pictures_are_there_and_small() -> None:
-    page = SCRIPTS.parent / "docs/retargeting.md"
+    page = SCRIPTS.parents[1] / "docs/retargeting.md"
     pictures = [page.parent / name for name in re.findall(r"!\[.*?\]\((.*?)\)", page.read_text(encoding="utf-8"))]
     assert len(pictures) == len(set(pictures)) == 3
     assert sum(picture.stat().st_size for picture in pictures) < 1_200_000

@@ -1,0 +1,100 @@
+"""Take the pictures of the report and the viewer for the documentation: `python scripts/figures/page_pictures.py [--out FOLDER]`.
+
+They need Chromium, chromedriver and Pillow. `run` makes the pages from sample clips.
+"""
+
+import argparse
+import io
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.chrome.options import Options
+from selenium.webdriver.chrome.service import Service
+
+from robot_retarget.files import folder, replacing
+from robot_retarget.shipped import SAMPLES
+
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+)
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+COLOURS = 256
+"""Of a picture: half of the bytes of true colours."""
+DRAWN = 2.0
+"""So long a page takes to draw, at most [s]."""
+PICTURES = {
+    "simulation": ("walk/report.html", (1160, 1010), ""),
+    "viewer": (
+        "walk/viewer.html",
+        (1200, 1010),
+        "viewer.player.seek(4.5); viewer.panel.toggle('near'); viewer.panel.toggle('edges')",
+    ),
+    "compare": ("two.html", (1200, 1140), "viewer.player.seek(2.5); viewer.panel.toggle('near')"),
+}
+"""Page, width and height of the window [pixels], and what happens on the page before the picture."""
+
+
+def main() -> None:
+    """Make the pages in a folder of their own, and take the pictures."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("docs"))
+    target = folder(parser.parse_args().out)
+    with tempfile.TemporaryDirectory() as scratch, _browser() as browser:
+        pages = Path(scratch)
+        _pages(pages)
+        for name, (page, size, script) in PICTURES.items():
+            browser.set_window_size(*size)
+            browser.get((pages / page).as_uri())
+            time.sleep(DRAWN)
+            browser.execute_script(script)
+            time.sleep(DRAWN)
+            _save(browser.get_screenshot_as_png(), target / f"{name}.png")
+
+
+def _pages(pages: Path) -> None:
+    """A report, a viewer, and two trajectories on one page."""
+    for clip in ("walk", "wave"):
+        _command("run", SAMPLES / f"{clip}.bvh", "--robot", "op3", "--out", pages / clip)
+    takes = [shutil.copy(pages / clip / "trajectory.npz", pages / f"{clip}.npz") for clip in ("walk", "wave")]
+    _command("view", *takes, "--robot", "op3", "--static", pages / "two.html")
+
+
+def _command(*words: str | Path) -> None:
+    subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, words)], check=True)
+
+
+@contextmanager
+def _browser() -> Iterator[Any]:
+    options = Options()
+    for flag in FLAGS:
+        options.add_argument(flag)
+    options.binary_location = str(next(filter(None, map(shutil.which, CHROMIUM)), ""))
+    driver = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def _save(picture: bytes, path: Path) -> None:
+    with replacing(path) as scratch:
+        image = Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        image.save(scratch, format="PNG", optimize=True)
+    print(f"wrote {path}")
+
+
+if __name__ == "__main__":
+    main()
