@@ -12,6 +12,10 @@ class RobotRetargetError(Exception):
     """Root of every error raised on purpose."""
 
 
+class FileError(RobotRetargetError):
+    """A file that cannot be read, is broken, or would take more memory than its limit; names the file."""
+
+
 class MotionError(RobotRetargetError):
     """A motion file or array that cannot be read. Names the file and the line, if known."""
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.archive import Field
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.feedback.law import FIELDS as FEEDBACK_FIELDS
 from robot_retarget.feedback.law import Feedback, read_feedback
+from robot_retarget.untrusted.fields import Field
 
 RATE = 125.0
 """Default rate of goals [1/s]."""

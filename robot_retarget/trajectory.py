@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.archive import Field, read_fields
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.goals import FILE_FIELDS as GOAL_FIELDS
 from robot_retarget.goals import Goals, read_goals, require_angles
 from robot_retarget.notebook import card, frame
+from robot_retarget.untrusted.fields import Field, read_fields
 
 FORMAT_VERSION = 3
 """1: without `source_time` and goals. 2: without `source_sha256`, and `source_time` counts from the first frame used. Both are read."""

@@ -13,7 +13,6 @@ import robot_retarget
 
 PACKAGE = ROOT / "robot_retarget"
 BASE = {
-    "archive",
     "arrays",
     "documents",
     "errors",
@@ -24,8 +23,7 @@ BASE = {
     "report_file",
     "shipped",
     "toml_lines",
-    "unpack",
-    "unpickle",
+    "untrusted",
 }
 """Modules that know nothing of motions and robots; every layer may import them."""
 CORE = {"trajectory", "motion", "robot", "human", "graph", "solve", "balance"}

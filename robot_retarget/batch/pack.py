@@ -14,8 +14,8 @@ from robot_retarget.files import folder, replacing
 from robot_retarget.formats import FORMATS, FormatOptions
 from robot_retarget.formats.robot_motion import RobotMotion, robot_motion
 from robot_retarget.trajectory import load_trajectory
-from robot_retarget.unpack import save_npz
-from robot_retarget.unpickle import dump_pickle, load_pickle
+from robot_retarget.untrusted.arrays import save_npz
+from robot_retarget.untrusted.pickles import dump_pickle, load_pickle
 
 FOLDER = "packed"
 

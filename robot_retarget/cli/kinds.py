@@ -1,9 +1,9 @@
 """Kinds of files, and the commands that take them, checked before any heavy library is loaded."""
 
-import zipfile
 from pathlib import Path
 
 from robot_retarget.errors import UsageError
+from robot_retarget.untrusted.unpack import zip_names
 
 MODELS = (".xml", ".mjcf", ".urdf")
 MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".glb", ".gltf", ".vrma", ".fbx")
@@ -31,11 +31,7 @@ def kind_of(path: Path) -> str:
 
 
 def _is_trajectory(path: Path) -> bool:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return set(archive.namelist()) >= TRAJECTORY_MEMBERS
-    except (OSError, zipfile.BadZipFile):
-        return False
+    return set(zip_names(path)) >= TRAJECTORY_MEMBERS
 
 
 def require_motion(path: Path) -> Path:

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.archive import Field
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.feedback.fusion import Fusion
 from robot_retarget.feedback.reading import Reading
+from robot_retarget.untrusted.fields import Field
 
 PREFIX = "feedback_"
 """Prefix of the keys in the trajectory file."""

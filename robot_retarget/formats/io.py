@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from robot_retarget.errors import TrajectoryError, UsageError, known
+from robot_retarget.errors import FileError, TrajectoryError, UsageError, known
 from robot_retarget.files import replacing, replacing_folder, require_writable
 from robot_retarget.formats.columns import Columns, assembled
 from robot_retarget.formats.format import TrajectoryFormat
@@ -62,16 +62,20 @@ def import_motion(
     if not where.exists():
         raise TrajectoryError(f"cannot read {where}: the file or folder does not exist")
     source = TrajectorySource(where, robot, options)
-    described = source.sidecar is not None
     kind = _format(format) if format else recognised(source)
-    try:
-        found = kind.read(source)
-        if not isinstance(found, Trajectory):
-            found = _of_robot(found, kind, source, described)
-    except TrajectoryError as error:
-        raise TrajectoryError(_about(where, kind, error)) from None
+    found = _read(source, kind)
     trajectory = found if found.source else replace(found, source=str(where))
     return trajectory if options.fps is None else resample(trajectory, robot, options.fps)
+
+
+def _read(source: TrajectorySource, kind: TrajectoryFormat) -> Trajectory:
+    """The trajectory in a file of a format; errors name the file."""
+    described = source.sidecar is not None
+    try:
+        found = kind.read(source)
+        return found if isinstance(found, Trajectory) else _of_robot(found, kind, source, described)
+    except (FileError, TrajectoryError) as error:
+        raise TrajectoryError(_about(source.path, kind, error)) from None
 
 
 def _of_robot(columns: Columns, kind: TrajectoryFormat, source: TrajectorySource, described: bool) -> Trajectory:
@@ -111,7 +115,10 @@ def recognised(source: TrajectorySource) -> TrajectoryFormat:
     """
     if source.sidecar and source.sidecar["format"] in FORMATS:
         return FORMATS[source.sidecar["format"]]
-    claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
+    try:
+        claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
+    except FileError as error:
+        raise TrajectoryError(str(error)) from error
     if len(claimed) > 1:
         names = " or ".join(kind.name for kind in claimed)
         raise UsageError(f"{source.path} may be {names}, which have equal contents: choose one with --format")
@@ -128,6 +135,6 @@ def _format(name: str) -> TrajectoryFormat:
     return FORMATS[name]
 
 
-def _about(path: Path, kind: TrajectoryFormat, error: TrajectoryError) -> str:
+def _about(path: Path, kind: TrajectoryFormat, error: FileError | TrajectoryError) -> str:
     said = str(error)
     return said if said.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {said}"

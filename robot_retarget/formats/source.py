@@ -1,6 +1,5 @@
 """A file to be read: its contents, each part read once and on demand."""
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import MotionError, TrajectoryError
+from robot_retarget.errors import FileError
 from robot_retarget.formats.options import FormatOptions
-from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.sidecar import read_sidecar
-from robot_retarget.motion.formats.smpl.torch_file import load_torch
 from robot_retarget.robot.model import Robot
-from robot_retarget.unpack import LZ4_MAGIC, file_bytes, load_npz
-from robot_retarget.unpickle import load_pickle
+from robot_retarget.untrusted.arrays import load_npz
+from robot_retarget.untrusted.fields import rate_of
+from robot_retarget.untrusted.pickles import load_pickle
+from robot_retarget.untrusted.unpack import LZ4_MAGIC, file_bytes, is_zip
 
 PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".lz4", ".motion", ".pt")
 
@@ -37,7 +36,7 @@ class TrajectorySource:
     @cached_property
     def arrays(self) -> Mapping[str, np.ndarray]:
         """The plain arrays of an `.npz` or another ZIP file, each read on first access; empty for other files."""
-        packed = self.path.is_file() and (self.path.suffix == ".npz" or zipfile.is_zipfile(self.path))
+        packed = self.path.is_file() and (self.path.suffix == ".npz" or is_zip(self.path))
         return load_npz(self.path) if packed else {}
 
     @cached_property
@@ -45,16 +44,9 @@ class TrajectorySource:
         """The contents of a pickle, of Python, joblib or PyTorch; None of any other file.
 
         Raises:
-            TrajectoryError: it is broken, or would make anything but data.
+            FileError: it is broken, or would make anything but data.
         """
-        if not self._looks_pickled():
-            return None
-        if not zipfile.is_zipfile(self.path):
-            return load_pickle(self.path)
-        try:
-            return load_torch(self.path)
-        except MotionError as error:
-            raise TrajectoryError(str(error)) from error
+        return load_pickle(self.path) if self._looks_pickled() else None
 
     @cached_property
     def text(self) -> str:
@@ -74,18 +66,18 @@ class TrajectorySource:
         """An array of an `.npz` by its key.
 
         Raises:
-            TrajectoryError: the archive has no such key.
+            FileError: the archive has no such key.
         """
         if key not in self.arrays:
-            raise TrajectoryError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")
+            raise FileError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")
         return self.arrays[key]
 
     @property
     def rate(self) -> float | None:
-        """Frames per second of an `.npz`, under any of `RATE_KEYS`; None if absent.
+        """Frames per second of an `.npz`, under any of their names; None if absent.
 
         Raises:
-            TrajectoryError: they are not one number.
+            FileError: they are not one positive number.
         """
         return rate_of(self.arrays)
 

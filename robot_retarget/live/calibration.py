@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.archive import Field, read_fields
 from robot_retarget.errors import MotionError
 from robot_retarget.files import replacing
 from robot_retarget.motion import Motion, Skeleton
+from robot_retarget.untrusted.fields import Field, read_fields
 
 FARTHEST = 1000.0
 """A joint farther from the origin is a mistake [m]."""

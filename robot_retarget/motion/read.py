@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from robot_retarget.errors import MotionError, UsageError
+from robot_retarget.errors import FileError, MotionError, UsageError
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of
 from robot_retarget.motion.skeleton import Motion
@@ -49,6 +49,8 @@ def read_motion(
         chosen = format_of(file)
         _refuse_idle(request, chosen.takes, f"{file} ({chosen.name})")
         capture = chosen.read(file, request)
+    except FileError as error:
+        raise MotionError(str(error)) from error
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
     return replace(upright(capture, up, repair), source_sha256=_hashed(file, clip))

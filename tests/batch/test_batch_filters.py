@@ -16,7 +16,7 @@ from robot_retarget.batch.pack import pack_all
 from robot_retarget.batch.report import write_reports
 from robot_retarget.errors import UsageError
 from robot_retarget.score.table import FIGURES
-from robot_retarget.unpickle import load_pickle
+from robot_retarget.untrusted.pickles import load_pickle
 
 
 def row(clip: str, **figures: float) -> Row:

@@ -13,10 +13,9 @@ import pytest
 from format_moves import motion_of, robot_called
 from restated_readers import READERS, viser_player
 
-from robot_retarget import unpack
-from robot_retarget.errors import OutputError, TrajectoryError, UsageError
+from robot_retarget.errors import FileError, OutputError, TrajectoryError, UsageError
 from robot_retarget.formats import FORMATS, FormatOptions, export, import_motion
-from robot_retarget.unpickle import dump_pickle, load_pickle
+from robot_retarget.untrusted.pickles import dump_pickle, load_pickle
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +92,7 @@ def test_a_pickle_that_wants_to_run_code_is_refused_and_does_not(op3, tmp_path, 
 def test_no_pickle_makes_or_changes_anything_but_data(tmp_path, program: bytes) -> None:
     path = tmp_path / "a.pkl"
     path.write_bytes(program)
-    with pytest.raises(TrajectoryError, match=r"a.pkl"):
+    with pytest.raises(FileError, match=r"a.pkl"):
         load_pickle(path)
 
 
@@ -135,15 +134,14 @@ def test_plain_pickles_name_only_what_every_numpy_has() -> None:
     read[0, 0] = 5  # torch wants arrays that can be written
 
 
-def test_a_zip_bomb_is_refused_before_it_unpacks(op3, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(unpack, "LARGEST", 1 << 20)
-    np.savez_compressed(tmp_path / "a.npz", qpos=np.zeros((1 << 12, 64)), fps=30)
-    assert (tmp_path / "a.npz").stat().st_size < 1 << 14
-    with pytest.raises(TrajectoryError, match=r"a.npz: unpacks to more than 1048576 bytes"):
+def test_a_zip_bomb_is_refused_before_it_unpacks(op3, tmp_path) -> None:
+    np.savez_compressed(tmp_path / "a.npz", qpos=np.zeros((1 << 17, 64)), fps=30)
+    assert (tmp_path / "a.npz").stat().st_size < 1 << 17
+    with pytest.raises(TrajectoryError, match=r"a.npz: .* takes more than \d+ bytes"):
         import_motion(tmp_path / "a.npz", op3)
     for name, compress in (("b.pkl", "lz4"), ("c.pkl", "gzip"), ("d.pkl", "zlib")):
-        packed(np.zeros(1 << 20), tmp_path / name, (compress, 3))
-        with pytest.raises(TrajectoryError, match=f"{name}: unpacks to more than 1048576 bytes"):
+        packed(np.zeros(1 << 23), tmp_path / name, (compress, 3))
+        with pytest.raises(TrajectoryError, match=f"{name}: unpacks to more than"):
             import_motion(tmp_path / name, op3)
 
 
@@ -242,12 +240,12 @@ def test_every_name_of_the_frame_rate_is_read(key: str, op3, tmp_path) -> None:
 
 @pytest.mark.parametrize("rate", [np.full(3, 30.0), "30"])
 def test_a_rate_that_is_not_one_number_is_refused_and_no_default_is_taken(rate, op3, tmp_path) -> None:
-    with pytest.raises(TrajectoryError, match="fps must be one number"):
+    with pytest.raises(TrajectoryError, match="fps must be one positive number"):
         import_motion(saved(tmp_path / "a.pkl", gmr_table(op3) | {"fps": rate}), op3)
     path = export(motion_of("op3"), op3, "mjlab", tmp_path / "a.npz")
     with np.load(path) as arrays:
         np.savez(path, **{**arrays, "fps": rate})
-    with pytest.raises(TrajectoryError, match="fps must be one number"):
+    with pytest.raises(TrajectoryError, match="fps must be one positive number"):
         import_motion(path, op3)
 
 

@@ -16,7 +16,8 @@ from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import FREE
-from robot_retarget.unpack import save_npz, shaped
+from robot_retarget.untrusted.arrays import save_npz
+from robot_retarget.untrusted.fields import shaped
 
 MODEL_FIELDS = (
     *(f"body_{field}" for field in ("rootid", "weldid", "mocapid", "pos", "quat", "ipos", "iquat")),

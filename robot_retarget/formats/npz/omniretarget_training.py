@@ -18,7 +18,8 @@ from robot_retarget.formats.npz.omniretarget import OBJECT_LEFT_OUT
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.unpack import save_npz, shaped
+from robot_retarget.untrusted.arrays import save_npz
+from robot_retarget.untrusted.fields import shaped
 
 OBJECT = "object_pos_w"
 """Where an object is, in archives of tasks with one."""

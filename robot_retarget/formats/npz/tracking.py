@@ -18,7 +18,8 @@ from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
-from robot_retarget.unpack import save_npz, shaped
+from robot_retarget.untrusted.arrays import save_npz
+from robot_retarget.untrusted.fields import shaped
 
 KEYS = ("joint_pos", "joint_vel", "body_pos_w", "body_quat_w", "body_lin_vel_w", "body_ang_vel_w")
 NEAR = 0.005

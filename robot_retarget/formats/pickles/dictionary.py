@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
-from robot_retarget.unpack import shaped
+from robot_retarget.errors import FileError
+from robot_retarget.untrusted.fields import shaped
 
 
 def holds(value: Any, *keys: str) -> bool:
@@ -18,11 +18,11 @@ def array_in(table: Any, key: str, shape: tuple[int | None, ...]) -> Floats:
     """An array, or lists of numbers, by its key.
 
     Raises:
-        TrajectoryError: it is not there or has another shape.
+        FileError: it is not there or has another shape.
     """
     if not holds(table, key):
-        raise TrajectoryError(f"no {key!r} in the dictionary")
+        raise FileError(f"no {key!r} in the dictionary")
     try:
         return shaped(np.asarray(table[key]), shape, key)
     except ValueError as error:
-        raise TrajectoryError(f"{key!r} is no array: {error}") from error
+        raise FileError(f"{key!r} is no array: {error}") from error

@@ -15,11 +15,11 @@ from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.orders import body_names, robot_bodies
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
-from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.unpickle import dump_pickle
+from robot_retarget.untrusted.fields import rate_of
+from robot_retarget.untrusted.pickles import dump_pickle
 
 
 def write(motion: RobotMotion, path: Path) -> None:

@@ -19,8 +19,8 @@ from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
-from robot_retarget.unpack import lz4_packed
-from robot_retarget.unpickle import dump_pickle
+from robot_retarget.untrusted.pickles import dump_pickle
+from robot_retarget.untrusted.unpack import lz4_packed
 
 EVERY = 0.5
 """Between keyframes for the editor [s]: as far apart as hand-made ones."""

@@ -17,10 +17,10 @@ from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
-from robot_retarget.formats.rates import rate_of
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
-from robot_retarget.unpickle import dump_pickle
+from robot_retarget.untrusted.fields import rate_of
+from robot_retarget.untrusted.pickles import dump_pickle
 
 ADDED = 3
 """Rows of zeros behind the joints."""

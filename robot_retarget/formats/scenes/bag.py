@@ -21,7 +21,7 @@ from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.unpack import LARGEST
+from robot_retarget.untrusted.limits import LIMITS
 
 MAGIC = b"\x89MCAP0\r\n"
 WORLD = "world"
@@ -113,8 +113,10 @@ def _messages(source: TrajectorySource) -> tuple[list[tuple[int, Any]], list[Any
         with source.path.open("rb") as stream:
             reader = ros.reader.make_reader(stream, decoder_factories=[ros.decoder.DecoderFactory()])
             summary = reader.get_summary()
-            if summary and sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > LARGEST:
-                raise TrajectoryError(f"unpacks to more than {LARGEST} bytes")
+            if summary and sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > LIMITS.unpacked(
+                source.path
+            ):
+                raise TrajectoryError("unpacks to more than a file of its size may")
             for schema, _, message, content in reader.iter_decoded_messages():
                 if schema.name == "sensor_msgs/msg/JointState":
                     states.append((message.log_time, content))

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from zipfile import ZipFile
 
-from robot_retarget.motion.formats.array_file import shape_of
-from robot_retarget.unpack import BROKEN
+from robot_retarget.untrusted.arrays import shape_of
+from robot_retarget.untrusted.unpack import zip_names
 
 HEAD = 8192
 """Length of the examined beginning [bytes]."""
@@ -34,13 +33,7 @@ class FileHeader:
     @cached_property
     def members(self) -> tuple[str, ...]:
         """The members of a zip; empty for any other file."""
-        if not self.head.startswith(b"PK"):
-            return ()
-        try:
-            with ZipFile(self.path) as archive:
-                return tuple(archive.namelist())
-        except BROKEN:
-            return ()
+        return zip_names(self.path) if self.head.startswith(b"PK") else ()
 
     @cached_property
     def arrays(self) -> frozenset[str]:

@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.joint_sets import HUMANML3D
 from robot_retarget.motion.formats.points import of_points
 from robot_retarget.motion.formats.positions import CONTACT
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.untrusted.arrays import load_arrays
 
 WIDTH = 263
 FPS = 20.0
@@ -40,7 +40,7 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: not (T, 263) finite numbers, or features that are still normalised.
     """
-    values = arrays_of(path)["positions"]
+    values = load_arrays(path)["positions"]
     if values.ndim != 2 or values.shape[1] != WIDTH or not len(values) or values.dtype.kind not in "fiu":
         raise MotionError(f"expected features (T, {WIDTH}), got {values.dtype} {values.shape}", path)
     features = values.astype(float)

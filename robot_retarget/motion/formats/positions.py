@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.errors import MotionError, known
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
 from robot_retarget.motion.formats.request import USUAL_FPS, Request
 from robot_retarget.motion.kinematics import backward
 from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.tree import sorted_tree
+from robot_retarget.untrusted.arrays import load_arrays
+from robot_retarget.untrusted.fields import rate_of
 
 POSITION_KEYS = ("positions", "joints", "posed_joints", "joint_positions", "joints3d", "xyz")
 ROTATION_KEYS = ("rotations", "global_rot_mats", "global_rotations")
@@ -44,7 +45,7 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: the array is missing, a shape is wrong, no known set has the joints, or a number is not finite.
     """
-    file = _File(path, arrays_of(path))
+    file = _File(path, load_arrays(path))
     positions = file.positions()
     count = positions.shape[1]
     called = file.names(request.names, count)
@@ -54,7 +55,7 @@ def read(path: Path, request: Request) -> Capture:
         called, notes = joints.names, (f"{count} joints without names: read as {joints.title}.",)
     parents, order = file.tree(called, joints)
     rotations = file.rotations(positions)
-    rate, rate_notes = request.rate(file.rate(), joints.fps if joints else USUAL_FPS)
+    rate, rate_notes = request.rate(rate_of(file.arrays), joints.fps if joints else USUAL_FPS)
     positions, rotations = positions[:, order], None if rotations is None else rotations[:, order]
     skeleton = Skeleton(tuple(called[k] for k in order), parents, _offsets(parents, positions, rotations))
     contacts = file.contacts(len(positions))
@@ -123,10 +124,6 @@ class _File:
         except ValueError as error:
             raise MotionError(f"rotations: {error}", self.path) from error
         return turns.as_quat(scalar_first=True).reshape(*shape, 4)
-
-    def rate(self) -> float | None:
-        """The stored frames per second, or None."""
-        return stored_rate(self.first(FPS_KEYS), self.path)
 
     def contacts(self, frames: int) -> Bools | None:
         """(T, 4) the stored contacts of the feet, or None."""

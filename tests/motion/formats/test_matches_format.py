@@ -13,10 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shared_files import ROOT, SHARED, needs_shared
 
-from robot_retarget import unpack
 from robot_retarget.errors import MotionError, RobotRetargetError
 from robot_retarget.motion import read_motion
-from robot_retarget.motion.formats import zipped
 from robot_retarget.motion.formats.table import FORMATS, REFUSED, format_of
 
 WAVE = ROOT / "samples" / "wave.bvh"
@@ -98,20 +96,18 @@ def test_a_bvh_in_a_zip_is_the_bvh(tmp_path):
         read_motion(f"{tmp_path / 'pack.zip'}#run")
 
 
-def test_a_zip_that_grows_without_end_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(zipped, "LARGEST", 2**20)
+def test_a_zip_that_grows_without_end_is_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("a.bvh", b"HIERARCHY\n" + b" " * 2**22)
-    assert (tmp_path / "bomb.zip").stat().st_size < 10000
-    with pytest.raises(MotionError, match=r"bomb\.zip#a\.bvh: more than 1 MB once it is unpacked"):
+        archive.writestr("a.bvh", b"HIERARCHY\n" + b" " * 2**26)
+    assert (tmp_path / "bomb.zip").stat().st_size < 100_000
+    with pytest.raises(MotionError, match=r"bomb\.zip: unpacks to more than"):
         read_motion(tmp_path / "bomb.zip")
 
 
-def test_an_array_that_grows_without_end_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(unpack, "LARGEST", 2**20)
+def test_an_array_that_grows_without_end_is_refused(tmp_path):
     np.savez_compressed(tmp_path / "bomb.npz", positions=np.zeros((10**5, 22, 3)))
     assert (tmp_path / "bomb.npz").stat().st_size < 100_000
-    with pytest.raises(MotionError, match=r"bomb\.npz: unpacks to more than 1048576 bytes"):
+    with pytest.raises(MotionError, match=r"bomb\.npz: .* takes more than \d+ bytes"):
         read_motion(tmp_path / "bomb.npz")
 
 
@@ -134,7 +130,7 @@ def test_a_broken_zip_and_one_without_motions_are_refused(tmp_path):
     with pytest.raises(MotionError, match=r"holds no \.bvh"):
         read_motion(tmp_path / "a.zip")
     (tmp_path / "b.zip").write_bytes(b"PK\3\4" + bytes(50))
-    with pytest.raises(MotionError, match="not a zip that can be read"):
+    with pytest.raises(MotionError, match="not a readable zip"):
         read_motion(tmp_path / "b.zip")
 
 
@@ -150,7 +146,7 @@ def test_an_array_that_would_fill_the_memory_is_refused_by_its_head(tmp_path):
         for start in range(0, size, 1 << 24):
             member.write(bytes(min(1 << 24, size - start)))
     began = time.perf_counter()
-    with pytest.raises(MotionError, match=r"a\.npz: array 'positions' .* takes \d+ MB, more than 512 MB"):
+    with pytest.raises(MotionError, match=r"a\.npz: .*positions: an array .* takes more than \d+ bytes"):
         read_motion(path)
     assert time.perf_counter() - began < 1.0
 

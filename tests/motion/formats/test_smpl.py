@@ -127,7 +127,7 @@ def test_a_field_of_another_width_is_named(tmp_path):
         ({"body_pose": np.zeros((T, 60)), "global_orient": trans}, r"body_pose: expected 63 numbers"),
         ({"body_pose": np.zeros((T, 63)), "global_orient": trans[1:]}, "global_orient has 11 frames, body_pose 12"),
         ({"poses": np.zeros((T, 66)), "betas": np.array(["x"])}, "betas: expected finite numbers"),
-        ({"poses": np.zeros((T, 66)), "fps": 0}, "frames per second must be one positive number"),
+        ({"poses": np.zeros((T, 66)), "fps": 0}, "fps must be one positive number"),
     ):
         with pytest.raises(MotionError, match=message):
             read_motion(saved(tmp_path, **arrays))

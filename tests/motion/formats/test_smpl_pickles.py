@@ -131,5 +131,5 @@ def test_pickles_without_a_body_and_cut_ones_are_refused(tmp_path, monkeypatch):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("results/data.pkl", index)
         archive.writestr("results/data/0", bytes(40))
-    with pytest.raises(MotionError, match=r"c\.pt: broken file of PyTorch"):
+    with pytest.raises(MotionError, match=r"c\.pt: not a readable file of PyTorch"):
         read_motion(path)

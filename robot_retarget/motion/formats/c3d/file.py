@@ -17,7 +17,7 @@ from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centr
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
-from robot_retarget.unpack import load_npz
+from robot_retarget.untrusted.arrays import load_npz
 
 _BIG_ENDIAN = 86
 """The kind of processor whose numbers begin with their highest byte."""

@@ -7,11 +7,11 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.landmarks.tables import read_csv, read_json
 from robot_retarget.motion.formats.points import bridged, of_points
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.untrusted.arrays import load_arrays
 
 LANDMARKS = (
     "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer",
@@ -82,7 +82,7 @@ def _points(path: Path) -> tuple[Floats, float | None]:
     elif suffix == ".json":
         table, fps = read_json(path, LANDMARKS)
     else:
-        values = arrays_of(path)["positions"]
+        values = load_arrays(path)["positions"]
         if values.ndim != 3 or values.shape[2] < 3 or values.dtype.kind not in "fiu" or not len(values):
             raise MotionError(f"expected landmarks (T, 33, 3), got {values.dtype} {values.shape}", path)
         table, fps = {name: values[:, k, :3].astype(float) for k, name in enumerate(LANDMARKS)}, None

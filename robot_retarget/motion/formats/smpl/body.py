@@ -6,9 +6,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
-from robot_retarget.motion.formats.array_file import arrays_of
 from robot_retarget.motion.formats.joint_sets import SMPL
 from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.untrusted.arrays import load_arrays
 
 JOINTS = 22
 """Of the body, in the same order in SMPL, SMPL-H and SMPL-X."""
@@ -49,7 +49,7 @@ def model_skeleton(path: Path, betas: Floats | None) -> tuple[Skeleton, str]:
     Raises:
         MotionError: it is no `.npz` with these arrays, or they do not fit each other.
     """
-    arrays = arrays_of(path)
+    arrays = load_arrays(path)
     lacking = [key for key in ("J_regressor", "v_template") if key not in arrays]
     if lacking:
         raise MotionError(f"a body model needs the array {lacking[0]!r}; it has {', '.join(arrays)}", path)

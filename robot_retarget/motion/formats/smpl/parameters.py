@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats.array_file import FPS_KEYS, arrays_of, stored_rate
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
 from robot_retarget.motion.kinematics import forward
+from robot_retarget.untrusted.arrays import load_arrays
+from robot_retarget.untrusted.fields import rate_of
 
 WHOLE = ("pose_world", "poses", "pose", "full_pose", "fullpose")
 """The turns of root and joints together (T, 3 n), n at least 22; those in the world before those in a camera."""
@@ -42,7 +43,7 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: a field is missing or of another width; names it and the expected width.
     """
-    return captured(_bare(arrays_of(path)), path, request)
+    return captured(_bare(load_arrays(path)), path, request)
 
 
 def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture:
@@ -56,7 +57,7 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     translations = np.tile(skeleton.offsets, (len(turns), 1, 1))
     translations[:, 0] += place
     positions, rotations = forward(skeleton.parents, translations, local)
-    fps, said = request.rate(stored_rate(_first(arrays, FPS_KEYS)[1], path))
+    fps, said = request.rate(rate_of(arrays))
     return Capture(skeleton, positions, rotations, fps, str(path), (note, *notes, *said))
 
 

@@ -7,22 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.errors import MotionError, TrajectoryError
+from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
 from robot_retarget.motion.formats.smpl.strangers import sentence
-from robot_retarget.motion.formats.smpl.torch_file import load_torch
-from robot_retarget.unpickle import load_pickle
+from robot_retarget.untrusted.pickles import load_pickle
+from robot_retarget.untrusted.unpack import ZLIB_MAGIC
 
-_PICKLE, _ZLIB = b"\x80", (b"x\x01", b"x\x5e", b"x\x9c", b"x\xda")
+_PICKLE = b"\x80"
 
 
 def matches_format(header: FileHeader) -> bool:
     """Whether a file is a pickle, of PyTorch, of joblib or of Python."""
     in_zip = any(name.endswith("data.pkl") for name in header.members)
-    return in_zip or (header.head.startswith((_PICKLE, *_ZLIB)) and not header.head.isascii())
+    return in_zip or (header.head.startswith((_PICKLE, *ZLIB_MAGIC)) and not header.head.isascii())
 
 
 def read(path: Path, request: Request) -> Capture:
@@ -31,27 +31,24 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: it would run code, or holds no rotations of a body; lists its content.
     """
-    try:
-        said = load_torch(path) if path.read_bytes()[:2] == b"PK" else load_pickle(path)
-    except TrajectoryError as error:
-        raise MotionError(str(error).removeprefix(f"{path}: "), path) from error
-    bodies = dict(_bodies(said, ""))
+    content = load_pickle(path)
+    bodies = dict(_bodies(content, ""))
     if not bodies:
-        raise MotionError(sentence(said), path)
+        raise MotionError(sentence(content), path)
     names = sorted(bodies, key=lambda name: "incam" in name)
     which, notes = request.choose(names, path)
     capture = captured(bodies[names[which]], path, request)
     return replace(capture, notes=(*notes, *capture.notes))
 
 
-def _bodies(said: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _bodies(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Every dict in the pickle that holds turns of a body, by the keys that lead to it."""
-    if not isinstance(said, Mapping):
+    if not isinstance(content, Mapping):
         return
-    arrays = {str(key): np.asarray(value) for key, value in said.items() if _is_plain(value)}
+    arrays = {str(key): np.asarray(value) for key, value in content.items() if _is_plain(value)}
     if holds_turns(arrays):
         yield name or "body", arrays
-    for key, value in said.items():
+    for key, value in content.items():
         yield from _bodies(value, f"{name}/{key}" if name else str(key))
 
 

@@ -1,0 +1,79 @@
+"""The one table of limits of a file, and the one way in which a broken file is refused."""
+
+import pickle
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_retarget.errors import FileError
+
+
+@dataclass(frozen=True)
+class FileLimits:
+    """How much of a file is read, and how much it may become in memory."""
+
+    file: int = 2 << 30
+    """Size of a file on the disk, or of all members of a zip [bytes]: two hours of a humanoid of 30 bodies with all velocities at 50 frames per second."""
+    free: int = 32 << 20
+    """Size to which any file may unpack [bytes]: ten minutes of 25 joints, positions and quaternions, at 50 frames per second."""
+    ratio: int = 32
+    """Beyond `free`, how often its own size a file may take in memory [-]; motions pack 2 to 10 times."""
+    depth: int = 64
+    """Of lists and dicts in each other in a pickle; deeper ones are no data."""
+
+    def unpacked(self, path: Path) -> int:
+        """Return the size to which a file may unpack [bytes]."""
+        return min(self.file, self.free + self.ratio * path.stat().st_size)
+
+
+LIMITS = FileLimits()
+BROKEN = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What readers of Python and NumPy raise at bytes that are not what they expect."""
+
+
+@contextmanager
+def refusing(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever a reader raises at a file into one error.
+
+    Raises:
+        FileError: the file cannot be read, or is no `what`.
+    """
+    try:
+        yield
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+    except pickle.UnpicklingError as error:
+        raise FileError(f"{path}: {one_line(str(error))}") from error
+    except BROKEN as error:
+        raise FileError(f"{path}: not a readable {what}: {one_line(str(error) or type(error).__name__)}") from error
+
+
+def one_line(text: str, length: int = 300) -> str:
+    """Return text of a file as it may be printed: one line of limited length, without control characters."""
+    plain = "".join(c if c.isprintable() else " " for c in text[: length + 1])
+    return plain[:length] + ("…" if len(plain) > length else "")
+
+
+def too_large(path: Path, limit: int) -> FileError:
+    """Return the error about a file that would unpack to more than its limit [bytes]."""
+    return FileError(f"{path}: unpacks to more than {limit} bytes; a motion of this file size is not that large")
