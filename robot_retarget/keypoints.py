@@ -1,6 +1,6 @@
 """The vocabulary that a human and a robot share: eighteen keypoints and the tree that joins them.
 
-Both sides are recognised in these words (`motion.recognise`, `robot.recognise`); a body may lack some of them, and
+Both sides are recognised in these words (`human.recognition`, `robot.recognise`); a body may lack some of them, and
 then its tree closes over the gap (`parents_within`).
 """
 

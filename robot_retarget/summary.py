@@ -8,8 +8,9 @@ import numpy as np
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import HARD, Track
-from robot_retarget.motion import Motion, leg_length, stature
-from robot_retarget.motion import recognise as recognise_human
+from robot_retarget.human.recognition import recognise as recognise_human
+from robot_retarget.human.stature import leg_length, stature
+from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot import recognise as recognise_robot
 from robot_retarget.solve.solution import Solution

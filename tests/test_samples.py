@@ -11,9 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
+from robot_retarget.human.kinematics import backward
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import Motion, read_motion, recognise
-from robot_retarget.motion.kinematics import backward
+from robot_retarget.motion import Motion, read_motion
 from robot_retarget.papers.body import table_one_body
 from robot_retarget.shipped import SAMPLES
 

@@ -23,7 +23,7 @@ from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.graph.describe import RobotGraph, graph_from
 from robot_retarget.graph.likeness import likeness_of
 from robot_retarget.human.activity import activity_of, require_own_feet
-from robot_retarget.motion.resample import at_frames
+from robot_retarget.human.resample import at_frames
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
 from robot_retarget.solve.solution import Solution

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.soles import lengths
-from robot_retarget.motion.stance import intervals
+from robot_retarget.human.stance import intervals
 
 REACH = 0.35
 """Largest distance of a foothold from its place next to the other foot, over the leg length."""

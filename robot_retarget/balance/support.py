@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
-from robot_retarget.motion.stance import intervals
+from robot_retarget.human.stance import intervals
 
 
 @dataclass(frozen=True)

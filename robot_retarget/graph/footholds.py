@@ -15,7 +15,7 @@ from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, s
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.segments import heading
-from robot_retarget.motion.stance import intervals
+from robot_retarget.human.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
 
 

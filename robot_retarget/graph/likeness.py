@@ -16,7 +16,7 @@ import numpy as np
 from robot_retarget.arrays import Bools, Floats, Ints, unit
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.travel import Frames, Travel, human_travel, robot_travel
-from robot_retarget.motion.stance import intervals
+from robot_retarget.human.stance import intervals
 from robot_retarget.robot import world_points
 
 PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}

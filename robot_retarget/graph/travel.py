@@ -15,8 +15,8 @@ from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import WINDOW, grounded
 from robot_retarget.human.match import Match
+from robot_retarget.human.stance import intervals
 from robot_retarget.motion import Motion
-from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import Robot, world_points
 
 Frames = slice | Bools

@@ -10,8 +10,8 @@ from robot_retarget.errors import BalanceError
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import WINDOW, grounded
 from robot_retarget.human.match import Match
-from robot_retarget.motion import Motion
-from robot_retarget.motion.stance import StanceRule, intervals
+from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.stance import StanceRule, intervals
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
 

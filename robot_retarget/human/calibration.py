@@ -11,7 +11,7 @@ from robot_retarget.human.feet import foot_axes
 from robot_retarget.human.match import Match
 from robot_retarget.human.rotations import constant_between, own_joint
 from robot_retarget.human.segments import trunk_frames
-from robot_retarget.motion import Motion
+from robot_retarget.human.skeleton import Motion
 from robot_retarget.robot.kinematics import matrices
 
 _CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}

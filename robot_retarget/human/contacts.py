@@ -1,6 +1,6 @@
 """The contact schedule: when toe and heel of each foot stand, for a clip and for a stream.
 
-Both use the detector of `motion.stance`. A clip is smoothed over time; a stream holds a change for half of the
+Both use the detector of `stance`. A clip is smoothed over time; a stream holds a change for half of the
 shortest stance instead. The ankle represents the heel.
 """
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.human.match import Match
-from robot_retarget.motion.stance import StanceRule, standing, without_flicker
+from robot_retarget.human.stance import StanceRule, standing, without_flicker
 
 PARTS = ("toe", "ankle")
 """Keypoints of a foot, in the order of the columns of a schedule."""

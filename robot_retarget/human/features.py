@@ -10,8 +10,8 @@ from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import Match
 from robot_retarget.human.normalisation import normalised_distances
 from robot_retarget.human.segments import facing, human_frames
-from robot_retarget.motion import Motion
-from robot_retarget.motion.stance import StanceRule
+from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.stance import StanceRule
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import Match
 from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_rotation
-from robot_retarget.motion import Motion
+from robot_retarget.human.skeleton import Motion
 from robot_retarget.robot.axes import BENT
 
 FLAT_SHARE = 0.1

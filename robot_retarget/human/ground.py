@@ -5,7 +5,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.match import Match
-from robot_retarget.motion.stance import StanceRule
+from robot_retarget.human.stance import StanceRule
 
 WINDOW = 0.6
 """A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.match import Match
-from robot_retarget.motion import Motion
+from robot_retarget.human.skeleton import Motion
 
 UP = np.array([0.0, 0.0, 1.0])
 ARBITRARY = 1.2

@@ -15,8 +15,8 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.feet import feet_frames
 from robot_retarget.human.match import Match
 from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_joint, own_rotation
+from robot_retarget.human.skeleton import Motion
 from robot_retarget.keypoints import ARM
-from robot_retarget.motion import Motion
 from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.hands import hand_frames
 

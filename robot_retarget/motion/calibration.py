@@ -7,12 +7,12 @@ the motion may be intended, and is only reported.
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
+from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.stature import leg_length
 from robot_retarget.keypoints import ARM, LEG, SIDES
-from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.repair import RepairRule
 from robot_retarget.motion.repair.sentences import span
 from robot_retarget.motion.repair.steps import excess
-from robot_retarget.motion.stature import leg_length
 
 HELD = 0.3
 """Least duration of a calibration pose [s] ..."""

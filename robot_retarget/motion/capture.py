@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import MotionError
-from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton
 
 FARTHEST = 1e7
 """A joint farther from the origin is a mistake [file units]: 10 km in millimetres."""

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from robot_retarget.errors import MatchError, known
+from robot_retarget.human.recognition.limbs import LIMBS
+from robot_retarget.human.recognition.recognise import recognise
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.keypoints import SIDES
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.limbs import LIMBS
-from robot_retarget.motion.recognise import recognise
-from robot_retarget.motion.skeleton import Skeleton
 
 FEWEST = len(SIDES) * sum(map(len, LIMBS.values()))
 """Joints of two legs and two arms."""

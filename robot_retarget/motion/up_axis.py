@@ -11,11 +11,11 @@ from scipy.constants import g
 from scipy.signal import savgol_filter
 
 from robot_retarget.arrays import ALIGNED, Floats, unit
+from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.stance import StanceRule
+from robot_retarget.human.stature import leg_length
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.recognise import Recognition
-from robot_retarget.motion.skeleton import Skeleton
-from robot_retarget.motion.stance import StanceRule
-from robot_retarget.motion.stature import leg_length
 
 AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
 CUSTOM = ("+y", "+z", "+x", "-x", "-y", "-z")

@@ -7,13 +7,13 @@ from scipy.constants import centi, deci, inch, milli
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
+from robot_retarget.human.recognition.recognise import Recognition, recognise
+from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.stature import LEG, leg_length, stature
 from robot_retarget.motion.calibration import calibration_frames, calibration_pose_notes
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.performers import first_performer
-from robot_retarget.motion.recognise import Recognition, recognise
 from robot_retarget.motion.repair import FootingRule, RepairRule, footing, repaired
-from robot_retarget.motion.skeleton import Motion
-from robot_retarget.motion.stature import LEG, leg_length, stature
 from robot_retarget.motion.up_axis import AXES, UpAxisRule, find_up_axis
 
 UNITS = {

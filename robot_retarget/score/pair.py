@@ -9,9 +9,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.human.match import bone_lengths
+from robot_retarget.human.recognition import recognise_with as recognise_human_with
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion
-from robot_retarget.motion import recognise_with as recognise_human_with
 from robot_retarget.robot import Anatomy, KeypointSite, Points, Robot, override, recognise_with, world_points
 from robot_retarget.trajectory import Trajectory
 

@@ -15,8 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import RobotRetargetError
+from robot_retarget.human.recognition import Recognition, recognise
+from robot_retarget.human.stature import leg_length
 from robot_retarget.keypoints import KEYPOINTS, mirrored
-from robot_retarget.motion import Motion, Recognition, leg_length, recognise
+from robot_retarget.motion import Motion
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of

@@ -25,8 +25,8 @@ from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.features import features_of
 from robot_retarget.human.ground import grounded
 from robot_retarget.human.match import match
+from robot_retarget.human.stance import intervals
 from robot_retarget.motion import Motion, read_motion
-from robot_retarget.motion.stance import intervals
 from robot_retarget.robot import load_robot, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.solve import solve_graph

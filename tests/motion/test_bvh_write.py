@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import OutputError
+from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.motion import Motion, Skeleton, read_motion, write_bvh
 from robot_retarget.motion.formats.bvh import read_bvh
-from robot_retarget.motion.kinematics import backward, forward
 
 TO_FILE = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
 """z up to y up."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.motion import read_motion, recognise
+from robot_retarget.human.recognition import recognise
+from robot_retarget.motion import read_motion
 
 pytestmark = needs_shared
 CLIPS = SHARED / "motions" / "bvh"

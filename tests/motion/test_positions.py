@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import MotionError
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion, recognise
+from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS
 from robot_retarget.motion.tree import sorted_tree

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
 
-from robot_retarget.motion import leg_length, recognise
+from robot_retarget.human.recognition import recognise
+from robot_retarget.human.stature import leg_length
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed

@@ -12,7 +12,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import MotionError, UsageError
-from robot_retarget.motion import Motion, leg_length, read_motion, recognise, stature
+from robot_retarget.human.recognition import recognise
+from robot_retarget.human.stature import leg_length, stature
+from robot_retarget.motion import Motion, read_motion
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh import read_bvh
 from robot_retarget.motion.upright import AXES, UNITS, turn_to_z, upright

@@ -10,8 +10,8 @@ from robot_retarget.graph.kinds.kind import frame_costs
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import match_bodies
+from robot_retarget.human.recognition.recognise import Mark, Recognition
 from robot_retarget.motion import Motion, Skeleton, read_motion
-from robot_retarget.motion.recognise import Mark, Recognition
 from robot_retarget.pipeline import Result, retarget
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.shipped import SAMPLES

@@ -11,8 +11,8 @@ from PIL import Image
 
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
 from robot_retarget.human.match import match_bodies
+from robot_retarget.human.recognition import recognise as motion_map
 from robot_retarget.motion import read_motion
-from robot_retarget.motion import recognise as motion_map
 from robot_retarget.robot import load_robot, recognise
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.trajectory import Trajectory

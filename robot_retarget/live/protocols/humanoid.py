@@ -6,9 +6,10 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import UsageError
+from robot_retarget.human.kinematics import backward
+from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, carriers
-from robot_retarget.motion import Motion, Recognition, recognise
-from robot_retarget.motion.kinematics import backward
+from robot_retarget.motion import Motion
 
 _LIMBS = {
     "UpperArm": "shoulder", "LowerArm": "elbow", "Hand": "hand",

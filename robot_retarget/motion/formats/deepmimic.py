@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.kinematics import forward
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
-from robot_retarget.motion.kinematics import forward
-from robot_retarget.motion.skeleton import Skeleton
 
 # Joint, its parent, its place in the parent [m] and the numbers of its turn: 4 a quaternion w x y z, 1 an angle about z,
 # 0 none. From the character file `humanoid3d` [Peng2018]: x ahead, y up, z to the right. The last three are the middle of

@@ -6,8 +6,8 @@ import numpy as np
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.skeleton import Skeleton
 
 GAP = 0.5
 """The longest time without a point that is bridged by a straight line [s]."""

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.errors import MotionError, known
+from robot_retarget.human.kinematics import backward
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.joint_sets import JOINT_SETS, JointSet
 from robot_retarget.motion.formats.request import USUAL_FPS, Request
-from robot_retarget.motion.kinematics import backward
-from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.tree import sorted_tree
 from robot_retarget.untrusted.arrays import load_arrays
 from robot_retarget.untrusted.fields import rate_of

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.motion.recognise import Recognition
-from robot_retarget.motion.stance import StanceRule, speed_of
-from robot_retarget.motion.stature import leg_length
+from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.stance import StanceRule, speed_of
+from robot_retarget.human.stature import leg_length
 
 FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
 

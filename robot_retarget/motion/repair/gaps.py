@@ -7,10 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from robot_retarget.arrays import Floats
+from robot_retarget.human.kinematics import backward, forward
+from robot_retarget.human.recognition.recognise import Recognition
 from robot_retarget.keypoints import ARM, LEG, SIDES
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.kinematics import backward, forward
-from robot_retarget.motion.recognise import Recognition
 
 STILL = 1e-4
 """A limb that moves less than this from frame to frame does not move at all [leg lengths]."""

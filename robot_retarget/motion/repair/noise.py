@@ -13,8 +13,8 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
 from robot_retarget.arrays import Floats, unit
+from robot_retarget.human.kinematics import backward, forward
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.kinematics import backward, forward
 
 ORDER = 5
 _GAIN = float(np.sqrt(comb(2 * ORDER, ORDER)))

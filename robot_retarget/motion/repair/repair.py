@@ -5,14 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.human.recognition.recognise import Recognition
+from robot_retarget.human.stature import leg_length
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.recognise import Recognition
 from robot_retarget.motion.repair.gaps import bridged, gaps, limbs_of
 from robot_retarget.motion.repair.noise import NoiseRule, noise_of, smoothed
 from robot_retarget.motion.repair.sentences import Defect, sentences
 from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.motion.repair.steps import JumpRule, body_jumps, limb_jumps
-from robot_retarget.motion.stature import leg_length
 
 TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
 LEFT = "not repaired (--no-repair)"

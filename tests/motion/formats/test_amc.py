@@ -10,8 +10,9 @@ from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.errors import MotionError
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion, recognise, write_bvh
+from robot_retarget.motion import read_motion, write_bvh
 from robot_retarget.motion.formats import amc, bvh
 from robot_retarget.motion.formats.request import Request
 

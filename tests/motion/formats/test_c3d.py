@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import MotionError
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion, recognise
+from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats import c3d
 from robot_retarget.motion.formats.c3d.markers import Markers, chord, hip_centres
 from robot_retarget.motion.formats.request import Request

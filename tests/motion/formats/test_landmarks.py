@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from robot_retarget.errors import MotionError
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion, recognise
+from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats import landmarks
 from robot_retarget.motion.formats.landmarks.body import LANDMARKS
 from robot_retarget.motion.formats.request import Request

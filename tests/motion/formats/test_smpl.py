@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.errors import MotionError, UsageError
+from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
-from robot_retarget.motion import read_motion, recognise
+from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats import smpl
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import NAMES, PARENTS, mean_skeleton

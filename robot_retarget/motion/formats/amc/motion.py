@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.kinematics import forward
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.amc.skeleton import ANGLES, PLACES, Asf, Bone, parse_asf
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
-from robot_retarget.motion.kinematics import forward
 
 FPS = 120.0
 """Of the CMU library; an AMC says no frame rate [1/s]."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.errors import MotionError, known
-from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton
 
 ANGLES = ("rx", "ry", "rz")
 PLACES = ("tx", "ty", "tz")

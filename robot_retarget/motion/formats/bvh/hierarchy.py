@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError, known
-from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.human.skeleton import Skeleton
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 _BY_SPELLING = {channel.lower(): channel for channel in CHANNELS}

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.kinematics import forward
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh.hierarchy import Hierarchy, parse_hierarchy
 from robot_retarget.motion.formats.bvh.rows import Rows, parse_rows
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
-from robot_retarget.motion.kinematics import forward
 
 _HIERARCHY = re.compile(r"(?im)^[ \t]*HIERARCHY\b")
 _MOTION = re.compile(r"(?im)^[ \t]*MOTION\b")

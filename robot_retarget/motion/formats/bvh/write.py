@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.files import replacing
-from robot_retarget.motion.kinematics import backward
-from robot_retarget.motion.skeleton import Motion
+from robot_retarget.human.kinematics import backward
+from robot_retarget.human.skeleton import Motion
 
 _POSITION = ("Xposition", "Yposition", "Zposition")
 _ROTATION = ("Zrotation", "Xrotation", "Yrotation")

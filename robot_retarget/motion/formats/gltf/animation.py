@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.gltf.container import GltfFile
 from robot_retarget.motion.formats.gltf.nodes import Keys, Nodes
 from robot_retarget.motion.formats.request import Request
-from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.motion.tree import sorted_tree
 
 VRMA = "VRMC_vrm_animation"

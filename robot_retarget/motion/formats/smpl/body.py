@@ -6,8 +6,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.formats.joint_sets import SMPL
-from robot_retarget.motion.skeleton import Skeleton
 from robot_retarget.untrusted.arrays import load_arrays
 
 JOINTS = 22

@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.human.kinematics import forward
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
-from robot_retarget.motion.kinematics import forward
 from robot_retarget.untrusted.arrays import load_arrays
 from robot_retarget.untrusted.fields import rate_of
 

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.human.recognition.recognise import Recognition
 from robot_retarget.keypoints import SIDES
-from robot_retarget.motion.recognise import Recognition
 
 LEG = 0.83
 """Hip to ankle of an adult of 1.70 m [m]."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from robot_retarget.arrays import ALIGNED, Floats, unit
 from robot_retarget.errors import MatchError
-from robot_retarget.motion.limbs import LimbPair, PosedSkeleton
+from robot_retarget.human.recognition.limbs import LimbPair, PosedSkeleton
 
 ARM_TO_LEG = (0.35, 1.3)
 FOUR_LEGGED_ARM = 0.85

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import unit
-from robot_retarget.motion.limbs import SAME, LimbPair, PosedSkeleton
+from robot_retarget.human.recognition.limbs import SAME, LimbPair, PosedSkeleton
 
 HEAD_ABOVE_SHOULDERS = 0.2
 """Height of the head joint over the shoulders, in leg lengths (0.16 … 0.21 on the rigs measured; the crown: 0.35)."""

@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.errors import MatchError
+from robot_retarget.human.recognition import Mark, Recognition, apply_override, recognise
+from robot_retarget.human.recognition.joint_names import name_evidence
 from robot_retarget.keypoints import KEYPOINTS, mirrored
-from robot_retarget.motion import Mark, Recognition, Skeleton, apply_override, recognise
+from robot_retarget.motion import Skeleton
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.bvh import read_bvh
-from robot_retarget.motion.joint_names import name_evidence
 
 ONE_OF_EACH = (
     "cmu_cgspeed_motionbuilder/02_01_walk",

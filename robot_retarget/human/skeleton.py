@@ -178,7 +178,7 @@ class Motion:
             times: (N,) [s].
             fps: frames per second [1/s].
         """
-        from robot_retarget.motion.resample import at_frames
+        from robot_retarget.human.resample import at_frames
 
         return at_frames(self, (times - self.start_time) * self.fps, fps)
 
@@ -213,6 +213,6 @@ class Motion:
         Raises:
             UsageError: `fps` is out of range.
         """
-        from robot_retarget.motion.resample import resample
+        from robot_retarget.human.resample import resample
 
         return resample(self, fps)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.motion.limbs import Limb, LimbPair, PosedSkeleton
+from robot_retarget.human.recognition.limbs import Limb, LimbPair, PosedSkeleton
 
 SURE = 0.3
 """Certainty from which geometry overrules names."""

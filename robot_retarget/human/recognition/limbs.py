@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.motion.joint_names import NameEvidence, name_evidence
-from robot_retarget.motion.skeleton import Skeleton
+from robot_retarget.human.recognition.joint_names import NameEvidence, name_evidence
+from robot_retarget.human.skeleton import Skeleton
 
 FRAMES = 120
 """Frames looked at, spread over the clip."""
