@@ -1,4 +1,7 @@
-"""Write files whole: to a temporary file in the same folder, which then replaces the target."""
+"""Write files whole: to a temporary file in the same folder, which then replaces the target.
+
+A symbolic link keeps its place: the file that it names is replaced. Devices and pipes are written through.
+"""
 
 import os
 import shutil
@@ -22,16 +25,23 @@ def replacing(path: str | Path, mode: int | None = None) -> Iterator[Path]:
     Raises:
         OutputError: the folder does not exist or cannot be written, or the disk is full. The target is untouched.
     """
-    target = Path(path)
+    target, through = Path(path), _is_special(path)
     scratch: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
+        place = tempfile.gettempdir() if through else _real(target).parent
+        handle, name = tempfile.mkstemp(dir=place, prefix=f".{target.stem}-", suffix=target.suffix)
         os.close(handle)
         scratch = Path(name)
         yield scratch
+        if through:
+            with scratch.open("rb") as content, target.open("wb") as device:
+                shutil.copyfileobj(content, device)
+            return
         _to_disk(scratch)
         scratch.chmod(0o666 & ~_umask() if mode is None else mode)
-        scratch.replace(target)
+        scratch.replace(_real(target))
+    except BrokenPipeError:
+        raise
     except OSError as error:
         raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
     finally:
@@ -70,8 +80,9 @@ def require_writable(path: str | Path) -> None:
     try:
         if target.is_dir():
             raise OutputError(f"cannot write {target}: it is a folder")
-        with tempfile.TemporaryFile(dir=target.parent):
-            pass
+        if not _is_special(target):
+            with tempfile.TemporaryFile(dir=_real(target).parent):
+                pass
     except OSError as error:
         raise OutputError(f"cannot write {target}: {error.strerror or error}") from error
 
@@ -100,6 +111,16 @@ def folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"cannot make the folder {target}: {error.strerror or error}") from error
     return target
+
+
+def _real(path: Path) -> Path:
+    """The file that a symbolic link names; any other path itself."""
+    return Path(os.path.realpath(path))
+
+
+def _is_special(path: str | Path) -> bool:
+    """Whether a path names a device, a pipe or a socket, which must not be replaced by a file."""
+    return Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir())
 
 
 def _to_disk(path: Path) -> None:

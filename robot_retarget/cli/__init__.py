@@ -3,7 +3,7 @@
 A file of this package holds one group of commands; `GROUPS` lists them in the order of `--help`.
 
 Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stderr, nothing written), 70 a defect of the
-program, 130 stopped by Ctrl-C.
+program, 130 stopped by Ctrl-C, 141 the reader of the output is gone.
 """
 
 from typing import Annotated

@@ -14,13 +14,20 @@ if TYPE_CHECKING:
     from robot_retarget.score.score import Score
     from robot_retarget.simulate.report import Report
 
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave a reader that is gone to the end of the command, which has an exit code for it."""
+        raise
+
+
 # Piped output is wide, so that a row of a table stays one line.
 _WIDTH = None if sys.stdout.isatty() else 200
-out: Console = Console(highlight=False, width=_WIDTH)
+out: Console = _Console(highlight=False, width=_WIDTH)
 _ARGUMENT = re.compile(r"\b(legs|balance|mode|format|fps) '([^']+)'")
-err: Console = Console(stderr=True, highlight=False, soft_wrap=True)
+err: Console = _Console(stderr=True, highlight=False, soft_wrap=True)
 """Errors."""
-side: Console = Console(stderr=True, highlight=False, soft_wrap=True)
+side: Console = _Console(stderr=True, highlight=False, soft_wrap=True)
 """Remarks and progress."""
 
 

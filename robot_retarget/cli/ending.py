@@ -1,13 +1,16 @@
 """Ends of the program other than success: a user's mistake, Ctrl-C, a defect."""
 
 import os
+import signal
 import sys
+import tempfile
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import typer
@@ -33,21 +36,62 @@ NOTHING = "no file was written"
 class Interruptible(TyperGroup):
     """Commands that end on Ctrl-C with a message about the files that are kept, from the exception."""
 
+    def make_context(self, *words: Any, **options: Any) -> Any:
+        with _stopped():
+            return super().make_context(*words, **options)
+
     def invoke(self, ctx: Any) -> Any:
-        try:
+        with _stopped():
             return super().invoke(ctx)
-        except KeyboardInterrupt as stopped:
-            exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
-            console.err.print(f"stopped: {str(stopped) or NOTHING}", markup=False, style="yellow")
-            raise typer.Exit(INTERRUPTED) from stopped
-        except BrokenPipeError as closed:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(NOBODY_READS) from closed
+
+
+@contextmanager
+def _stopped() -> Iterator[None]:
+    """Turn Ctrl-C and a reader that is gone into their exit codes; until here Ctrl-C ends the process."""
+    try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, _CtrlC())
+        yield
+    except (KeyboardInterrupt, ImportError) as stopped:
+        if isinstance(stopped, ImportError) and not getattr(signal.getsignal(signal.SIGINT), "pressed", False):
+            raise
+        exec("")  # Python keeps a Ctrl-C inside `exec` as unhandled until the next `exec`, and exits because of it
+        kept = str(stopped) if isinstance(stopped, KeyboardInterrupt) else ""
+        console.err.print(f"stopped: {kept or NOTHING}", markup=False, style="yellow")
+        raise typer.Exit(INTERRUPTED) from stopped
+    except BrokenPipeError as closed:
+        _discard_output()
+        raise typer.Exit(NOBODY_READS) from closed
+
+
+class _CtrlC:
+    """The handler of Ctrl-C; it notes it, because a library that is stopped while it loads raises ImportError."""
+
+    pressed = False
+
+    def __call__(self, *_: object) -> None:
+        self.pressed = True
+        raise KeyboardInterrupt
+
+
+def _discard_output() -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def ending(program: Callable[[], None]) -> None:
     """Run a program; mistakes and defects end in a message and an exit code, warnings in a note."""
     warnings.showwarning = lambda message, *_: console.note(str(message))
+    try:
+        _ended(program)
+    finally:
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _discard_output()
+            sys.exit(NOBODY_READS)
+
+
+def _ended(program: Callable[[], None]) -> None:
     try:
         program()
     except RobotRetargetError as error:
@@ -65,42 +109,70 @@ def ending(program: Callable[[], None]) -> None:
 
 @dataclass(frozen=True)
 class Filled:
-    """A folder that is being filled."""
+    """A folder of results that is being filled."""
 
     path: Path
-    before: Mapping[Path, int]
-    """The files that were there, and when each was written [ns]."""
+    """Where its files are written until all are there."""
+    place: Path
+    """Where they go."""
 
     def written(self) -> list[str]:
-        """The names of the files that were written since, sorted."""
-        return sorted(file.name for file, when in _contents(self.path).items() if self.before.get(file) != when)
+        """The names of the files that were written, sorted."""
+        return sorted(file.name for file in self.path.iterdir())
+
+
+RESULTS = (
+    "trajectory.npz",
+    "report.json",
+    "report.html",
+    "viewer.html",
+    "warnings.csv",
+    "strip.png",
+    "video.mp4",
+    "play.npz",
+    "report.pinned.json",
+)
+"""Files of a folder of results, which belong together: those of an earlier run go when the new ones come."""
+UNFINISHED = ".unfinished-"
+"""Beginning of the name of the folder in which results are written until all are there."""
 
 
 @contextmanager
-def filling(path: Path) -> Iterator[Filled]:
-    """A folder for results, removed if it stays empty; Ctrl-C reports the files that were written.
+def filling(place: Path) -> Iterator[Filled]:
+    """Fill a folder with results that replace earlier ones together, at the end or on Ctrl-C.
+
+    A run that is killed leaves the earlier results whole; the next one sweeps what it had written.
 
     Raises:
         OutputError: The folder cannot be made or written.
         KeyboardInterrupt: Ctrl-C; its text names the files that were written.
     """
-    made = [place for place in (path, *path.parents) if not place.exists()]
-    filled = Filled(path, _contents(path))
+    made = [folder_ for folder_ in (place, *place.parents) if not folder_.exists()]
+    folder(place)
+    for left in place.glob(f"{UNFINISHED}*"):
+        rmtree(left)
+    filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place)
     try:
-        folder(path)
         yield filled
+        _put(filled)
     except KeyboardInterrupt as stopped:
-        said = f"kept {', '.join(filled.written())} in {path}" if filled.written() else NOTHING
+        said = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
+        _put(filled)
         raise KeyboardInterrupt(said) from stopped
     finally:
-        with suppress(OSError):  # the first that is not empty ends it
-            for place in made:
-                place.rmdir()
+        rmtree(filled.path)
+        for one in made:
+            if not any(one.iterdir()):
+                one.rmdir()
 
 
-def _contents(target: Path) -> dict[Path, int]:
-    """Return the files of a folder with their modification times; empty if the folder does not exist."""
-    return {path: path.stat().st_mtime_ns for path in target.glob("*")}
+def _put(filled: Filled) -> None:
+    """Put the files in the place of earlier results, if there are any."""
+    written = filled.written()
+    for name in RESULTS if written else ():
+        (filled.place / name).unlink(missing_ok=True)
+    for name in written:
+        (filled.path / name).replace(filled.place / name)
 
 
 def _named(error: Exception) -> str:

@@ -78,18 +78,18 @@ def fill_folder(
         pictures = _shown(result, target, film, stages)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
+        files = filled.written()
     solved = describe_solution(result.solution, result.notes)
-    files = filled.written()
     if json:
-        console.dump({"solution": solved, "report": report.contract(), "folder": str(target), "files": files})
+        console.dump({"solution": solved, "report": report.contract(), "folder": str(out), "files": files})
     else:
         console.show_solution(solved, explain=False)
         console.show_report(report)
         if outcome is not None:
             console.show_playback(outcome.figures)
             console.say(f"{outcome.sentence}, on the emulated robot")
-        console.say(f"wrote {', '.join(files)} in {target}")
-        console.say(f"next: open {target / 'report.html'} in a browser; it leads to {target / 'viewer.html'}")
+        console.say(f"wrote {', '.join(files)} in {out}")
+        console.say(f"next: open {out / 'report.html'} in a browser; it leads to {out / 'viewer.html'}")
     return report.verdict
 
 

@@ -14,6 +14,7 @@ import platform
 import shutil
 import stat
 import subprocess
+import time
 from pathlib import Path
 
 import casadi as ca
@@ -99,6 +100,7 @@ def _digest(function: ca.Function, compiler: str) -> str:
 
 def _compile(function: ca.Function, compiler: str, library: Path) -> None:
     """Write the library to a temporary file and rename it, because other processes may compile the same function."""
+    _sweep(library.parent)
     code = ca.CodeGenerator(function.name())
     code.add(function)
     with replacing(library, mode=PRIVATE) as scratch:
@@ -106,3 +108,10 @@ def _compile(function: ca.Function, compiler: str, library: Path) -> None:
         subprocess.run(command, input=code.dump().encode(), check=True, capture_output=True, timeout=PATIENCE)
         with replacing(_checksum_file(library), mode=PRIVATE) as line:
             line.write_text(_checksum(scratch.read_bytes(), library), encoding="ascii")
+
+
+def _sweep(cache: Path) -> None:
+    """Remove the temporary files of builds that were killed: no build takes longer than `PATIENCE`."""
+    for scratch in cache.glob(".*"):
+        if time.time() - scratch.stat().st_mtime > PATIENCE:
+            scratch.unlink(missing_ok=True)

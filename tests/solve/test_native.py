@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from threading import enumerate as enumerate_threads
@@ -70,6 +71,16 @@ def fake_compiler(folder: Path, script: str) -> Path:
     (folder / "cc").write_text(f"#!/bin/sh\n{script}\n")
     (folder / "cc").chmod(0o755)
     return folder
+
+
+@needs_compiler
+def test_temporary_files_of_killed_builds_are_swept_and_those_of_others_stay(cache: Path) -> None:
+    cache.mkdir(mode=0o700)
+    for name, age in ((".killed-1.so", 3600.0), (".running-2.so", 1.0)):
+        (cache / name).touch()
+        os.utime(cache / name, (time.time() - age, time.time() - age))
+    assert machine_code(point_function(*small())) is not None
+    assert [path.name for path in cache.glob(".*")] == [".running-2.so"]
 
 
 @needs_compiler
