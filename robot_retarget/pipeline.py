@@ -66,10 +66,10 @@ class Result:
             *self.likeness.notes,
         )
 
-    @property
+    @cached_property
     def trajectory(self) -> Trajectory:
-        """The robot's configurations over time."""
-        return self.solution.trajectory
+        """The robot's configurations over time, with their likeness to the human's."""
+        return replace(self.solution.trajectory, likeness=self.likeness.figures())
 
     def __repr__(self) -> str:
         return f"<Result {self._title}: {self.likeness.sentence}>"
@@ -88,10 +88,10 @@ class Result:
     def likeness(self) -> Likeness:
         """How like the human's the robot's motion is."""
         if self.balance is None:
-            return likeness_of(self.graph, self.trajectory.qpos, unfinished=_unfinished(self.solution.status))
+            return likeness_of(self.graph, self.solution.trajectory.qpos, unfinished=_unfinished(self.solution.status))
         return likeness_of(
             self.graph,
-            self.trajectory.qpos,
+            self.solution.trajectory.qpos,
             self.balance.timeline.share >= 1,
             slowdown=self.balance.slowdown,
             stride=self.balance.stride,

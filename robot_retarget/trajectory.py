@@ -2,7 +2,9 @@
 
 import hashlib
 import io
-from dataclasses import dataclass, field
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ FIELDS = {
     "format_version": Field("integer", bounds=(1, FORMAT_VERSION)),
     "source_time": Field("number", ("T",), required=False),
     "source_sha256": Field("text", required=False),
+    "likeness": Field("text", required=False),
     **GOAL_FIELDS,
 }
 """Of the trajectory file."""
@@ -37,6 +40,8 @@ FARTHEST = 10_000.0
 """A root farther from the origin is a mistake [m]."""
 FREE_ROOT = 7
 """Coordinates of a free joint: xyz and a quaternion."""
+LARGEST_FIGURE = 1e9
+"""A larger figure of likeness is a mistake."""
 UNIT = 0.01
 """Norms of quaternions differ from 1 by at most this."""
 
@@ -62,6 +67,8 @@ class Trajectory:
     """Goals of the servos, once it is simulated."""
     source_sha256: str = ""
     """The hash of the source file (`Motion.source_sha256`); empty if unknown."""
+    likeness: Mapping[str, Any] = field(default_factory=dict)
+    """Figures of its likeness to the human's motion, for the verdict; empty if it was not compared with one."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "qpos", frozen(self.qpos))
@@ -113,6 +120,10 @@ class Trajectory:
             )
         if abs(goals.duration - goals.lead_in - self.duration - goals.lead_out) > 1.5 / goals.rate:
             raise TrajectoryError(f"goals last {goals.duration:.3f} s, not as long as the trajectory and its settling")
+
+    def altered(self, **changes: Any) -> "Trajectory":
+        """Return the trajectory with other values, without what was found for the present ones: goals and likeness."""
+        return replace(self, **{"goals": None, "likeness": {}} | changes)
 
     def __repr__(self) -> str:
         return f"<Trajectory {self.source or 'made'} on {self.robot}: {', '.join(self._facts().values())}>"
@@ -179,6 +190,7 @@ class Trajectory:
             format_version=FORMAT_VERSION,
             source_time=self.source_time,
             source_sha256=self.source_sha256,
+            **({"likeness": json.dumps(dict(self.likeness), allow_nan=False)} if self.likeness else {}),
             **(self.goals.arrays() if self.goals else {}),
         )
         return stream.getvalue()
@@ -219,6 +231,26 @@ def load_trajectory(path: str | Path) -> Trajectory:
             source_time=values.get("source_time", np.zeros(0)),
             goals=read_goals(values),
             source_sha256=str(values.get("source_sha256", "")),
+            likeness=_read_likeness(str(values.get("likeness", "{}"))),
         )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None
+
+
+def _read_likeness(text: str) -> dict[str, Any]:
+    """Return figures from JSON: finite numbers, texts and nothings by name.
+
+    Raises:
+        TrajectoryError: it is something else.
+    """
+    try:
+        found = json.loads(text, parse_constant=float)
+    except ValueError:
+        found = None
+    values = list(found.values()) if isinstance(found, dict) else [found]
+    if not isinstance(found, dict) or not all(
+        value is None or isinstance(value, str) or (isinstance(value, int | float) and abs(value) <= LARGEST_FIGURE)
+        for value in values
+    ):
+        raise TrajectoryError("likeness is not a table of figures")
+    return found

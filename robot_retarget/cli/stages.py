@@ -128,7 +128,6 @@ def _tried(
         result.robot,
         mode=mode,
         warnings=warnings,
-        likeness=result.likeness,
         draws=draws,
         feedback=feedback,
         progress=progress,

@@ -10,7 +10,6 @@ its end. ⊕ and ⊖ are those of the robot's velocity space (`robot.kinematics`
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -39,7 +38,7 @@ def trimmed(trajectory: Trajectory, start: float = 0.0, stop: float | None = Non
         raise UsageError(f"{start:g} to {end:g} s is not within the trajectory's 0 to {trajectory.duration:.3g} s")
     first, last = round(start * trajectory.fps), round(end * trajectory.fps)
     kept = slice(first, last + 1)
-    return replace(trajectory, qpos=trajectory.qpos[kept], source_time=trajectory.source_time[kept], goals=None)
+    return trajectory.altered(qpos=trajectory.qpos[kept], source_time=trajectory.source_time[kept])
 
 
 def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
@@ -59,7 +58,7 @@ def mirrored(trajectory: Trajectory, robot: Robot) -> Trajectory:
     if robot.floating:
         root = slice(robot.root_address, robot.root_address + 7)
         qpos[:, root] = _reflected(trajectory.qpos[:, root], np.asarray(mirror.left))
-    return replace(trajectory, qpos=qpos, goals=None)
+    return trajectory.altered(qpos=qpos)
 
 
 def _reflected(root: Floats, left: Floats) -> Floats:

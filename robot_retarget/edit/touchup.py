@@ -93,7 +93,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     poses = [pose.qpos for pose in clip_passes(clip, begin, Count(None, len(begin) * Smoothing().passes))]
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
-    done, window = replace(trajectory, qpos=qpos, goals=None), slice(start, stop)
+    done, window = trajectory.altered(qpos=qpos), slice(start, stop)
     solved = replace(edited_graph.at(window), tracks=tuple(track.at(window) for track in tracks))
     measured = measured_by(solver.problem, solved, qpos[window])
     unmet = unmet_edges(solver, solved, measured, qpos[window])

@@ -132,7 +132,7 @@ class Likeness:
             "at_speed_limit_share": round(float(self.rushed.mean()), 4) if len(self.rushed) else None,
             "contacts_lost": None if self.contacts is None else round(1 - self.contacts, 3),
             "slowdown": round(self.slowdown, 3),
-            "stride": round(self.stride, 3),
+            "stride": round(self.stride, 3) if self.robot.steps else None,
             "unfinished_share": round(self.unfinished, 3),
             "legs": self.legs,
             **self._travel_figures(),
@@ -144,7 +144,7 @@ class Likeness:
             "path_off": _rounded(self.path_off),
             "heading_off_rad": _rounded(self.heading_off),
             "steps_lost": _rounded(self.steps_lost),
-            "steps_shortened": round(1 - self.stride, 3),
+            "steps_shortened": round(1 - self.stride, 3) if self.robot.steps else None,
         }
         return {
             **(dict.fromkeys(errors) if self.legs == "stand" else errors),

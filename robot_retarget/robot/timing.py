@@ -1,7 +1,5 @@
 """Trajectories between their frames: configurations at any time, other frame rates, joint velocities."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -82,7 +80,7 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     require_same_robot(trajectory, robot)
     times = np.arange(int(np.floor(trajectory.duration * fps + TICK)) + 1) / fps
     source = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
-    return replace(trajectory, qpos=sample(trajectory, robot, times), fps=fps, source_time=source, goals=None)
+    return trajectory.altered(qpos=sample(trajectory, robot, times), fps=fps, source_time=source)
 
 
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:

@@ -108,7 +108,7 @@ def part_of(
         raise ServoError(f"its end is {seam:.2f} rad from its beginning: it cannot be looped")
     if loops > 1:
         qpos, times = np.concatenate([qpos, *[qpos[1:]] * (loops - 1)]), np.zeros(0)
-    return replace(trajectory, qpos=qpos, fps=trajectory.fps * speed, source_time=times, goals=None)
+    return trajectory.altered(qpos=qpos, fps=trajectory.fps * speed, source_time=times)
 
 
 def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> ServoPlan:

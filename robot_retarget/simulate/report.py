@@ -12,7 +12,6 @@ from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.files import replacing
-from robot_retarget.graph.likeness import Likeness
 from robot_retarget.notebook import card, frame
 from robot_retarget.report_file import FORMAT_VERSION, sealed
 from robot_retarget.simulate.contacts import Contacts
@@ -114,7 +113,7 @@ class Report:
                 "robot": self.robot,
                 "version": self.version,
                 "format_version": FORMAT_VERSION,
-                "unlike": list(self.unlike),
+                "unlike": list(self.unlike) if self.badge.compared else None,
                 "badge": self.badge.contract(),
                 "mode": self.figures["mode"],
                 "thresholds": self.thresholds.changed,
@@ -148,7 +147,6 @@ class SimulatedTrajectory:
     plain: Rollout
     """Without compensation; equal to `rollout` if the goals are not compensated."""
     warnings: Warnings | None = None
-    likeness: Likeness | None = None
     fallen: tuple[bool, ...] = ()
     """Per drawn simulation, whether the robot fell."""
 
@@ -183,7 +181,7 @@ def build_report(
         **feedback_figures(rollout, robot.joint_names, until),
         **(stance_figures(stance, until) if free else {}),
         **_foreseen(played, until),
-        **(played.likeness.figures() if played.likeness else {}),
+        **trajectory.likeness,
         "draws": len(played.fallen),
         **({"fallen_share": sum(played.fallen) / len(played.fallen)} if played.fallen else {}),
         "notes": [*plant.notes, *_choices(played)],
@@ -204,7 +202,7 @@ def _choices(played: SimulatedTrajectory) -> list[str]:
     notes, robot = [], played.plant.robot
     if played.mode == "pinned" and robot.floating and feet_of(robot).names:
         notes.append("the pelvis is held: balance is not tested; legs 'stand' keeps both feet in place and tests it")
-    if played.likeness and played.likeness.legs == "stand":
+    if played.trajectory.likeness.get("legs") == "stand":
         notes.append("both feet stay in place by choice (legs 'stand'): legs, path, heading and steps are not compared")
     return notes
 

@@ -10,7 +10,6 @@ from typing import cast, get_args
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
-from robot_retarget.graph.likeness import Likeness
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot
@@ -46,7 +45,6 @@ def simulate(
     others: bool = True,
     thresholds: Thresholds | None = None,
     warnings: Warnings | None = None,
-    likeness: Likeness | None = None,
     draws: int = 0,
     feedback: bool | None = None,
     backlash: float = 0.0,
@@ -58,7 +56,7 @@ def simulate(
     gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
-        trajectory: a trajectory, or the path of its file. The report's `trajectory` is the same with the goals that were
+        trajectory: a trajectory, or the path of its file. Its `likeness` is judged where it has one. The report's `trajectory` is the same with the goals that were
             judged, and its sha256 that of its file (`fingerprint`): save both.
         mode: `pinned` carries the root along its path in the air: the limbs feel gravity as the root turns, but not
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
@@ -71,8 +69,6 @@ def simulate(
         thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warn.warnings_of`); the report then says how they agree with the
             contacts that happened.
-
-        likeness: to the human's motion; the report then lists the differences.
         draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
             map has a sensor and gains.
@@ -101,9 +97,7 @@ def simulate(
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.advance()
     fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
-    outcome = SimulatedTrajectory(
-        judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, likeness, fallen
-    )
+    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
     return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), trial_figures(trials, chosen))
 
 

@@ -27,6 +27,8 @@ class Badge:
     """Whether the pelvis was held; if not, the robot stood free."""
     feedback: bool = False
     """Whether balance feedback corrected the goals."""
+    compared: bool = True
+    """Whether the motion was compared with the human's."""
 
     @property
     def level(self) -> str:
@@ -35,8 +37,10 @@ class Badge:
 
     @property
     def text(self) -> str:
-        """For people: `pass (pinned)`, `pass, but unlike (free, with feedback)`, `fail (free)`."""
+        """For people: `pass (pinned)`, `pass, but unlike (free)`, `pass, likeness not judged (free, with feedback)`, `fail (free)`."""
         verdict = {"pass": "pass", "unlike": "pass, but unlike", "fail": "fail"}[self.level]
+        if self.level == "pass" and not self.compared:
+            verdict = "pass, likeness not judged"
         how = ("pinned" if self.pinned else "free") + (", with feedback" if self.feedback else "")
         return f"{verdict} ({how})"
 
@@ -47,7 +51,9 @@ class Badge:
 
 def badge_of(reasons: tuple[str, ...], unlike: tuple[str, ...], figures: Mapping[str, Any]) -> Badge:
     """Return the badge of a simulation with these reasons, differences and figures."""
-    return Badge(not reasons, bool(unlike), figures["mode"] == "pinned", bool(figures.get("feedback")))
+    return Badge(
+        not reasons, bool(unlike), figures["mode"] == "pinned", bool(figures.get("feedback")), "limb_rad" in figures
+    )
 
 
 def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
@@ -78,9 +84,11 @@ def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
 
 def stands_in_place(figures: Mapping[str, Any]) -> str:
     """Name the travel and the steps of the human that a robot with its feet in place leaves out."""
-    turn, steps = np.degrees(figures["human_turn_rad"]), figures["human_steps"]
+    turn, steps = np.degrees(figures.get("human_turn_rad", 0.0)), figures.get("human_steps")
     stepping = f" in {steps} step{'s' if steps > 1 else ''}" if steps else ""
-    return f"stands in place: the human moves {figures['human_distance_m']:.1f} m and turns {turn:.0f}°{stepping}"
+    return (
+        f"stands in place: the human moves {figures.get('human_distance_m', 0.0):.1f} m and turns {turn:.0f}°{stepping}"
+    )
 
 
 def _difference(check: Check, figures: Mapping[str, Any], most: Thresholds) -> str:

@@ -50,9 +50,7 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | 
     except (BalanceError, MatchError) as error:
         return Row(*head, "refused", reasons=str(error).split(":")[0])
     assert result.balance is not None
-    report = rr.simulate(
-        result.trajectory, robot, mode="free", playback=SETTLE, likeness=result.likeness, draws=count, feedback=feedback
-    )
+    report = rr.simulate(result.trajectory, robot, mode="free", playback=SETTLE, draws=count, feedback=feedback)
     figures, why = report.figures, (result.balance.instead,) if result.balance.instead else ()
     return Row(
         *head,

@@ -1,5 +1,6 @@
 """Likeness of motions whose differences from the human are known."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -112,6 +113,13 @@ def test_feet_kept_in_place_by_choice_are_not_compared(walk: rr.RobotGraph) -> N
     ],
 )
 def test_each_bound_has_a_sentence(walk: rr.RobotGraph, given: dict[str, Any], told: str) -> None:
-    figures = likeness_of(walk, placed(walk, 1.0), **given).figures()
-    assert told in unlikeness(figures, Thresholds())
-    assert told not in unlikeness(likeness_of(walk, placed(walk, 1.0)).figures(), Thresholds())
+    found, near = (likeness_of(walk, placed(walk, 1.0), **options) for options in (given, {}))
+    stepping = replace(found, robot=replace(found.robot, steps=8))
+    assert told in unlikeness(stepping.figures(), Thresholds())
+    assert told not in unlikeness(near.figures(), Thresholds())
+
+
+def test_a_robot_that_takes_no_step_has_no_length_of_steps(walk: rr.RobotGraph) -> None:
+    figures = likeness_of(walk, placed(walk, 0.0)).figures()
+    assert figures["robot_steps"] == 0 and figures["human_steps"] == 8
+    assert figures["stride"] is None and figures["steps_shortened"] is None and figures["steps_lost"] == 1.0
