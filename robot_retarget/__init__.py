@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from robot_retarget.pipeline import Result as Result
     from robot_retarget.pipeline import retarget as retarget
     from robot_retarget.pipeline import solve as solve
+    from robot_retarget.pipeline import transfer as transfer
     from robot_retarget.robot import Robot as Robot
     from robot_retarget.robot import load_robot as load_robot
     from robot_retarget.score.score import Score as Score
@@ -66,6 +67,7 @@ _HOME = {
     "Result": "pipeline",
     "retarget": "pipeline",
     "solve": "pipeline",
+    "transfer": "pipeline",
     "Robot": "robot",
     "load_robot": "robot",
     "Score": "score.score",

@@ -17,6 +17,7 @@ from robot_retarget.graph.likeness import Likeness, likeness_of
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import Match
+from robot_retarget.human.robot_performer import performed
 from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, consecutive
@@ -26,6 +27,10 @@ from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
+
+EXACT = 1e-3
+"""Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it is
+smooth already, and every joint has a target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,3 +207,51 @@ def retarget(
     )
     timed = replace(result.solution, timings={"describe": prepared, **result.solution.timings})
     return replace(result, solution=timed)
+
+
+def transfer(
+    trajectory: Trajectory,
+    source: Robot,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    legs: str = "auto",
+    balance: str = "off",
+    progress: Progress | None = None,
+) -> Result:
+    """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
+
+    The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
+    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference of its own.
+
+    Args:
+        trajectory: configurations of the source.
+        source: the robot that moves.
+        robot: the robot that follows.
+        fps: frames per second of the result; None takes the trajectory's own, 30 at most.
+        weights: weights of the kinds of edges.
+        preset: `directions` of limbs, `distances` between parts, or `balanced`.
+        legs: `auto`, `follow` or `stand`, with balance.
+        balance: `off`, `static`, `dynamic` or `auto`.
+        progress: receives (steps done, steps in all).
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+        MatchError: one of the robots is no humanoid.
+    """
+    given = weights or Weights()
+    weights = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
+    return retarget(
+        performed(trajectory, source),
+        robot,
+        fps=fps,
+        weights=weights,
+        preset=preset,
+        options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
+        smoothing=Smoothing(proximal=EXACT * Smoothing.proximal),
+        legs=legs,
+        balance=balance,
+        progress=progress,
+    )

@@ -9,13 +9,10 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.feet import foot_axes
 from robot_retarget.human.match import Match
-from robot_retarget.human.rotations import constant_between, own_joint
+from robot_retarget.human.rotations import TURNED_BY, constant_between, own_joint
 from robot_retarget.human.segments import trunk_frames
 from robot_retarget.human.skeleton import Motion
 from robot_retarget.robot.kinematics import matrices
-
-_CARRIERS = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
-"""Keypoints whose joints turn a segment with another name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,7 @@ def _carrying_joints(motion: Motion, match: Match, features: HumanFeatures) -> I
     """Return the joint (S,) that turns each segment; empty for a motion without rotations."""
     if motion.rotations is None:
         return np.zeros(0, dtype=np.int64)
-    joints = [own_joint(motion, match, _CARRIERS.get(name, name)) for name in features.segments]
+    joints = [own_joint(motion, match, TURNED_BY.get(name, name)) for name in features.segments]
     return np.array(joints, dtype=np.int64)
 
 

@@ -58,7 +58,6 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     x = grounded(match.human_positions(clip), match, clip.fps)
     segments = human_frames(clip, match)
     schedule = contact_schedule(x, match, clip.fps, clip.contacts)
-    ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
     return HumanFeatures(
         x[span],
         {name: turns[span] for name, turns in segments.items()},
@@ -66,5 +65,13 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
         {foot: stands[span] for foot, stands in schedule.items()},
         normalised_distances(x[span], match.parents, match.human_bones),
         clip.fps,
-        float(StanceRule().floor_height(x[:, ankles, 2].min(axis=1))) if ankles else 0.0,
+        _ankle_height(x, match),
     )
+
+
+def _ankle_height(x: Floats, match: Match) -> float:
+    """Return the known height of the ankles of a body that stands, else that of the lowest one; 0 without ankles [m]."""
+    if match.recognition.ankle_height is not None:
+        return match.recognition.ankle_height
+    ankles = [match.index(k) for k in ("l_ankle", "r_ankle") if k in match.keypoints]
+    return float(StanceRule().floor_height(x[:, ankles, 2].min(axis=1))) if ankles else 0.0

@@ -14,7 +14,7 @@ DRIFT = 0.1
 
 
 def grounded(positions: Floats, match: Match, fps: float) -> Floats:
-    """Return keypoints (T, K, 3) over a floor at z = 0 [m].
+    """Return keypoints (T, K, 3) over a floor at z = 0 [m]; the same where the source knows its floor.
 
     The floor is the lowest foot of the clip. Heights of inertial captures drift: there the floor of each frame is the lowest
     point of the body within `WINDOW` to either side, smoothed. This also removes steps and stairs.
@@ -24,6 +24,8 @@ def grounded(positions: Floats, match: Match, fps: float) -> Floats:
         match: keypoints that human and robot share.
         fps: frames per second [1/s].
     """
+    if match.recognition.ankle_height is not None:
+        return positions
     z = positions[:, :, 2]
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
     level = StanceRule().floor_height(z[:, feet].min(axis=1)) if feet else z.min()

@@ -48,7 +48,7 @@ class Match:
 
     def human_positions(self, motion: Motion) -> Floats:
         """(T, K, 3) of the human's keypoints [m]."""
-        return _human_positions(motion, self.recognition, self.keypoints)
+        return _keypoint_positions(motion.positions, self.recognition, self.keypoints)
 
     def figure(self, motion: Motion) -> tuple[Floats, Ints]:
         """Return all keypoints of the human (T, H, 3) [m] and the pairs (B, 2) that a bone joins, for drawing."""
@@ -96,7 +96,7 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
             body, or the two share too few keypoints.
     """
     tables = read_map(Path(overrides)) if overrides is not None else {}
-    recognition = recognise_with(motion.skeleton, motion.clip.positions, tables.get("human", {}))
+    recognition = recognise_with(motion, tables.get("human", {}))
     anatomy = recognise_robot_with(robot, tables.get("robot", {}))
     return match_bodies(motion, robot, recognition, anatomy)
 
@@ -121,7 +121,8 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
             "nothing to retarget"
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
-    human = _human_positions(motion.clip, recognition, shared)
+    measured = motion.clip.positions if motion.recognition is None else motion.skeleton.rest()[None]
+    human = _keypoint_positions(measured, recognition, shared)
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
     source = bone_lengths(human, parents)
@@ -133,7 +134,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         human_bones=source,
         robot_bones=bone_lengths(rest, parents),
         rest=frozen(rest[0]),
-        ankle_height=_ankle_height(anatomy),
+        ankle_height=anatomy.ankle_height,
     )
 
 
@@ -148,18 +149,9 @@ def bone_lengths(positions: Floats, parents: Ints) -> Floats:
     return frozen(np.median(lengths, axis=0))
 
 
-def _human_positions(motion: Motion, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
+def _keypoint_positions(positions: Floats, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
     columns = [recognition.keypoints.index(k) for k in keypoints]
-    return recognition.place(motion.positions)[:, columns]
-
-
-def _ankle_height(anatomy: Anatomy) -> float:
-    """Return the mean height of both ankles above their level soles [m]."""
-    heights = []
-    for side, sole in anatomy.soles.items():
-        up = anatomy.frames[f"{side}_foot"][1][:, 2]
-        heights.append(float(anatomy.sites[f"{side}_ankle"].offset @ up - (sole.offsets @ up).min()))
-    return float(np.mean(heights)) if heights else 0.0
+    return recognition.place(positions)[:, columns]
 
 
 def read_map(path: Path) -> Mapping[str, Mapping[str, Any]]:

@@ -7,6 +7,8 @@ from robot_retarget.arrays import Floats
 from robot_retarget.human.match import Match
 from robot_retarget.human.skeleton import Motion
 
+TURNED_BY = {"l_foot": "l_ankle", "r_foot": "r_ankle"}
+"""Keypoints whose joints turn a segment with another name."""
 UP = np.array([0.0, 0.0, 1.0])
 ARBITRARY = 1.2
 """A rotation that differs by more from the one that the body shows carries no information [rad]: of a rest pose, of fingers,

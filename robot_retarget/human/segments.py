@@ -32,6 +32,9 @@ def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
         motion: the human.
         match: keypoints that human and robot share.
     """
+    if match.recognition.segments:
+        shown = {segment: own_rotation(motion, match, joint) for segment, joint in match.recognition.segments.items()}
+        return {s: frame for s, frame in shown.items() if frame is not None and s in match.anatomy.frames}
     x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
     frames, leans = trunk_frames(x), _leans(match)
     for segment in leans:

@@ -1,13 +1,16 @@
 """The human side's data: a skeleton and its motion."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats, Ints, frozen
 from robot_retarget.errors import MotionError, UsageError
 from robot_retarget.notebook import card, frame
+
+if TYPE_CHECKING:
+    from robot_retarget.human.recognition.recognise import Recognition
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,8 @@ class Motion:
     """Time in the source file of the first frame [s]."""
     source_sha256: str = ""
     """The hash of the source file; empty for a motion made in memory."""
+    recognition: "Recognition | None" = field(default=None, repr=False, compare=False)
+    """The keypoints among the joints, where the source knows them; else they are recognised."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))

@@ -63,6 +63,15 @@ class Anatomy:
         """The keypoints the robot has, in the vocabulary's order."""
         return tuple(k for k in KEYPOINTS if k in self.sites)
 
+    @cached_property
+    def ankle_height(self) -> float:
+        """Mean height of the ankles above their level soles [m]; 0 without feet."""
+        heights = []
+        for side, sole in self.soles.items():
+            up = self.frames[f"{side}_foot"][1][:, 2]
+            heights.append(float(self.sites[f"{side}_ankle"].offset @ up - (sole.offsets @ up).min()))
+        return float(np.mean(heights)) if heights else 0.0
+
     @property
     def missing(self) -> tuple[str, ...]:
         """The keypoints the robot lacks."""

@@ -117,7 +117,7 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     Raises:
         MatchError: the motion is not human, or a line names a joint that does not exist.
     """
-    found = recognise_human_with(motion.skeleton, motion.clip.positions, lines)
+    found = recognise_human_with(motion, lines)
     shared = tuple(k for k in COMPARED if k in found.marks and k in body.sites)
     nearest = np.clip(
         np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int), 0, len(motion) - 1

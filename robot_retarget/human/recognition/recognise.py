@@ -5,7 +5,7 @@ works in any unit and any axes, on the names of any exporter, and with less cert
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from robot_retarget.human.recognition.human_check import refuse_other_than_human
 from robot_retarget.human.recognition.limbs import LIMBS, Limb, LimbPair, PosedSkeleton, find_limbs
 from robot_retarget.human.recognition.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.human.recognition.trunk import find_trunk
-from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.human.skeleton import Motion, Skeleton
 from robot_retarget.keypoints import KEYPOINTS, SIDES
 
 _WORD = {"chest": "spine"}
@@ -43,6 +43,10 @@ class Recognition:
 
     marks: Mapping[str, Mark]
     notes: tuple[str, ...] = ()
+    segments: Mapping[str, str] = field(default_factory=dict)
+    """Per segment the joint whose rotation is its forward, left and up; empty where rotations have axes of their own."""
+    ankle_height: float | None = None
+    """Height of the ankles above level soles at z = 0 [m], where the source knows its floor; else it is estimated."""
 
     @property
     def keypoints(self) -> tuple[str, ...]:
@@ -93,26 +97,25 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
     return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, sided.notes)
 
 
-def recognise_with(skeleton: Skeleton, positions: Floats, table: Mapping[str, Any]) -> Recognition:
-    """Find the keypoints of a skeleton, given the table `[human]` of a map file.
+def recognise_with(motion: Motion, table: Mapping[str, Any]) -> Recognition:
+    """Find the keypoints of a motion, given the table `[human]` of a map file.
 
     A table that names every keypoint is used even without a recognised body.
 
     Args:
-        skeleton: names and tree of the joints.
-        positions: (T, J, 3) of the joints [any unit].
+        motion: the motion; keypoints that its source knows are taken.
         table: keypoints by name, as in a map file.
 
     Raises:
         MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.
     """
     try:
-        found = recognise(skeleton, positions)
+        found = motion.recognition or recognise(motion.skeleton, motion.clip.positions)
     except MatchError as error:
         if not table.keys() >= set(KEYPOINTS):
             raise
         found = Recognition({}, (f"{error}; the map, which names every keypoint, is used",))
-    return apply_override(found, skeleton, table)
+    return apply_override(found, motion.skeleton, table)
 
 
 def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, Any]) -> Recognition:

@@ -1,0 +1,93 @@
+"""A robot as the performer: its forward kinematics makes the motion that another robot follows."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.human.rotations import TURNED_BY
+from robot_retarget.keypoints import SIDES, parents_within
+from robot_retarget.motion import Mark, Motion, Recognition, Skeleton, leg_length
+from robot_retarget.motion.stance import StanceRule, standing
+from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
+from robot_retarget.robot.kinematics import body_frames
+from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.trajectory import Trajectory
+
+SOLES = StanceRule(enter_speed=0.05, leave_speed=0.08, enter_height=0.005, leave_height=0.01)
+"""A robot's soles stand lower and stiller than a human's ankles and toes [leg lengths, leg lengths / s]."""
+
+
+def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = None) -> Motion:
+    """Return the motion of a robot's keypoints,  x_k(t) = p_b(q_t) + R_b(q_t) o_k,  as that of a performer.
+
+    Joints are the robot's keypoints, in their tree. A joint that turns a segment has the segment's forward, left and up as
+    its rotation; every other joint has the rotation of its link. Nothing is estimated: keypoints, bone lengths, the floor
+    under the lowest sole and the contacts of toes and heels are the robot's own.
+
+    Args:
+        trajectory: configurations of the robot.
+        robot: the robot that moves.
+        anatomy: its keypoints; by default those that are recognised.
+
+    Raises:
+        TrajectoryError: the trajectory belongs to another robot.
+        MatchError: the robot is no humanoid.
+    """
+    require_same_robot(trajectory, robot)
+    anatomy, qpos = anatomy or recognise_with(robot, {}), trajectory.qpos
+    recognition, skeleton = _recognition(anatomy), _skeleton(robot, anatomy)
+    soles = {side: world_points(robot, tread, qpos) for side, tread in anatomy.treads.items()}
+    lowest = [sole[..., 2].min(axis=1) for sole in soles.values()]
+    floor = np.array([0.0, 0.0, SOLES.floor_height(np.min(lowest, axis=0)) if lowest else 0.0])
+    contacts = None
+    if soles.keys() == set(SIDES):
+        leg = leg_length(recognition, skeleton.rest()[None])
+        stands = [_edges(anatomy, side, (soles[side] - floor) / leg, trajectory.fps) for side in SIDES]
+        contacts = np.concatenate(stands, axis=1)
+    return Motion(
+        skeleton,
+        world_points(robot, anatomy.points, qpos) - floor,
+        _rotations(robot, anatomy, qpos),
+        trajectory.fps,
+        trajectory.source,
+        trajectory.notes,
+        contacts=contacts,
+        start_time=float(trajectory.source_time[0]),
+        recognition=recognition,
+    )
+
+
+def _skeleton(robot: Robot, anatomy: Anatomy) -> Skeleton:
+    """Keypoints and their tree, at rest in the robot's reference pose."""
+    names, tree = anatomy.names, parents_within(anatomy.names)
+    parents = np.array([names.index(tree[name]) if name in tree else -1 for name in names])
+    rest = world_points(robot, anatomy.points, robot.neutral()[None])[0]
+    return Skeleton(names, parents, np.where(parents[:, None] < 0, 0.0, rest - rest[np.maximum(parents, 0)]))
+
+
+def _recognition(anatomy: Anatomy) -> Recognition:
+    """Every joint is its own keypoint; the pelvis is the middle of the hips, as it is on the robot that follows."""
+    marks = {name: Mark((k,), 1.0, "the robot's own") for k, name in enumerate(anatomy.names)}
+    if {"l_hip", "r_hip"} <= marks.keys():
+        hips = marks["l_hip"].joints + marks["r_hip"].joints
+        marks["pelvis"] = Mark(hips, 1.0, "the middle of the hips")
+    segments = {segment: TURNED_BY.get(segment, segment) for segment in anatomy.frames}
+    return Recognition(marks, segments=segments, ankle_height=anatomy.ankle_height)
+
+
+def _rotations(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Floats:
+    """(T, K, 4) of the segment that a keypoint turns, or of its link."""
+    turns = body_frames(robot, qpos)[1][:, anatomy.points.bodies]
+    for segment, (_, axes) in anatomy.frames.items():
+        k = anatomy.names.index(TURNED_BY.get(segment, segment))
+        turns[:, k] = turns[:, k] @ axes
+    return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*turns.shape[:2], 4)
+
+
+def _edges(anatomy: Anatomy, side: str, sole: Floats, fps: float) -> Bools:
+    """(T, 2) whether heel and toe of a foot stand, from the points (T, P, 3) of its sole over the floor [leg lengths]."""
+    along = anatomy.treads[side].offsets @ anatomy.frames[f"{side}_foot"][1][:, 0]
+    front = along > (along.min() + along.max()) / 2
+    edges = [sole[:, ~front], sole[:, front]]
+    stands = [standing(edge.mean(axis=1), edge[..., 2].min(axis=1), fps, SOLES) for edge in edges]
+    return np.stack(stands, axis=1)

@@ -1,0 +1,58 @@
+"""The motion of a robot carried over to another robot, or to itself."""
+
+import mujoco
+import numpy as np
+import pytest
+from shared_files import ROOT
+
+import robot_retarget as rr
+from robot_retarget.errors import TrajectoryError
+from robot_retarget.human.robot_performer import performed
+from robot_retarget.robot import recognise
+
+SAMPLES = ROOT / "samples"
+
+
+@pytest.fixture(scope="module")
+def walk() -> rr.Trajectory:
+    """A walk of the G1-class robot."""
+    return rr.retarget(SAMPLES / "walk.bvh", "g1_class").trajectory
+
+
+@pytest.mark.parametrize(("name", "clip"), [("op3", "wave"), ("g1_class", "clap")])
+def test_a_transfer_to_the_robot_itself_is_the_identity(name: str, clip: str) -> None:
+    robot = rr.load_robot(name)
+    own = rr.retarget(SAMPLES / f"{clip}.bvh", robot).trajectory
+    carried = rr.transfer(own, robot, robot).trajectory
+    assert np.abs(carried.qpos[:, 7:] - own.qpos[:, 7:]).max() < 1e-3
+
+
+def test_a_walk_is_the_identity_but_at_the_edges_of_stances(walk: rr.Trajectory) -> None:
+    robot = rr.load_robot("g1_class")
+    carried = rr.transfer(walk, robot, robot).trajectory
+    off = np.abs(carried.qpos[:, 7:] - walk.qpos[:, 7:]).max(axis=1)
+    assert np.median(off) < 3e-4 and off.max() < 2e-3
+
+
+def test_keypoints_of_the_performer_are_where_mujoco_puts_them(walk: rr.Trajectory) -> None:
+    robot = rr.load_robot("g1_class")
+    motion, anatomy, data = performed(walk, robot), recognise(robot), mujoco.MjData(robot.model)
+    for t in (0, 50, 150):
+        data.qpos[:] = walk.qpos[t]
+        mujoco.mj_forward(robot.model, data)
+        for name, site in anatomy.sites.items():
+            place = data.xpos[site.body] + data.xmat[site.body].reshape(3, 3) @ site.offset
+            found = motion.positions[t, motion.skeleton.names.index(name)]
+            assert found[:2] == pytest.approx(place[:2], abs=1e-9)
+            assert found[2] == pytest.approx(place[2], abs=2e-3)  # over its lowest sole
+
+
+def test_another_robot_looks_like_the_performer(walk: rr.Trajectory) -> None:
+    result = rr.transfer(walk, rr.load_robot("g1_class"), rr.load_robot("op3"))
+    assert result.likeness.part("legs") < np.radians(3)
+    assert result.likeness.robot.steps == result.likeness.human.steps > 3
+
+
+def test_a_trajectory_of_another_robot_is_refused(walk: rr.Trajectory) -> None:
+    with pytest.raises(TrajectoryError, match="g1_class"):
+        performed(walk, rr.load_robot("op3"))
