@@ -13,6 +13,8 @@ from robot_retarget.balance.playback import Balanced, expected_steps
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.kinds import KINDS
+from robot_retarget.graph.kinds.touch import TouchKind
 from robot_retarget.graph.likeness import Likeness, likeness_of
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
@@ -224,7 +226,8 @@ def transfer(
     """Carry the motion of one robot over to another; to itself, it is the identity within the solver's tolerance.
 
     The source's forward kinematics is the performer (`human.robot_performer.performed`). Smoothness and the pull to the
-    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference of its own.
+    standing pose have `EXACT` of their weights, and a swing foot follows its leg without a reference of its own. A hand
+    touches the other hand, the head or a knee; beside a robot's hip it passes without touching.
 
     Args:
         trajectory: configurations of the source.
@@ -242,13 +245,10 @@ def transfer(
         MatchError: one of the robots is no humanoid.
     """
     given = weights or Weights()
-    weights = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
-    return retarget(
-        performed(trajectory, source),
-        robot,
-        fps=fps,
-        weights=weights,
-        preset=preset,
+    exact = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
+    kinds = (replace(kind, other=0.0) if isinstance(kind, TouchKind) else kind for kind in KINDS)
+    return solve(
+        describe(performed(trajectory, source), robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
         smoothing=Smoothing(proximal=EXACT * Smoothing.proximal),
         legs=legs,

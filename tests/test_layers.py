@@ -34,7 +34,7 @@ LAYERS = {
     "goals": {"feedback"},
     "trajectory": {"goals"},
     "robot": {"actuators", "trajectory"},
-    "human": {"robot"},
+    "human": {"trajectory", "robot"},
     "motion": {"human"},
     "graph": {"motion", "robot", "human"},
     "solve": {"trajectory", "motion", "robot", "human", "graph"},

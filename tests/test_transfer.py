@@ -19,18 +19,20 @@ def walk() -> rr.Trajectory:
     return rr.retarget(SAMPLES / "walk.bvh", "g1_class").trajectory
 
 
-@pytest.mark.parametrize(("name", "clip"), [("op3", "wave"), ("g1_class", "clap")])
-def test_a_transfer_to_the_robot_itself_is_the_identity(name: str, clip: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "clip", "most"), [("op3", "squat", 1e-3), ("g1_class", "wave", 1e-3), ("op3", "wave", 2e-3)]
+)
+def test_a_transfer_to_the_robot_itself_is_the_identity(name: str, clip: str, most: float) -> None:
+    """Within 2e-4 rad in most frames; the shoulders of the OP3 are near a singular pose in a few."""
     robot = rr.load_robot(name)
     own = rr.retarget(SAMPLES / f"{clip}.bvh", robot).trajectory
-    carried = rr.transfer(own, robot, robot).trajectory
-    assert np.abs(carried.qpos[:, 7:] - own.qpos[:, 7:]).max() < 1e-3
+    off = np.abs(rr.transfer(own, robot, robot).trajectory.qpos[:, 7:] - own.qpos[:, 7:]).max(axis=1)
+    assert np.median(off) < 3e-4 and off.max() < most
 
 
 def test_a_walk_is_the_identity_but_at_the_edges_of_stances(walk: rr.Trajectory) -> None:
     robot = rr.load_robot("g1_class")
-    carried = rr.transfer(walk, robot, robot).trajectory
-    off = np.abs(carried.qpos[:, 7:] - walk.qpos[:, 7:]).max(axis=1)
+    off = np.abs(rr.transfer(walk, robot, robot).trajectory.qpos[:, 7:] - walk.qpos[:, 7:]).max(axis=1)
     assert np.median(off) < 3e-4 and off.max() < 2e-3
 
 
@@ -49,8 +51,12 @@ def test_keypoints_of_the_performer_are_where_mujoco_puts_them(walk: rr.Trajecto
 
 def test_another_robot_looks_like_the_performer(walk: rr.Trajectory) -> None:
     result = rr.transfer(walk, rr.load_robot("g1_class"), rr.load_robot("op3"))
-    assert result.likeness.part("legs") < np.radians(3)
-    assert result.likeness.robot.steps == result.likeness.human.steps > 3
+    legs, arms = result.likeness.part("legs"), result.likeness.part("arms")
+    assert legs is not None and arms is not None
+    assert legs < np.radians(3) and arms < np.radians(16)
+    assert np.linalg.norm(result.likeness.robot.path[-1]) > 0.8 * result.match.leg_ratio * np.linalg.norm(
+        walk.qpos[-1, :2] - walk.qpos[0, :2]
+    )
 
 
 def test_a_trajectory_of_another_robot_is_refused(walk: rr.Trajectory) -> None:

@@ -4,10 +4,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Bools, Floats
+from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.rotations import TURNED_BY
+from robot_retarget.human.skeleton import Motion, Skeleton
+from robot_retarget.human.stance import StanceRule, standing
+from robot_retarget.human.stature import leg_length
 from robot_retarget.keypoints import SIDES, parents_within
-from robot_retarget.motion import Mark, Motion, Recognition, Skeleton, leg_length
-from robot_retarget.motion.stance import StanceRule, standing
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot
