@@ -31,7 +31,7 @@ def _path(line: str) -> tuple[str, ...]:
     """Return the single key of a line of TOML; empty for a line that is no assignment."""
     try:
         value: Any = tomllib.loads(line)
-    except tomllib.TOMLDecodeError:
+    except ValueError:
         return ()
     path: tuple[str, ...] = ()
     while isinstance(value, dict) and len(value) == 1:

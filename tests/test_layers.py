@@ -14,7 +14,6 @@ import robot_retarget
 PACKAGE = ROOT / "robot_retarget"
 BASE = {
     "arrays",
-    "documents",
     "errors",
     "files",
     "keypoints",

@@ -1,6 +1,5 @@
 """Named sets of thresholds that choose clips, with a reason for each that is left out."""
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from robot_retarget.batch.manifest import Row
 from robot_retarget.batch.task import DONE
 from robot_retarget.errors import UsageError, known
 from robot_retarget.score.table import FIGURES
+from robot_retarget.untrusted.documents import read_toml
 
 SHIPPED = Path(__file__).with_name("filters.toml")
 
@@ -67,12 +67,7 @@ def read_filters(path: Path = SHIPPED) -> dict[str, Filter]:
     Raises:
         UsageError: it cannot be read, or names a figure or a filter that does not exist.
     """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not TOML: {error}") from error
+    tables = read_toml(path, UsageError)
     return {name: Filter(name, tuple(_bounds(path, name, tables, ()))) for name in tables}
 
 

@@ -18,6 +18,7 @@ from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import require_same_robot, resample
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
+from robot_retarget.untrusted.limits import refusing
 
 
 def export(
@@ -72,8 +73,9 @@ def _read(source: TrajectorySource, kind: TrajectoryFormat) -> Trajectory:
     """The trajectory in a file of a format; errors name the file."""
     described = source.sidecar is not None
     try:
-        found = kind.read(source)
-        return found if isinstance(found, Trajectory) else _of_robot(found, kind, source, described)
+        with refusing(source.path, kind.name):
+            found = kind.read(source)
+            return found if isinstance(found, Trajectory) else _of_robot(found, kind, source, described)
     except (FileError, TrajectoryError) as error:
         raise TrajectoryError(_about(source.path, kind, error)) from None
 
@@ -116,7 +118,8 @@ def recognised(source: TrajectorySource) -> TrajectoryFormat:
     if source.sidecar and source.sidecar["format"] in FORMATS:
         return FORMATS[source.sidecar["format"]]
     try:
-        claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
+        with refusing(source.path, "file of robot motion"):
+            claimed = [kind for kind in FORMATS.values() if kind.claims(source)]
     except FileError as error:
         raise TrajectoryError(str(error)) from error
     if len(claimed) > 1:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
-from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, known
 from robot_retarget.human.recognition import Recognition, recognise_with
 from robot_retarget.human.skeleton import Motion
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot import recognise_with as recognise_robot_with
+from robot_retarget.untrusted.documents import read_toml
 
 TABLES = ("human", "robot")
 

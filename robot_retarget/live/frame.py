@@ -11,6 +11,8 @@ from robot_retarget.motion import Skeleton
 
 FARTHEST = 1000.0
 """Largest distance of a joint from the origin [m]: a room is smaller."""
+LENGTHS = (1e-3, 1e3)
+"""A quaternion of another length is no rotation [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,11 @@ class Frame:
             return
         turns = self._checked(self.rotations, 4)
         lengths = np.sqrt((turns**2).sum(axis=1))
-        if lengths.min() < 1e-6:
-            raise RefusedError(Fault.MALFORMED, f"the rotation of {self._named(lengths < 1e-6)} is zero")
+        wrong = ~((lengths > LENGTHS[0]) & (lengths < LENGTHS[1]))
+        if wrong.any():
+            raise RefusedError(
+                Fault.MALFORMED, f"the rotation of {self._named(wrong)} has the length {lengths[wrong][0]:g}"
+            )
         object.__setattr__(self, "rotations", frozen(turns / lengths[:, None]))
 
     def at(self, time: float) -> "Frame":

@@ -10,6 +10,7 @@ from robot_retarget.human.skeleton import Motion
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of
 from robot_retarget.motion.upright import upright
+from robot_retarget.untrusted.limits import refusing
 
 
 def read_motion(
@@ -48,7 +49,8 @@ def read_motion(
     try:
         chosen = format_of(file)
         _refuse_idle(request, chosen.takes, f"{file} ({chosen.name})")
-        capture = chosen.read(file, request)
+        with refusing(file, chosen.name):
+            capture = chosen.read(file, request)
     except FileError as error:
         raise MotionError(str(error)) from error
     except OSError as error:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.actuators.map import load_map
-from robot_retarget.documents import read_toml
 from robot_retarget.errors import MatchError, RobotError, known
 from robot_retarget.keypoints import ARM
 from robot_retarget.robot.anatomy import Anatomy
@@ -18,6 +17,7 @@ from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, rod_notes, urdf_notes, urdf_speeds
 from robot_retarget.shipped import MODELS
+from robot_retarget.untrusted.documents import read_toml
 
 Limits = dict[str, dict[str, Any]]
 LARGEST_ANGLE = 100.0

@@ -7,8 +7,8 @@ from typing import Any
 
 from robot_retarget.actuators.control_tables import CENTRE, MODELS
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
-from robot_retarget.documents import parse_json, read_text
 from robot_retarget.errors import ServoError, known
+from robot_retarget.untrusted.documents import parse_json, read_text
 
 TODDLERBOT = {
     "XM430": "XM430-W210",

@@ -4,9 +4,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
 
-from robot_retarget.documents import read_toml
 from robot_retarget.errors import UsageError, known
 from robot_retarget.goals import TRACKING_RMS
+from robot_retarget.untrusted.documents import read_toml
 
 
 @dataclass(frozen=True)

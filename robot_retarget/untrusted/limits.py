@@ -5,10 +5,11 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from robot_retarget.errors import FileError
 
@@ -58,8 +59,8 @@ def refusing(path: Path, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except FileError:
-        raise
+    except FileError as error:
+        raise (error if str(path) in str(error) else FileError(f"{path}: {error}")) from error.__cause__
     except OSError as error:
         raise FileError(f"cannot read {path}: {error.strerror or error}") from error
     except pickle.UnpicklingError as error:
@@ -77,3 +78,28 @@ def one_line(text: str, length: int = 300) -> str:
 def too_large(path: Path, limit: int) -> FileError:
     """Return the error about a file that would unpack to more than its limit [bytes]."""
     return FileError(f"{path}: unpacks to more than {limit} bytes; a motion of this file size is not that large")
+
+
+def require_tree(value: Any, elements: int, limit: int = LIMITS.free) -> None:
+    """Require that a value is as large as its file says when it is written out: nothing in itself, no part many times.
+
+    Args:
+        elements: most elements that lists and dicts may have together, the length of the file.
+        limit: largest size of its arrays [bytes].
+
+    Raises:
+        ValueError: it has more elements or bytes, is nested too deeply, or holds an integer of more than 64 bits.
+    """
+    left = [(value, 0)]
+    while left:
+        one, depth = left.pop()
+        elements -= 1
+        limit -= getattr(one, "nbytes", 0)
+        if elements < 0 or limit < 0 or depth > LIMITS.depth:
+            raise ValueError("lists and dicts that hold themselves, or the same part many times")
+        if isinstance(one, Mapping):
+            left += [(part, depth + 1) for pair in one.items() for part in pair]
+        elif isinstance(one, list | tuple | set | frozenset):
+            left += [(part, depth + 1) for part in one]
+        elif isinstance(one, int) and one.bit_length() > 64:
+            raise ValueError(f"an integer of {one.bit_length()} bits")

@@ -9,7 +9,7 @@ import io
 import pickle
 import re
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from robot_retarget.errors import FileError
 from robot_retarget.untrusted.arrays import PLAIN, Head
-from robot_retarget.untrusted.limits import LIMITS, one_line, refusing
+from robot_retarget.untrusted.limits import LIMITS, one_line, refusing, require_tree
 from robot_retarget.untrusted.unpack import is_zip, member_bytes, opened_zip, unpacked
 
 PROTOCOL = 4
@@ -49,7 +49,7 @@ def _load_torch(path: Path) -> Any:
 
 def _load(program: bytes, limit: int, storage: Callable[[str], bytes]) -> Any:
     value = _DataUnpickler(program, limit, storage).load()
-    _require_tree(value, len(program), limit)
+    require_tree(value, len(program), limit)
     return value
 
 
@@ -203,28 +203,6 @@ def _tensor(storage: Any, offset: int, shape: Any, strides: Any, *_: Any) -> np.
         raise pickle.UnpicklingError("a tensor that is larger than its storage")
     steps = tuple(step * storage.itemsize for step in strides)
     return np.lib.stride_tricks.as_strided(storage[offset:], head.shape, steps).copy()
-
-
-def _require_tree(value: Any, elements: int, limit: int) -> None:
-    """Require that a value is as large as its file says when it is written out: nothing in itself, no part many times.
-
-    Raises:
-        UnpicklingError: it has more elements than its program has bytes, more bytes than the limit, is nested too
-            deeply, or holds an integer of more than 64 bits.
-    """
-    left = [(value, 0)]
-    while left:
-        one, depth = left.pop()
-        elements -= 1
-        limit -= one.nbytes if isinstance(one, np.ndarray) else 0
-        if elements < 0 or limit < 0 or depth > LIMITS.depth:
-            raise pickle.UnpicklingError("lists and dicts that hold themselves, or the same part many times")
-        if isinstance(one, Mapping):
-            left += [(part, depth + 1) for pair in one.items() for part in pair]
-        elif isinstance(one, list | tuple | set | frozenset):
-            left += [(part, depth + 1) for part in one]
-        elif isinstance(one, int) and one.bit_length() > 64:
-            raise pickle.UnpicklingError(f"an integer of {one.bit_length()} bits")
 
 
 _FORMER = {

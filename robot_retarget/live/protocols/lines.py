@@ -19,6 +19,7 @@ from robot_retarget.live.faults import Fault, FaultCounter, RefusedError
 from robot_retarget.live.frame import Frame
 from robot_retarget.live.protocols.clock import SenderClock
 from robot_retarget.motion import Skeleton
+from robot_retarget.untrusted.documents import parse_json
 
 LONGEST_LINE = 1 << 20
 """Longest line; longer input is dropped [B]."""
@@ -101,9 +102,9 @@ class LineDecoder:
 
 def _object(line: bytes) -> dict[str, Any]:
     try:
-        said = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise RefusedError(Fault.MALFORMED, f"a line that is not JSON: {error}") from None
+        said = parse_json(line.decode(), "a line", MotionError)
+    except (MotionError, UnicodeDecodeError) as error:
+        raise RefusedError(Fault.MALFORMED, f"{error}") from None
     if not isinstance(said, dict):
         raise RefusedError(Fault.MALFORMED, f"a line that is not an object: {line[:60].decode(errors='replace')}")
     return said

@@ -1,6 +1,5 @@
 """DeepMimic's motions: JSON frames of a duration, a root and the turns of a humanoid's joints in their parents."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.untrusted.documents import read_json
 
 # Joint, its parent, its place in the parent [m] and the numbers of its turn: 4 a quaternion w x y z, 1 an angle about z,
 # 0 none. From the character file `humanoid3d` [Peng2018]: x ahead, y up, z to the right. The last three are the middle of
@@ -79,15 +79,10 @@ def read(path: Path, request: Request) -> Capture:
 
 
 def _rows(path: Path) -> Floats:
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise MotionError(f"not the JSON of a DeepMimic motion: {error.msg}", path, error.lineno) from error
-    except UnicodeDecodeError as error:
-        raise MotionError("not the JSON of a DeepMimic motion: no text", path) from error
-    frames = said.get("Frames") if isinstance(said, dict) else None
+    content = read_json(path, MotionError)
+    frames = content.get("Frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames:
-        found = ", ".join(said) if isinstance(said, dict) else type(said).__name__
+        found = ", ".join(content) if isinstance(content, dict) else type(content).__name__
         raise MotionError(f"expected the `Frames` of a DeepMimic motion, found {found or 'nothing'}", path)
     for frame, row in enumerate(frames):
         if not isinstance(row, list) or len(row) != WIDTH:

@@ -97,5 +97,5 @@ def test_broken_frames_are_named(tmp_path):
             deepmimic.read(written(tmp_path, rows), Request())
     path = written(tmp_path, [frame()] * 3)
     path.write_text(path.read_text()[:-20])
-    with pytest.raises(MotionError, match=r"clip\.txt:1: not the JSON of a DeepMimic motion"):
+    with pytest.raises(MotionError, match=r"clip\.txt:1: not JSON"):
         read_motion(path)

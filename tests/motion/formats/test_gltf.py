@@ -231,7 +231,7 @@ def test_keys_that_do_not_fit_and_truncated_files_are_refused(tmp_path):
         with pytest.raises(MotionError, match="truncated: a chunk"):
             read_motion(tmp_path / "cut.glb")
     (tmp_path / "no.gltf").write_text('{"asset": ')
-    with pytest.raises(MotionError, match="its JSON cannot be read"):
+    with pytest.raises(MotionError, match="not JSON"):
         read_motion(tmp_path / "no.gltf")
 
 

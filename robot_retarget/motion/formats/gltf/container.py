@@ -6,7 +6,6 @@ animations takes 14 s.
 
 import base64
 import binascii
-import json
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.untrusted.documents import parse_json
 
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -42,8 +42,8 @@ class GltfFile:
         data = path.read_bytes()
         text, binary = _chunks(data, path) if data.startswith(_MAGIC) else (data, b"")
         try:
-            said = json.loads(text.decode("utf-8-sig"))
-        except (UnicodeDecodeError, json.JSONDecodeError) as error:
+            said = parse_json(text.decode("utf-8-sig"), path, MotionError)
+        except UnicodeDecodeError as error:
             raise MotionError(f"its JSON cannot be read: {error}", path) from error
         asset = said.get("asset") if isinstance(said, dict) else None
         version = asset.get("version", "none") if isinstance(asset, dict) else "none"

@@ -1,7 +1,6 @@
 """Landmarks as text: FreeMoCap's tables, wide and long, and MediaPipe's results as JSON."""
 
 import csv
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MotionError
+from robot_retarget.untrusted import documents
 
 MOST_FRAMES = 10**6
 """Of a table that says its frames' numbers: nine hours at 30 frames a second."""
@@ -100,12 +100,9 @@ def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
     Raises:
         MotionError: no JSON, no frames, or a frame with another number of landmarks; names the frame.
     """
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise MotionError(f"not JSON: {error}", path, getattr(error, "lineno", None)) from error
-    fps = said.get("fps") if isinstance(said, dict) else None
-    lists = [said, *(said.values() if isinstance(said, dict) else ())]
+    content = documents.read_json(path, MotionError)
+    fps = content.get("fps") if isinstance(content, dict) else None
+    lists = [content, *(content.values() if isinstance(content, dict) else ())]
     frames = next((value for value in lists if isinstance(value, list)), [])
     if not frames:
         raise MotionError("expected a list of frames of landmarks", path)
