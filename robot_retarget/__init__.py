@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from robot_retarget.pipeline import transfer as transfer
     from robot_retarget.robot import Robot as Robot
     from robot_retarget.robot import load_robot as load_robot
+    from robot_retarget.scene import Scene as Scene
+    from robot_retarget.scene import read_scene as read_scene
     from robot_retarget.score.score import Score as Score
     from robot_retarget.score.score import score as score
     from robot_retarget.simulate.report import Report as Report
@@ -70,6 +72,8 @@ _HOME = {
     "transfer": "pipeline",
     "Robot": "robot",
     "load_robot": "robot",
+    "Scene": "scene",
+    "read_scene": "scene",
     "Score": "score.score",
     "score": "score.score",
     "Report": "simulate.report",

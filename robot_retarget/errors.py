@@ -24,6 +24,10 @@ class MotionError(RobotRetargetError):
         super().__init__(where + message)
 
 
+class SceneError(RobotRetargetError):
+    """A scene file that cannot be read, or a body that contradicts the motion. Names the body."""
+
+
 class RobotError(RobotRetargetError):
     """A robot model that cannot be found, loaded or used."""
 

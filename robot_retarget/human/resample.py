@@ -53,7 +53,8 @@ def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
     at = np.clip(frames, 0, len(motion) - 1)
     contacts = None if motion.contacts is None else motion.contacts[np.round(at).astype(int)]
     began = motion.start_time + float(frames[0]) / motion.fps if len(frames) else motion.start_time
-    motion = replace(motion, contacts=None, start_time=began)
+    around = None if motion.scene is None else motion.scene.resampled(at)
+    motion = replace(motion, contacts=None, scene=None, start_time=began)
     if len(motion) == 1:
         return replace(
             motion,
@@ -61,15 +62,18 @@ def at_frames(motion: Motion, frames: Floats, fps: float) -> Motion:
             fps=fps,
             rotations=_held(motion, len(frames)),
             contacts=contacts,
+            scene=around,
         )
     before = np.minimum(at.astype(int), len(motion) - 2)
     share = np.asarray(at - before, dtype=np.float64)[:, None]
     if motion.rotations is None:
-        return replace(motion, positions=_lerp(motion.positions, before, share), fps=fps, contacts=contacts)
+        return replace(
+            motion, positions=_lerp(motion.positions, before, share), fps=fps, contacts=contacts, scene=around
+        )
     parents = motion.skeleton.parents
     translations, turns = backward(parents, motion.positions, motion.rotations)
     positions, rotations = forward(parents, _lerp(translations, before, share), _slerp(turns, before, share))
-    return replace(motion, positions=positions, rotations=rotations, fps=fps, contacts=contacts)
+    return replace(motion, positions=positions, rotations=rotations, fps=fps, contacts=contacts, scene=around)
 
 
 def _held(motion: Motion, count: int) -> Floats | None:

@@ -8,6 +8,7 @@ import numpy as np
 from robot_retarget.arrays import Bools, Floats, Ints, frozen
 from robot_retarget.errors import MotionError, UsageError
 from robot_retarget.notebook import card, frame
+from robot_retarget.scene.scene import Scene
 
 if TYPE_CHECKING:
     from robot_retarget.human.recognition.recognise import Recognition
@@ -101,6 +102,8 @@ class Motion:
     """The hash of the source file; empty for a motion made in memory."""
     recognition: "Recognition | None" = field(default=None, repr=False, compare=False)
     """The keypoints among the joints, where the source knows them; else they are recognised."""
+    scene: Scene | None = field(default=None, repr=False, compare=False)
+    """The bodies around the human, with a pose at every frame (`with_scene`)."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions", frozen(self.positions))
@@ -120,6 +123,8 @@ class Motion:
             object.__setattr__(self, "contacts", frozen(self.contacts, np.bool_))
             if self.contacts.shape != (len(self), 4):
                 raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
+        if self.scene is not None and self.scene.frames not in (None, len(self)):
+            raise MotionError(f"the scene has {self.scene.frames} frames, the motion {len(self)}", self.source)
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
         if self.whole is not None and not self._is_part(self.whole):
@@ -210,7 +215,18 @@ class Motion:
             whole=self.clip,
             start=self.span.start + start,
             start_time=self.start_time + start / self.fps,
+            scene=None if self.scene is None else self.scene.at(slice(start, stop)),
         )
+
+    def with_scene(self, scene: Scene) -> "Motion":
+        """Return the motion with bodies around it; see `surroundings.with_scene`.
+
+        Raises:
+            SceneError: a body does not fit the motion.
+        """
+        from robot_retarget.human.surroundings import with_scene
+
+        return with_scene(self, scene)
 
     def resample(self, fps: float) -> "Motion":
         """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.

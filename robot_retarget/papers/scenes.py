@@ -19,7 +19,7 @@ RAISED = 10.0
 
 
 @dataclass(frozen=True)
-class Scene:
+class Crowd:
     """Objects that move, obstacles that stay, and the pairs that must not come too close."""
 
     names: tuple[str, ...]
@@ -47,19 +47,19 @@ def _line(start: tuple[float, float], stop: tuple[float, float], frames: int) ->
     return np.linspace(start, stop, frames)
 
 
-def meeting(frames: int = 50) -> Scene:
+def meeting(frames: int = 50) -> Crowd:
     """Fig. 1: two objects from opposite sides of a 1 × 1 box, very close to each other half-way."""
     tracks = _line((0, 0.49), (1, 0.49), frames), _line((1, 0.51), (0, 0.51), frames)
-    return Scene(("a", "b"), np.stack(tracks, axis=1), (), (("a", "b"),))
+    return Crowd(("a", "b"), np.stack(tracks, axis=1), (), (("a", "b"),))
 
 
-def crossing(frames: int = 50) -> Scene:
+def crossing(frames: int = 50) -> Crowd:
     """Fig. 2: the same at a right angle."""
     tracks = _line((0, 0.5), (1, 0.5), frames), _line((0.51, 0), (0.51, 1), frames)
-    return Scene(("a", "b"), np.stack(tracks, axis=1), (), (("a", "b"),))
+    return Crowd(("a", "b"), np.stack(tracks, axis=1), (), (("a", "b"),))
 
 
-def clock(frames: int = 50) -> Scene:
+def clock(frames: int = 50) -> Crowd:
     """Return Fig. 3: three quarters of a turn about the centre of the box, with two obstacles next to the path."""
     angle = np.radians(90.0 - np.linspace(0.0, 270.0, frames))
     track = 0.5 + 0.35 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -67,12 +67,12 @@ def clock(frames: int = 50) -> Scene:
     reach = np.array([0.37, 0.33])[:, None]
     rocks = 0.5 + reach * np.stack([np.cos(at), np.sin(at)], axis=1)
     animation = np.concatenate([track[:, None], np.tile(rocks, (frames, 1, 1))], axis=1)
-    return Scene(
+    return Crowd(
         ("hand", "rock 1", "rock 2"), animation, ("rock 1", "rock 2"), (("hand", "rock 1"), ("hand", "rock 2"))
     )
 
 
-def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> Scene:
+def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> Crowd:
     """Fig. 4: two people side by side, an obstacle in the middle of their way (a little off the line of symmetry).
 
     Args:
@@ -83,10 +83,10 @@ def pedestrians(frames: int = 50, gap: float = 0.06, offset: float = 0.005) -> S
     tracks = [_line((0, 0.5 + side), (1, 0.5 + side), frames) for side in (gap / 2, -gap / 2)]
     rock = np.full((frames, 2), (0.5, 0.5 + offset))
     pairs = (("a", "rock"), ("b", "rock"))
-    return Scene(("a", "b", "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
+    return Crowd(("a", "b", "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
 
 
-def together(scene: Scene, priority: float = RAISED) -> PointGraph:
+def together(scene: Crowd, priority: float = RAISED) -> PointGraph:
     """Fig. 4c: one bone between the two pedestrians in every frame, as long as in the animation.
 
     Args:
@@ -125,7 +125,7 @@ def figure() -> SkeletalStructure:
     return SkeletalStructure(tuple(names), parents, np.array([displacement for *_, displacement, _ in _FIGURE]))
 
 
-def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Scene:
+def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Crowd:
     """Fig. 5: the hands rise until they meet just over the centre of the head, recorded as angles.
 
     Played on a body with other bones this is angle transfer. The feet and hips stand still; hands may touch each
@@ -139,7 +139,7 @@ def raised_hands(structure: SkeletalStructure, frames: int = 100) -> Scene:
     rho = np.linspace(0.0, 1.0, frames)[:, None] * turn
     x = realize(structure, rho, np.tile(structure.displacements[0], (frames, 1)))
     resting = tuple(name for name in structure.names if name == "hips" or name[2:] in ("hip", "knee", "foot"))
-    return Scene(structure.names, x, resting, (("l_hand", "head"), ("r_hand", "head")))
+    return Crowd(structure.names, x, resting, (("l_hand", "head"), ("r_hand", "head")))
 
 
 def shortened_arms(structure: SkeletalStructure, factor: float = 0.8) -> SkeletalStructure:
@@ -152,14 +152,14 @@ def shortened_arms(structure: SkeletalStructure, factor: float = 0.8) -> Skeleta
     return structure.scaled([factor if name in ("l_elbow", "r_elbow") else 1.0 for name in structure.names])
 
 
-def team(frames: int = 40) -> Scene:
+def team(frames: int = 40) -> Crowd:
     """Six robots in two columns that meet an obstacle in the middle of their way, [MucherinoOmer2019, §4.3]."""
     columns = [(row * 0.14, side * 0.07) for row in range(3) for side in (1.0, -1.0)]
     tracks = [_line((0.0 + dx, 0.5 + dy), (1.2 + dx, 0.5 + dy), frames) for dx, dy in columns]
     rock = np.full((frames, 2), (0.74, 0.505))
     names = tuple("abcdef")
     pairs = tuple((name, "rock") for name in names)
-    return Scene((*names, "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
+    return Crowd((*names, "rock"), np.stack([*tracks, rock], axis=1), ("rock",), pairs)
 
 
 def reaching(frames: int = 100) -> tuple[Floats, Floats]:

@@ -44,7 +44,7 @@ from robot_retarget.papers import (
 from robot_retarget.papers.formation import links
 from robot_retarget.papers.instances import sensor_network, stiff_mesh
 from robot_retarget.papers.scenes import (
-    Scene,
+    Crowd,
     clock,
     crossing,
     figure,
@@ -62,17 +62,17 @@ START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"
 papers = partial(solve, objective=Objective.HALF_SQUARED)
 
 
-def closest(scene: Scene, threshold: float, x: np.ndarray) -> float:
+def closest(scene: Crowd, threshold: float, x: np.ndarray) -> float:
     """The least distance of a guarded pair over all frames [m]."""
     return float(distances(scene.thresholds(threshold), x).min())
 
 
-def drift(scene: Scene, x: np.ndarray) -> float:
+def drift(scene: Crowd, x: np.ndarray) -> float:
     """How far the first and last frame moved [m]."""
     return float(np.linalg.norm(x[[0, -1]] - scene.animation[[0, -1]], axis=-1).max())
 
 
-def anchored(scene: Scene, threshold: float) -> tuple[PointSolution, PointSolution]:
+def anchored(scene: Crowd, threshold: float) -> tuple[PointSolution, PointSolution]:
     """The papers' method with free ends, and hard thresholds with the first and last frame held."""
     base, candidates = scene.traces(False), scene.thresholds(threshold)
     free = solve_with_thresholds(base, candidates, scene.animation, papers)
@@ -81,7 +81,7 @@ def anchored(scene: Scene, threshold: float) -> tuple[PointSolution, PointSoluti
     return free, solve(whole, held.positions, Ipopt(), Objective.HALF_SQUARED)
 
 
-def avoidance(scene: Scene, number: int, out: Path) -> list[Row]:
+def avoidance(scene: Crowd, number: int, out: Path) -> list[Row]:
     """Figs 1–3: the original and two thresholds, by the paper's own method and with the first and last frame held."""
     sheet, axes = draw.sheet(3, 2)
     movers = [place for place, name in enumerate(scene.names) if name not in scene.obstacles]

@@ -18,7 +18,7 @@ from robot_retarget.papers import (
     solve_with_thresholds,
 )
 from robot_retarget.papers.scenes import (
-    Scene,
+    Crowd,
     clock,
     crossing,
     figure,
@@ -42,7 +42,7 @@ ANCHORED = {
 }
 
 
-def closest(scene: Scene, threshold: float, x: np.ndarray) -> float:
+def closest(scene: Crowd, threshold: float, x: np.ndarray) -> float:
     return float(distances(scene.thresholds(threshold), x).min())
 
 

@@ -165,6 +165,12 @@ class _ModelKey(_Named):
     time: Floats
 
 class MjModel:
+    body_mocapid: Ints
+    hfield_adr: Ints
+    hfield_data: Floats
+    hfield_ncol: Ints
+    hfield_nrow: Ints
+    hfield_size: Floats
     actuator_biasprm: Floats
     actuator_ctrlrange: Floats
     actuator_forcerange: Floats
@@ -337,6 +343,8 @@ class _Contacts:
 
 class MjData:
     def __init__(self, model: MjModel) -> None: ...
+    mocap_pos: Floats
+    mocap_quat: Floats
     M: Floats
     actuator_force: Floats
     actuator_length: Floats
@@ -411,6 +419,8 @@ class MjsGeom:
     size: Floats
     margin: float
     mass: float
+    hfieldname: str
+    meshname: str
     name: str
     alt: MjsOrientation
     parent: MjsBody

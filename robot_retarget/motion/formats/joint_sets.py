@@ -70,9 +70,48 @@ _SOMA_FULL: dict[str, str | None] = {
     "RightToeEnd": "RightToeBase",
 }  # fmt: skip
 
+
+def _fingers(hand: str, stem: str, fingers: tuple[str, ...]) -> dict[str, str | None]:
+    """Three joints per finger below a hand, named by a stem, the finger and a number."""
+    return {f"{stem}{f}{k}": f"{stem}{f}{k - 1}" if k > 1 else hand for f in fingers for k in (1, 2, 3)}
+
+
+def _intermimic_side(side: str) -> dict[str, str | None]:
+    arm = {f"{side}_Thorax": "Chest", f"{side}_Shoulder": f"{side}_Thorax", f"{side}_Elbow": f"{side}_Shoulder"}
+    fingers = _fingers(f"{side}_Wrist", f"{side}_", ("Index", "Middle", "Pinky", "Ring", "Thumb"))
+    return {**arm, f"{side}_Wrist": f"{side}_Elbow", **fingers}
+
+
+_INTERMIMIC: dict[str, str | None] = {
+    "Pelvis": None, "L_Hip": "Pelvis", "L_Knee": "L_Hip", "L_Ankle": "L_Knee", "L_Toe": "L_Ankle",
+    "R_Hip": "Pelvis", "R_Knee": "R_Hip", "R_Ankle": "R_Knee", "R_Toe": "R_Ankle",
+    "Torso": "Pelvis", "Spine": "Torso", "Chest": "Spine", "Neck": "Chest", "Head": "Neck",
+    **_intermimic_side("L"), **_intermimic_side("R"),
+}  # fmt: skip
+
+
+def _holosoma_arm(side: str) -> dict[str, str | None]:
+    arm = {f"{side}Shoulder": "Spine1", f"{side}Arm": f"{side}Shoulder", f"{side}ForeArm": f"{side}Arm"}
+    fingers = _fingers(f"{side}Hand", f"{side}Hand", ("Thumb", "Index", "Middle", "Ring", "Pinky"))
+    return {**arm, f"{side}Hand": f"{side}ForeArm", **fingers}
+
+
+def _holosoma_leg(side: str) -> dict[str, str | None]:
+    chain = ("Hips", *(f"{side}{part}" for part in ("UpLeg", "Leg", "Foot", "ToeBase")))
+    return dict(zip(chain[1:], chain, strict=False))
+
+
+_HOLOSOMA: dict[str, str | None] = {
+    "Hips": None, "Spine": "Hips", "Spine1": "Spine", "Neck": "Spine1", "Head": "Neck",
+    **_holosoma_arm("Left"), **_holosoma_arm("Right"), **_holosoma_leg("Left"), **_holosoma_leg("Right"),
+    "LeftFootMod": "LeftFoot", "RightFootMod": "RightFoot",
+}  # fmt: skip
+
 JOINT_SETS = (
     JointSet("the 22 joints of HumanML3D and SMPL", HUMANML3D, 20.0),
     JointSet("the 24 joints of SMPL", SMPL, 30.0),
     JointSet("the 30 joints of SOMA", _SOMA, 30.0),
     JointSet("the 77 joints of SOMA", _SOMA_FULL, 30.0),
+    JointSet("the 52 joints of SMPL-H in InterMimic's order", _INTERMIMIC, 30.0),
+    JointSet("the 53 joints of holosoma's captures", _HOLOSOMA, 120.0),
 )

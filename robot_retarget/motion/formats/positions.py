@@ -45,7 +45,12 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: the array is missing, a shape is wrong, no known set has the joints, or a number is not finite.
     """
-    file = _File(path, load_arrays(path))
+    return captured(load_arrays(path), path, request)
+
+
+def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture:
+    """Make a capture of named arrays of a file; `read` states them and its errors."""
+    file = _File(path, arrays)
     positions = file.positions()
     count = positions.shape[1]
     called = file.names(request.names, count)

@@ -1,4 +1,5 @@
-"""Results of video trackers as they write them, pickles of nested dicts (GVHMR's `.pt`, WHAM's `.pkl`), read as data."""
+"""Pickles as other programs write them, read as data: nested dicts of video trackers (GVHMR's `.pt`, WHAM's `.pkl`), and
+InterMimic's rows of numbers, which hold positions of joints."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats import positions
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
@@ -17,6 +19,8 @@ from robot_retarget.untrusted.pickles import load_pickle
 from robot_retarget.untrusted.unpack import ZLIB_MAGIC
 
 _PICKLE = b"\x80"
+INTERMIMIC = slice(162, 318)
+"""Columns of InterMimic's rows with the positions of 52 joints [m]."""
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -32,6 +36,9 @@ def read(path: Path, request: Request) -> Capture:
         MotionError: it would run code, or holds no rotations of a body; lists its content.
     """
     content = load_pickle(path)
+    if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
+        joints = content[:, INTERMIMIC].reshape(len(content), -1, 3)
+        return replace(positions.captured({"positions": joints}, path, request), up="+z")
     bodies = dict(_bodies(content, ""))
     if not bodies:
         raise MotionError(sentence(content), path)

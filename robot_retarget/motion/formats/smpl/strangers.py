@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-INTERMIMIC = slice(162, 318)
-"""Columns of InterMimic's rows with the positions of 52 joints [m]."""
 ROBOT_KEYS = (
     {"root_pos", "dof_pos"},
     {"root_trans_offset", "dof"},
@@ -18,9 +16,6 @@ SAVE = "save them as .npz with positions (T, J, 3), names, parents and fps"
 
 def sentence(content: Any) -> str:
     """Return the sentence about an unpickled content that holds no parameters of a body."""
-    if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
-        where = f"columns {INTERMIMIC.start} to {INTERMIMIC.stop - 1}"
-        return f"rows {content.shape} as InterMimic's OMOMO files are: {where} are the positions of 52 joints; {SAVE}"
     if not isinstance(content, Mapping):
         shape = f" {content.shape}" if isinstance(content, np.ndarray) else ""
         return f"no turns of a body in this pickle; it holds {type(content).__name__}{shape}"

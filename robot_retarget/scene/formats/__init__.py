@@ -1,0 +1,1 @@
+"""Readers of scene files and of poses over time."""

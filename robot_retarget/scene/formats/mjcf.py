@@ -1,0 +1,108 @@
+"""Scenes in MJCF or URDF: the geoms that no joint of a robot moves.
+
+A body on a free joint keeps its pose of the file. OmniRetarget's scenes hold a robot as well; its links are left out.
+"""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import SceneError
+from robot_retarget.scene.geoms import mesh_of
+from robot_retarget.scene.scene import RigidBody, Scene
+from robot_retarget.scene.shape import BodyShape, ShapeKind, height_field, solid
+
+_GEOM, _FREE = mujoco.mjtGeom, int(mujoco.mjtJoint.mjJNT_FREE)
+
+
+def read(path: Path) -> Scene:
+    """Read the bodies of a model.
+
+    Raises:
+        SceneError: MuJoCo does not load it, or it holds nothing but a robot.
+    """
+    model = _loaded(path)
+    bodies = tuple(_body(model, geom) for geom in _geoms(model))
+    if not bodies:
+        raise SceneError(f"{path}: every solid geom belongs to a robot: no body is left for a scene")
+    return Scene(bodies, str(path))
+
+
+def single(path: Path) -> BodyShape:
+    """Return the shape of a model with one solid geom.
+
+    Raises:
+        SceneError: it has none, or several.
+    """
+    model = _loaded(path)
+    geoms = [g for g in _geoms(model) if model.geom_type[g] != _GEOM.mjGEOM_PLANE]
+    if len(geoms) != 1:
+        raise SceneError(f"{path}: expected one solid geom, found {len(geoms)}: name the file as the scene instead")
+    return _shape(model, int(geoms[0]))
+
+
+def _loaded(path: Path) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise SceneError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+
+
+def _geoms(model: mujoco.MjModel) -> Ints:
+    """Return the solid geoms of bodies that no joint moves, except a free joint that carries nothing else."""
+    root = np.asarray(model.body_rootid)
+    jointed = {int(root[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != _FREE}
+    solid_geom = (model.geom_contype | model.geom_conaffinity) != 0
+    still = ~np.isin(root[model.geom_bodyid], list(jointed))
+    return np.flatnonzero(solid_geom & (still | (model.geom_bodyid == 0)))
+
+
+def _body(model: mujoco.MjModel, geom: int) -> RigidBody:
+    owner = int(model.geom_bodyid[geom])
+    name = model.geom(geom).name or model.body(owner).name or f"geom {geom}"
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mass = float(model.body_mass[owner]) or None
+    return RigidBody(
+        name, _shape(model, geom), _pose(model, data, geom), mass=mass, friction=float(model.geom_friction[geom, 0])
+    )
+
+
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
+    """Return the pose of a geom's shape: that of the body for a mesh, whose vertices are in the body's frame."""
+    if model.geom_type[geom] == _GEOM.mjGEOM_MESH:
+        owner = model.geom_bodyid[geom]
+        return np.concatenate([data.xpos[owner], data.xquat[owner]])
+    turn = np.empty(4)
+    mujoco.mju_mat2Quat(turn, data.geom_xmat[geom])
+    return np.concatenate([data.geom_xpos[geom], turn])
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> BodyShape:
+    size = (2 * model.geom_size[geom]).tolist()
+    match model.geom_type[geom]:
+        case _GEOM.mjGEOM_BOX:
+            return solid(ShapeKind.BOX, tuple(size))
+        case _GEOM.mjGEOM_CYLINDER:
+            return solid(ShapeKind.CYLINDER, (size[0], size[1]))
+        case _GEOM.mjGEOM_SPHERE:
+            return solid(ShapeKind.SPHERE, (size[0],))
+        case _GEOM.mjGEOM_PLANE:
+            return solid(ShapeKind.PLANE, ())
+        case _GEOM.mjGEOM_MESH:
+            return mesh_of(model, geom)
+        case _GEOM.mjGEOM_HFIELD:
+            return _field(model, int(model.geom_dataid[geom]))
+        case other:
+            raise SceneError(
+                f"geom {model.geom(geom).name!r} is a {mujoco.mjtGeom(other).name}: make it a box or a mesh"
+            )
+
+
+def _field(model: mujoco.MjModel, number: int) -> BodyShape:
+    first, rows, columns = (int(v[number]) for v in (model.hfield_adr, model.hfield_nrow, model.hfield_ncol))
+    length, width, top, _ = model.hfield_size[number].tolist()
+    heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    return height_field(top * heights, 2 * length, 2 * width)

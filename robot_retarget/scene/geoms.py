@@ -1,0 +1,181 @@
+"""Bodies as geoms of MuJoCo: in a robot's model, or alone to measure distances and heights."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import SceneError
+from robot_retarget.scene.scene import RigidBody, Scene
+from robot_retarget.scene.shape import BodyShape, ShapeKind, mesh
+
+PREFIX = "scene: "
+"""Bodies and geoms of a scene have this before their name in a robot's model."""
+PROBE = 1e-5
+"""Radius of the point from which distances are measured [m]."""
+BASE = 0.01
+"""Thickness of a height field under its lowest point [m]."""
+_GEOM = mujoco.mjtGeom
+_TYPES = {
+    ShapeKind.BOX: _GEOM.mjGEOM_BOX,
+    ShapeKind.CYLINDER: _GEOM.mjGEOM_CYLINDER,
+    ShapeKind.SPHERE: _GEOM.mjGEOM_SPHERE,
+    ShapeKind.PLANE: _GEOM.mjGEOM_PLANE,
+    ShapeKind.MESH: _GEOM.mjGEOM_MESH,
+    ShapeKind.HEIGHT_FIELD: _GEOM.mjGEOM_HFIELD,
+}
+
+
+def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
+    """Add the bodies of a scene to a specification, each with one geom of the same name.
+
+    Fixed bodies become static. Moving bodies become mocap bodies, in the order of the scene, or, if `free`, bodies with a
+    free joint and their mass.
+    """
+    for body in scene.bodies:
+        name, pose = PREFIX + body.name, body.poses if body.poses.ndim == 1 else body.poses[0]
+        own = spec.worldbody.add_body(name=name, pos=pose[:3], quat=pose[3:], mocap=not (body.fixed or free))
+        if free and not body.fixed:
+            own.add_freejoint()
+        geom = own.add_geom(name=name, type=_TYPES[body.shape.kind], friction=[body.friction, 0.005, 0.0001])
+        geom.mass = body.weight
+        _give_shape(spec, geom, body)
+
+
+def _give_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, body: RigidBody) -> None:
+    shape, name = body.shape, PREFIX + body.name
+    length, width, height = shape.size.tolist()
+    match shape.kind:
+        case ShapeKind.MESH:
+            asset = spec.add_mesh(name=name, uservert=shape.vertices.ravel(), userface=shape.faces.ravel())
+            asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            geom.meshname = name
+        case ShapeKind.HEIGHT_FIELD:
+            rows, columns = shape.heights.shape
+            top = max(height, BASE)
+            data = (shape.heights / top).ravel()
+            spec.add_hfield(name=name, nrow=rows, ncol=columns, size=[length / 2, width / 2, top, BASE], userdata=data)
+            geom.hfieldname = name
+        case ShapeKind.CYLINDER:
+            geom.size = np.array([length / 2, height / 2, 0])
+        case ShapeKind.PLANE:
+            geom.size = np.array([0, 0, 0.05])
+        case _:
+            geom.size = shape.size / 2
+
+
+def read_mesh(path: Path, scale: float = 1.0) -> BodyShape:
+    """Return the mesh of an OBJ or STL file.
+
+    Raises:
+        SceneError: MuJoCo does not read it.
+    """
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="mesh", file=str(path.resolve()), scale=[scale] * 3)
+    spec.worldbody.add_geom(type=_GEOM.mjGEOM_MESH, meshname="mesh")
+    return mesh_of(_compiled(spec, path), 0)
+
+
+def mesh_of(model: mujoco.MjModel, geom: int) -> BodyShape:
+    """Return the mesh of a geom, in the frame of the geom's body."""
+    number = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
+    faces = int(model.mesh_faceadr[number])
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.geom_pos[geom]
+    return mesh(vertices, model.mesh_face[faces : faces + int(model.mesh_facenum[number])])
+
+
+def _compiled(spec: mujoco.MjSpec, source: Path | str) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise SceneError(f"{source}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+
+
+class SceneModel:
+    """A scene alone in MuJoCo: nearest points on its bodies and heights of its surfaces."""
+
+    def __init__(self, scene: Scene):
+        """Compile the bodies of a scene whose poses are known."""
+        spec = mujoco.MjSpec()
+        add_bodies(spec, scene)
+        probe = spec.worldbody.add_body(name="probe", mocap=True)
+        probe.add_geom(name="probe", type=_GEOM.mjGEOM_SPHERE, size=[PROBE, 0, 0])
+        self.scene, self.model = scene, _compiled(spec, scene.source)
+        self.data = mujoco.MjData(self.model)
+        self._probe = self.model.geom("probe").id
+        self._geoms = [self.model.geom(PREFIX + name).id for name in scene.names]
+        self._groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+        self._mocap = moving_bodies(self.model, scene)
+        self._place = int(self.model.body_mocapid[self.model.body("probe").id])
+
+    def nearest(self, points: Floats, poses: Floats, reach: float) -> tuple[Floats, Floats]:
+        """Measure points against every body.
+
+        Args:
+            points: (T, K, 3) in the world [m].
+            poses: (T, B, 7) of the bodies.
+            reach: points farther away are reported at this distance [m].
+
+        Returns:
+            Signed distances (T, K, B) [m], negative inside, and the nearest point on the surface (T, K, B, 3) in the world
+            [m], the point itself where it is out of reach. Height fields have no distance.
+        """
+        count = len(self._geoms)
+        distance = np.full((*points.shape[:2], count), reach)
+        place = np.repeat(points[:, :, None], count, axis=2)
+        ends = np.zeros(6)
+        measured = [k for k, body in enumerate(self.scene.bodies) if body.shape.kind is not ShapeKind.HEIGHT_FIELD]
+        for t, k in np.ndindex(*points.shape[:2]):
+            self._pose(poses[t], points[t, k])
+            for b in measured:
+                found = mujoco.mj_geomDistance(self.model, self.data, self._geoms[b], self._probe, reach, ends)
+                if found < reach:
+                    distance[t, k, b], place[t, k, b] = found + PROBE, ends[:3]
+        return distance, place
+
+    def heights(self, points: Floats, poses: Floats, above: float) -> tuple[Floats, Floats, Ints]:
+        """Find the surface under points: a ray straight down from `above` them.
+
+        Args:
+            points: (T, K, 3) in the world [m].
+            poses: (T, B, 7) of the bodies.
+            above: where the rays start over the points [m].
+
+        Returns:
+            Heights of the surface (T, K) [m], 0 where only the floor is below; its upward normals (T, K, 3); and the body
+            (T, K), −1 for the floor.
+        """
+        height, normal = np.zeros(points.shape[:2]), np.zeros(points.shape)
+        normal[..., 2] = 1.0
+        body, geom, way = np.full(points.shape[:2], -1), np.zeros(1, np.int32), np.zeros(3)
+        down, lift = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, above])
+        for t in range(len(points)):
+            self._pose(poses[t], np.array([0.0, 0.0, -1e6]))
+            for k, point in enumerate(points[t]):
+                start = point + lift
+                gone = mujoco.mj_ray(self.model, self.data, start, down, self._groups, 1, -1, geom, way)
+                top = start[2] - gone
+                if gone >= 0 and top > 0 and way[2] > 0:
+                    height[t, k], normal[t, k], body[t, k] = top, way, self._geoms.index(int(geom[0]))
+        return height, normal, body
+
+    def _pose(self, poses: Floats, probe: Floats) -> None:
+        place_bodies(self.data, poses, self._mocap)
+        self.data.mocap_pos[self._place] = probe
+        mujoco.mj_kinematics(self.model, self.data)
+
+
+def moving_bodies(model: mujoco.MjModel, scene: Scene) -> Ints:
+    """Return (M, 2) mocap ids in a model and indices in its scene of the bodies that move."""
+    ids = [int(model.body_mocapid[model.body(PREFIX + name).id]) for name in scene.names]
+    return np.array([(mocap, k) for k, mocap in enumerate(ids) if mocap >= 0], np.int64).reshape(-1, 2)
+
+
+def place_bodies(data: mujoco.MjData, poses: Floats, moving: Ints) -> None:
+    """Set the mocap bodies of a scene to poses (B, 7), with the table of `moving_bodies`."""
+    ids, bodies = moving.T
+    data.mocap_pos[ids], data.mocap_quat[ids] = poses[bodies, :3], poses[bodies, 3:]

@@ -1,0 +1,147 @@
+"""The world around a human: rigid bodies with a shape and a pose over time."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from robot_retarget.arrays import Floats, frozen
+from robot_retarget.errors import SceneError
+from robot_retarget.scene.shape import BodyShape
+
+IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""Pose of the world: x y z, quaternion w x y z."""
+DENSITY = 100.0
+"""Density of a body without a stated mass, that of a carton with light content [kg/m³]."""
+FRICTION = 0.9
+"""Sliding friction of a body that states none, that of carton or wood on rubber [-]."""
+NORM = 1e-3
+"""Largest deviation of a quaternion's norm from one, in single precision and through averages of frames [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """A rigid body. It is fixed, moves along poses in time, or is carried by a joint of the motion."""
+
+    name: str
+    shape: BodyShape
+    poses: Floats = field(default_factory=lambda: frozen(IDENTITY))
+    """(7,) pose of a fixed body, or (T, 7) poses over time: x y z [m], quaternion w x y z. With a carrier the pose (7,)
+    relative to the joint."""
+    fps: float | None = None
+    """Rate of the poses [1/s]; None takes the motion's."""
+    carrier: str = ""
+    """The joint of the motion that carries the body; empty without."""
+    mass: float | None = None
+    """[kg]; None derives it from the volume (`DENSITY`)."""
+    friction: float = FRICTION
+    """[-]"""
+
+    def __post_init__(self) -> None:
+        poses = frozen(self.poses)
+        if poses.shape[-1:] != (7,) or poses.ndim > 2 or not poses.size:
+            raise SceneError(f"body {self.name!r}: poses are (7,) or (T, 7), got {poses.shape}")
+        table = np.atleast_2d(poses)
+        lost = np.flatnonzero(~np.isfinite(table).all(axis=1))
+        if lost.size:
+            raise SceneError(f"body {self.name!r} has no pose at frame {lost[0]} ({lost.size} of {len(table)} frames)")
+        norms = np.linalg.norm(table[:, 3:], axis=1)
+        wrong = np.flatnonzero(np.abs(norms - 1) > NORM)
+        if wrong.size:
+            raise SceneError(
+                f"body {self.name!r}: the quaternion at frame {wrong[0]} has the norm {norms[wrong[0]]:.4g}, not 1: "
+                "expected x y z, then w x y z"
+            )
+        table = np.concatenate([table[:, :3], table[:, 3:] / norms[:, None]], axis=1)
+        object.__setattr__(self, "poses", frozen(table.reshape(poses.shape)))
+        for name, value in (("mass", self.mass), ("friction", self.friction), ("fps", self.fps)):
+            if value is not None and not 0 < value < np.inf:
+                raise SceneError(f"body {self.name!r}: {name} is a positive number, got {value}")
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the body never moves."""
+        return self.poses.ndim == 1 and not self.carrier
+
+    @property
+    def weight(self) -> float:
+        """Mass [kg]: the stated one, or that of its volume."""
+        return self.mass if self.mass is not None else max(DENSITY * self.shape.volume, 1e-3)
+
+    def at(self, frames: slice | np.ndarray) -> "RigidBody":
+        """Return the body at some frames."""
+        return self if self.poses.ndim == 1 else replace(self, poses=self.poses[frames])
+
+    def resampled(self, frames: Floats) -> "RigidBody":
+        """Return the body at fractional frames (N,), interpolated; the ends are held beyond them."""
+        return self if self.poses.ndim == 1 else replace(self, poses=interpolated(self.poses, frames))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Bodies with names of their own. z points up and z = 0 is the floor."""
+
+    bodies: tuple[RigidBody, ...]
+    source: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [body.name for body in self.bodies]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise SceneError(f"{self.source or 'the scene'} has two bodies named {twice!r}")
+
+    def __len__(self) -> int:
+        return len(self.bodies)
+
+    def __repr__(self) -> str:
+        return f"<Scene {self.source or 'made'}: {', '.join(f'{b.name} ({b.shape.kind})' for b in self.bodies)}>"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return tuple(body.name for body in self.bodies)
+
+    @property
+    def frames(self) -> int | None:
+        """Number of frames T of the moving bodies; None of a scene at rest."""
+        return next((len(body.poses) for body in self.bodies if body.poses.ndim == 2), None)
+
+    def poses(self, frames: int) -> Floats:
+        """Return (T, B, 7) poses of all bodies over T frames [m]; of a scene without carriers."""
+        shape = (frames, len(self.bodies), 7)
+        every = [np.broadcast_to(body.poses, (frames, 7)) for body in self.bodies]
+        return np.stack(every, axis=1) if every else np.zeros(shape)
+
+    def at(self, frames: slice | np.ndarray) -> "Scene":
+        """Return the scene at some frames."""
+        return replace(self, bodies=tuple(body.at(frames) for body in self.bodies))
+
+    def resampled(self, frames: Floats) -> "Scene":
+        """Return the scene at fractional frames (N,), interpolated; the ends are held beyond them."""
+        return replace(self, bodies=tuple(body.resampled(frames) for body in self.bodies))
+
+
+def interpolated(poses: Floats, frames: Floats) -> Floats:
+    """Return poses (T, 7) at fractional frames (N,): positions linearly, rotations along the shortest way."""
+    at, known = np.clip(frames, 0, len(poses) - 1), np.arange(len(poses))
+    places = np.stack([np.interp(at, known, poses[:, k]) for k in range(3)], axis=1)
+    if len(poses) == 1:
+        return np.concatenate([places, np.repeat(poses[:, 3:], len(at), axis=0)], axis=1)
+    turns = Slerp(known, Rotation.from_quat(poses[:, 3:], scalar_first=True))(at)
+    return np.concatenate([places, turns.as_quat(scalar_first=True)], axis=1)
+
+
+def composed(outer: Floats, inner: Floats) -> Floats:
+    """Return the poses (…, 7) of bodies with poses `inner` relative to frames with poses `outer`."""
+    shape = np.broadcast_shapes(outer.shape, inner.shape)
+    carrier, carried = (np.array(np.broadcast_to(poses, shape)).reshape(-1, 7) for poses in (outer, inner))
+    turn, own = (Rotation.from_quat(poses[:, 3:], scalar_first=True) for poses in (carrier, carried))
+    place = carrier[:, :3] + turn.apply(carried[:, :3])
+    return np.concatenate([place, (turn * own).as_quat(scalar_first=True)], axis=1).reshape(shape)
+
+
+def world_corners(body: RigidBody, poses: Floats) -> Floats:
+    """Return (T, P, 3) corners of a body at poses (T, 7) [m]."""
+    turn = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_matrix()
+    return poses[:, None, :3] + body.shape.corners @ turn.swapaxes(1, 2)
