@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.documents import read_toml
 from robot_retarget.errors import FileError, SceneError, known
 from robot_retarget.scene.formats import mjcf
 from robot_retarget.scene.formats.poses import PoseTable, read_poses
@@ -22,6 +21,7 @@ from robot_retarget.scene.geoms import read_mesh
 from robot_retarget.scene.scene import FRICTION, RigidBody, Scene
 from robot_retarget.scene.shape import EDGES, BodyShape, ShapeKind, height_field, solid
 from robot_retarget.untrusted.arrays import load_arrays
+from robot_retarget.untrusted.documents import read_toml
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "Meters": 1.0, "Centimeters": 0.01, "Millimeters": 0.001}
 """Metres in each unit, by the names of this format and of OptiTrack."""
