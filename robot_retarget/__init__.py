@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from robot_retarget.motion import read_motion as read_motion
     from robot_retarget.motion import write_bvh as write_bvh
     from robot_retarget.papers import interaction_distance as interaction_distance
-    from robot_retarget.pipeline import Result as Result
     from robot_retarget.pipeline import retarget as retarget
     from robot_retarget.pipeline import solve as solve
     from robot_retarget.pipeline import transfer as transfer
+    from robot_retarget.result import Result as Result
     from robot_retarget.robot import Robot as Robot
     from robot_retarget.robot import load_robot as load_robot
     from robot_retarget.scene import Scene as Scene
@@ -66,7 +66,7 @@ _HOME = {
     "Solution": "solve.solution",
     "Stream": "solve.live.stream",
     "stream": "solve.live.stream",
-    "Result": "pipeline",
+    "Result": "result",
     "retarget": "pipeline",
     "solve": "pipeline",
     "transfer": "pipeline",

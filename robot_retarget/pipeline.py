@@ -1,124 +1,30 @@
 """The pipeline: describe a motion as a graph and solve it, in one call or two."""
 
 import time
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.balance.balance import balance_of, in_balance
 from robot_retarget.balance.balanced_ik import BalanceOptions
-from robot_retarget.balance.playback import Balanced, expected_steps
-from robot_retarget.collision.warn import Warnings, warnings_of
+from robot_retarget.balance.playback import expected_steps
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.kinds.touch import TouchKind
-from robot_retarget.graph.likeness import Likeness, likeness_of
-from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
-from robot_retarget.human.match import Match
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.motion import Motion
-from robot_retarget.notebook import card
 from robot_retarget.progress import Progress, consecutive
+from robot_retarget.result import Result
 from robot_retarget.robot import Robot
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.plausibility import mismatch
-from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 
 EXACT = 1e-3
 """Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it is
 smooth already, and every joint has a target."""
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """The result of a retargeting: graph, solution and, with balance, its playback."""
-
-    graph: RobotGraph
-    """The solved graph; with balance, its frames are those of the playback."""
-    solution: Solution
-    balance: Balanced | None = None
-    """Timing and plants of a balanced playback, or None."""
-    doubt: str = ""
-    """Difference between robot and human that a map file or a single causal pass accepts; empty if there is none."""
-
-    @property
-    def motion(self) -> Motion:
-        """The solved motion: cut and resampled; with balance, slowed and held like the robot's."""
-        return self.graph.motion
-
-    @property
-    def match(self) -> Match:
-        """The map from keypoints of the human to links of the robot."""
-        return self.graph.match
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return self.graph.robot
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes about motion, match, balance and likeness, one sentence each."""
-        return (
-            *((self.doubt,) if self.doubt else ()),
-            *self.motion.notes,
-            *self.match.notes,
-            *(self.balance.notes if self.balance else ()),
-            *self.likeness.notes,
-        )
-
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """The robot's configurations over time, with their likeness to the human's."""
-        return replace(self.solution.trajectory, likeness=self.likeness.figures())
-
-    def __repr__(self) -> str:
-        return f"<Result {self._title}: {self.likeness.sentence}>"
-
-    def _repr_html_(self) -> str:
-        counted = Counter(status.name.replace("_", " ").lower() for status in self.solution.status)
-        ended = ", ".join(f"{n} {name}" for name, n in counted.items())
-        facts = {"frames": f"{len(self.trajectory)} at {self.trajectory.fps:g} a second", "solver": ended}
-        return card(self._title, facts | {"likeness": self.likeness.sentence}, self.notes)
-
-    @property
-    def _title(self) -> str:
-        return f"{self.trajectory.source or 'a motion'} on {self.robot.name}"
-
-    @cached_property
-    def likeness(self) -> Likeness:
-        """How like the human's the robot's motion is."""
-        if self.balance is None:
-            return likeness_of(self.graph, self.solution.trajectory.qpos, unfinished=_unfinished(self.solution.status))
-        return likeness_of(
-            self.graph,
-            self.solution.trajectory.qpos,
-            self.balance.timeline.share >= 1,
-            slowdown=self.balance.slowdown,
-            stride=self.balance.stride,
-            legs="instead" if self.balance.instead else self.balance.legs,
-            unfinished=_unfinished(self.solution.status),
-        )
-
-    @cached_property
-    def warnings(self) -> Warnings:
-        """Self-collisions predicted along the trajectory, computed on first use.
-
-        Raises:
-            TrajectoryError: a single frame has no next one.
-        """
-        return warnings_of(self.trajectory, self.robot)
-
-
-def _unfinished(status: Sequence[Status]) -> float:
-    """Return the share of frames that the solver left before convergence."""
-    return sum(one in (Status.OUT_OF_ITERATIONS, Status.BLOCKED) for one in status) / len(status)
 
 
 def solve(
@@ -128,7 +34,7 @@ def solve(
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     legs: str = "auto",
-    balance: str = "off",
+    balance: str = "auto",
     progress: Progress | None = None,
 ) -> Result:
     """Solve a graph for the robot's joints.
@@ -160,11 +66,13 @@ def solve(
     if doubt and not graph.mapped and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
     if mode == "off":
-        return Result(solution.graph, solution, doubt=doubt)
+        return Result(solution.graph, solution, source=graph.motion, doubt=doubt)
     began = time.perf_counter()
+    source = graph.motion
     balanced, graph, solution = in_balance(solution.graph, solution, legs, mode, planting)
     timings = {**solution.timings, "balance": time.perf_counter() - began}
-    return Result(graph, replace(solution, timings=timings), balanced, doubt=doubt)
+    trajectory = replace(solution.trajectory, balance=mode)
+    return Result(graph, replace(solution, trajectory=trajectory, timings=timings), balanced, source, doubt)
 
 
 def retarget(
@@ -179,7 +87,7 @@ def retarget(
     search: Search | None = None,
     smoothing: Smoothing | None = None,
     legs: str = "auto",
-    balance: str = "off",
+    balance: str = "auto",
     progress: Progress | None = None,
 ) -> Result:
     """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
@@ -195,7 +103,7 @@ def retarget(
         search: starts, and the moments at which poses are sought.
         smoothing: passes over the whole clip.
         legs: `auto`, `follow` or `stand`, with balance.
-        balance: `off`, `static`, `dynamic` or `auto`.
+        balance: `auto`, `static`, `dynamic` or `off`.
         progress: receives (steps done, steps in all).
 
     Returns:

@@ -30,6 +30,7 @@ FIELDS = {
     "source_time": Field("number", ("T",), required=False),
     "source_sha256": Field("text", required=False),
     "likeness": Field("text", required=False),
+    "balance": Field("text", required=False),
     **GOAL_FIELDS,
 }
 """Of the trajectory file."""
@@ -69,6 +70,8 @@ class Trajectory:
     """The hash of the source file (`Motion.source_sha256`); empty if unknown."""
     likeness: Mapping[str, Any] = field(default_factory=dict)
     """Figures of its likeness to the human's motion, for the verdict; empty if it was not compared with one."""
+    balance: str = ""
+    """The balance that it was planned with (`static`, `dynamic`); empty for none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "qpos", frozen(self.qpos))
@@ -191,6 +194,7 @@ class Trajectory:
             source_time=self.source_time,
             source_sha256=self.source_sha256,
             **({"likeness": json.dumps(dict(self.likeness), allow_nan=False)} if self.likeness else {}),
+            **({"balance": self.balance} if self.balance else {}),
             **(self.goals.arrays() if self.goals else {}),
         )
         return stream.getvalue()
@@ -232,6 +236,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
             goals=read_goals(values),
             source_sha256=str(values.get("source_sha256", "")),
             likeness=_read_likeness(str(values.get("likeness", "{}"))),
+            balance=str(values.get("balance", "")),
         )
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from None

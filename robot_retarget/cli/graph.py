@@ -51,7 +51,7 @@ def graph(
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         with progress({"retarget": retarget_cost(clip)}) as stages:
-            facts |= describe_stress(solved(found, progress=stages.begin("retarget")).solution)
+            facts |= describe_stress(solved(found, balance="off", progress=stages.begin("retarget")).solution)
     if json:
         console.dump(facts)
     else:

@@ -27,8 +27,11 @@ def simulate(
     trajectory: TrajectoryFile,
     robot: RobotName,
     mode: Annotated[
-        Literal["pinned", "free"], typer.Option(help="pinned (the pelvis is held) or free (standing on a floor).")
-    ] = "pinned",
+        Literal["auto", "pinned", "free"],
+        typer.Option(
+            help="pinned (the pelvis is held), free (standing on a floor); auto: free if solved with balance."
+        ),
+    ] = "auto",
     compensate: Annotated[
         bool, typer.Option(help="Send goals that compensate lag and load, or the trajectory itself.")
     ] = True,
@@ -58,17 +61,19 @@ def simulate(
     """Play a trajectory on simulated servos and pass a verdict; the goals that were judged are kept for `play`."""
     from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.report_file import NAMES
+    from robot_retarget.simulate.rollout import mode_of
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view import loop
 
     if page is not None:
         require_suffix(page, ".html", "--json prints the report as JSON")
-    where = report_file or trajectory.with_name(NAMES[mode])
+    model, played = load(robot, limits, servos), load_trajectory(trajectory)
+    how = mode_of(played) if mode == "auto" else mode
+    where = report_file or trajectory.with_name(NAMES[how])
     for path in (*([trajectory, where] if store else []), *([page] if page else [])):
         require_writable(path)
-    model, played = load(robot, limits, servos), load_trajectory(trajectory)
     warnings = warnings_or_none(played, model)
-    report = judged(played, model, mode, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
+    report = judged(played, model, how, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
     if store:
         save_judged(report, trajectory, where)
     if page is not None:

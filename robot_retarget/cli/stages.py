@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
     from robot_retarget.graph.describe import RobotGraph
     from robot_retarget.motion import Motion
-    from robot_retarget.pipeline import Result
     from robot_retarget.progress import Progress
+    from robot_retarget.result import Result
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.simulate.report import Report
@@ -122,16 +122,7 @@ def _tried(
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    mode = "free" if result.balance else "pinned"
-    report = roll_out(
-        result.trajectory,
-        result.robot,
-        mode=mode,
-        warnings=warnings,
-        draws=draws,
-        feedback=feedback,
-        progress=progress,
-    )
+    report = roll_out(result, warnings=warnings, draws=draws, feedback=feedback, progress=progress)
     save_judged(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")

@@ -72,7 +72,7 @@ def view(
         console.show_result({"files": written}, f"wrote {', '.join(written)}", json)
     else:
         editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
-        served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, simulated or "pinned"))
+        served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, simulated or "auto"))
         _answer(served, browser, json)
 
 
@@ -146,7 +146,7 @@ def _editor(take: "Take", motion: "Motion", map_file: Path | None, edits: Path) 
     return Session(graph, take.trajectory, edits, edits.with_suffix(".npz"))
 
 
-def _judge(robot: "Robot", mode: "Mode") -> "Judge":
+def _judge(robot: "Robot", mode: str) -> "Judge":
     """What passes the verdict on a trajectory after a touch-up."""
     from functools import partial
 

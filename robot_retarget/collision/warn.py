@@ -85,6 +85,9 @@ class Warnings:
     reach: float
     """Largest distance that is measured [m]."""
 
+    def __repr__(self) -> str:
+        return f"<Warnings: {len(self.pairs)} pairs over {len(self)} frames, {int(self.flagged.any(axis=0).sum())} flagged>"
+
     def __len__(self) -> int:
         return len(self.flagged)
 

@@ -14,19 +14,30 @@ from robot_retarget.formats.sidecar import sidecar_path, sidecar_text
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.table import FORMATS
 from robot_retarget.formats.unsupported import unsupported
+from robot_retarget.robot.catalog import as_robot
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import require_same_robot, resample
+from robot_retarget.robot.played import Played, on_robot
+from robot_retarget.robot.timing import resample
 from robot_retarget.trajectory import Trajectory
 from robot_retarget.trajectory import load_trajectory as load_native
 from robot_retarget.untrusted.limits import refusing
 
 
 def export(
-    trajectory: Trajectory, robot: Robot, format: str, path: str | Path, options: FormatOptions | None = None
+    trajectory: Played,
+    robot: Robot | str | Path | None,
+    format: str,
+    path: str | Path,
+    options: FormatOptions | None = None,
 ) -> Path:
     """Write a trajectory in one of the `FORMATS`, whole or not at all.
 
     A format without joint names and quaternion order gets a JSON file next to it that states them.
+
+    Args:
+        trajectory: a result of `retarget`, a trajectory, or its file.
+        robot: a robot, or a name or model file that `load_robot` loads; None takes the trajectory's.
+        format: one of the `FORMATS`.
 
     Raises:
         UsageError: the format is not known, or the robot does not suit it.
@@ -34,8 +45,8 @@ def export(
         OutputError: the file cannot be written.
     """
     kind, options, target = _format(format), options or FormatOptions(), Path(path)
-    require_same_robot(trajectory, robot)
-    motion = robot_motion(trajectory, robot, options, kind.fps, kind.ordered, kind.name)
+    played, model = on_robot(trajectory, robot)
+    motion = robot_motion(played, model, options, kind.fps, kind.ordered, kind.name)
     if not kind.complete:
         require_writable(sidecar_path(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:
@@ -48,7 +59,7 @@ def export(
 
 
 def import_motion(
-    path: str | Path, robot: Robot, format: str | None = None, options: FormatOptions | None = None
+    path: str | Path, robot: Robot | str | Path, format: str | None = None, options: FormatOptions | None = None
 ) -> Trajectory:
     """Read the motion of a robot from a file in any of the `FORMATS`.
 
@@ -59,7 +70,7 @@ def import_motion(
         UsageError: the format is not known, or more than one fits the file.
         TrajectoryError: no format fits, or the file is not as its format has it; names the file.
     """
-    where, options = Path(path), options or FormatOptions()
+    where, robot, options = Path(path), as_robot(robot), options or FormatOptions()
     if not where.exists():
         raise TrajectoryError(f"cannot read {where}: the file or folder does not exist")
     source = TrajectorySource(where, robot, options)
@@ -98,7 +109,10 @@ def _of_robot(columns: Columns, kind: TrajectoryFormat, source: TrajectorySource
 
 
 def load_trajectory(
-    path: str | Path, robot: Robot | None = None, format: str | None = None, options: FormatOptions | None = None
+    path: str | Path,
+    robot: Robot | str | Path | None = None,
+    format: str | None = None,
+    options: FormatOptions | None = None,
 ) -> Trajectory:
     """Read a trajectory file, or with a robot the file of any known format.
 

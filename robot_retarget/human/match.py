@@ -37,6 +37,9 @@ class Match:
     ankle_height: float
     """Height of the robot's ankles above its level soles [m]; 0 for a robot without legs."""
 
+    def __repr__(self) -> str:
+        return f"<Match of {len(self.keypoints)} keypoints: {', '.join(self.keypoints[:4])} …>"
+
     @property
     def points(self) -> Points:
         """The robot's points, in the order of `keypoints`."""

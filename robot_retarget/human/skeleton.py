@@ -41,6 +41,9 @@ class Skeleton:
         if late.size:
             raise MotionError(f"joint {self.names[late[0]]!r} stands before its parent")
 
+    def __repr__(self) -> str:
+        return f"<Skeleton: {len(self)} joints, {', '.join(self.names[:3])} …>"
+
     def __len__(self) -> int:
         return len(self.names)
 

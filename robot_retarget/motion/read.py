@@ -58,6 +58,11 @@ def read_motion(
     return replace(upright(capture, up, repair), source_sha256=_hashed(file, clip))
 
 
+def as_motion(motion: Motion | str | Path, repair: bool = True) -> Motion:
+    """Return a motion as it is, or the one of a file (`read_motion`)."""
+    return motion if isinstance(motion, Motion) else read_motion(motion, repair=repair)
+
+
 def _hashed(file: Path, clip: str | None) -> str:
     """The hash of a file, and of the name of a motion in it."""
     with file.open("rb") as content:

@@ -9,6 +9,7 @@ require_usable_gl()
 
 from robot_retarget.robot.anatomy import Anatomy as Anatomy
 from robot_retarget.robot.anatomy import KeypointSite as KeypointSite
+from robot_retarget.robot.catalog import as_robot as as_robot
 from robot_retarget.robot.catalog import load_robot as load_robot
 from robot_retarget.robot.catalog import shipped_robots as shipped_robots
 from robot_retarget.robot.kinematics import Points as Points

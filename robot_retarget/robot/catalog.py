@@ -72,6 +72,11 @@ def load_robot(name: str | Path, limits: str | Path | None = None, servos: str |
     return robot if found is None else with_servos(robot, load_map(found, bare=True))
 
 
+def as_robot(robot: Robot | str | Path) -> Robot:
+    """Return a robot as it is, or the one of a name or model file (`load_robot`)."""
+    return robot if isinstance(robot, Robot) else load_robot(robot)
+
+
 def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quaternion | None = None) -> Robot:
     spec = read_spec(path, freed)
     try:

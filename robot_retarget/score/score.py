@@ -7,10 +7,11 @@ from typing import Any
 
 from robot_retarget.errors import MatchError
 from robot_retarget.human.match import read_map
-from robot_retarget.motion import Motion
+from robot_retarget.motion import Motion, as_motion
 from robot_retarget.notebook import card
+from robot_retarget.result import Result
 from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.robot.played import on_robot
 from robot_retarget.score.figure import Value
 from robot_retarget.score.pair import Body, body_of, pair_of
 from robot_retarget.score.soles import sole_points
@@ -48,22 +49,32 @@ class Score:
 
 
 def score(
-    trajectory: Trajectory, robot: Robot, motion: Motion | None = None, *, overrides: str | Path | None = None
+    trajectory: Result | Trajectory | str | Path,
+    robot: Robot | str | Path | None = None,
+    motion: Motion | str | Path | None = None,
+    *,
+    overrides: str | Path | None = None,
 ) -> Score:
     """Measure every figure of `FIGURES`.
 
     Args:
-        motion: the human motion it comes from; without one, figures that compare with a human are None.
+        trajectory: a result of `retarget`, a trajectory, or its file.
+        robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
+        motion: the human motion that it comes from, or its file; by default that of the result. Without one, figures that
+            compare with a human are None, and a note says so.
         overrides: a map file, as `match` takes it. A line of `[robot]` may list several points, whose mean is the keypoint.
 
     Raises:
         TrajectoryError: the trajectory belongs to another robot.
         MatchError: the motion is not human, or the map names a joint or body that does not exist.
     """
-    require_same_robot(trajectory, robot)
-    subject, notes = subject_of(trajectory, robot, motion, read_map(Path(overrides)) if overrides else {})
+    played, model = on_robot(trajectory, robot)
+    if motion is None and isinstance(trajectory, Result):
+        motion = trajectory.source
+    human = None if motion is None else as_motion(motion, repair=False)
+    subject, notes = subject_of(played, model, human, read_map(Path(overrides)) if overrides else {})
     figures = {name: value for measure in MEASURES for name, value in measure.values(subject).items()}
-    return Score(figures, robot.name, trajectory.source, len(trajectory), trajectory.fps, notes)
+    return Score(figures, model.name, played.source, len(played), played.fps, notes)
 
 
 def subject_of(

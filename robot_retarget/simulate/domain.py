@@ -10,6 +10,9 @@ import numpy as np
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Playback
 
+WORLDS = 10
+"""Drawn simulations of a motion that stands free, by default."""
+
 
 @dataclass(frozen=True)
 class Draw:

@@ -11,11 +11,12 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
 from robot_retarget.progress import Count, Progress
+from robot_retarget.result import Result
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import require_same_robot
+from robot_retarget.robot.played import on_robot
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
-from robot_retarget.simulate.domain import Draw, drawn
+from robot_retarget.simulate.domain import WORLDS, Draw, drawn
 from robot_retarget.simulate.domain import draws as drawn_worlds
 from robot_retarget.simulate.feedback import has_feedback, with_feedback
 from robot_retarget.simulate.figures import fall_figures
@@ -26,7 +27,7 @@ from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_re
 from robot_retarget.simulate.servo_model import Drives, drives_of
 from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
-from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
+from robot_retarget.trajectory import Trajectory, fingerprint
 
 COMPENSATION = 2
 """Duration of the compensation, in simulations of the trajectory."""
@@ -35,17 +36,17 @@ SIMULATED = 2 + COMPENSATION
 
 
 def simulate(
-    trajectory: Trajectory | str | Path,
-    robot: Robot,
+    trajectory: Result | Trajectory | str | Path,
+    robot: Robot | str | Path | None = None,
     *,
-    mode: str = "pinned",
+    mode: str = "auto",
     drives: Drives | str | None = "auto",
     playback: Playback | None = None,
     compensate: bool = True,
     others: bool = True,
     thresholds: Thresholds | None = None,
     warnings: Warnings | None = None,
-    draws: int = 0,
+    draws: int = WORLDS,
     feedback: bool | None = None,
     backlash: float = 0.0,
     progress: Progress | None = None,
@@ -56,9 +57,12 @@ def simulate(
     gravity after settling in its first pose (tracking errors, torques, contacts).
 
     Args:
-        trajectory: a trajectory, or the path of its file. Its `likeness` is judged where it has one. The report's `trajectory` is the same with the goals that were
-            judged, and its sha256 that of its file (`fingerprint`): save both.
-        mode: `pinned` carries the root along its path in the air: the limbs feel gravity as the root turns, but not
+        trajectory: a result of `retarget`, a trajectory, or its file; its `likeness` is judged where it has one. The report's
+            `trajectory` is the same with the goals that were judged, and its sha256 that of its file (`fingerprint`): save
+            both.
+        robot: a robot, or a name or model file that `load_robot` loads; by default the trajectory's.
+        mode: `auto` is `free` for a trajectory that was planned in balance, else `pinned`. `pinned` carries the root along
+            its path in the air: the limbs feel gravity as the root turns, but not
             the root's accelerations. `free` sets the robot on a floor and leaves it alone.
         drives: the servos; `auto` takes those of the robot's servo map if it has one, None keeps the model's own
             actuators.
@@ -67,8 +71,8 @@ def simulate(
             trajectory itself; the report then has the figures of plain playback as well.
         others: judge on other servos than the modelled ones too (`judges`), and report the servos on which the motion does worst.
         thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
-        warnings: of the trajectory (`collision.warn.warnings_of`); the report then says how they agree with the
-            contacts that happened.
+        warnings: of the trajectory (`collision.warn.warnings_of`), by default those of the result; the report then says
+            how they agree with the contacts that happened.
         draws: in mode `free`, number of drawn simulations (`domain.draws`) if the robot stays up in this one.
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
             map has a sensor and gains.
@@ -81,8 +85,8 @@ def simulate(
         TrajectoryError: the file cannot be read, or is of another robot.
         RobotError: the robot's MJCF cannot be prepared, or a hinge has no servo.
     """
-    played = trajectory if isinstance(trajectory, Trajectory) else load_trajectory(trajectory)
-    require_same_robot(played, robot)
+    played, robot = on_robot(trajectory, robot)
+    mode = mode_of(played) if mode == "auto" else mode
     plant = plant_of(robot, mode, drives, backlash)
     count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
@@ -97,8 +101,19 @@ def simulate(
     plain = roll_out(chosen.plant, played, how, playback) if compensate else chosen.rollout
     count.advance()
     fallen = _fallen(plant, judged, playback, draws, count) if how == "free" and not chosen.fell else ()
-    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, warnings, fallen)
+    alerts = _warnings_of(trajectory) if warnings is None else warnings
+    outcome = SimulatedTrajectory(judged, chosen.plant, how, replayed, chosen.rollout, plain, alerts, fallen)
     return build_report(outcome, fingerprint(judged), thresholds or Thresholds(), trial_figures(trials, chosen))
+
+
+def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:
+    """Return the warnings of a result of several frames."""
+    return played.warnings if isinstance(played, Result) and len(played.trajectory) > 1 else None
+
+
+def mode_of(trajectory: Trajectory) -> str:
+    """Return the mode in which a trajectory is judged by default: `free` if it was planned in balance, else `pinned`."""
+    return "free" if trajectory.balance else "pinned"
 
 
 def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:

@@ -1,5 +1,6 @@
 """The result of a solver: the trajectory, and the quality of each frame and each edge."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -68,6 +69,15 @@ class Solution:
     def errors(self, kind: str) -> Floats:
         """Return (T, E) signed errors (d − y)/scale of a kind's edges [-]."""
         return self.graph.kinds[kind].errors(self.measured[kind])
+
+    def __repr__(self) -> str:
+        return f"<Solution {self.trajectory!r}: {self.ended}, cost {self.cost.mean():.4g} a frame>"
+
+    @property
+    def ended(self) -> str:
+        """How the frames ended, with their numbers, in one line."""
+        counted = Counter(status.name.replace("_", " ").lower() for status in self.status)
+        return ", ".join(f"{n} {name}" for name, n in counted.items())
 
     @property
     def posture_error(self) -> Floats:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from robot_retarget.graph.describe import describe
 from robot_retarget.graph.kinds import STREAM_KINDS
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
-from robot_retarget.motion import Motion, Skeleton
-from robot_retarget.robot import Robot
+from robot_retarget.motion import Motion, Skeleton, as_motion
+from robot_retarget.robot import Robot, as_robot
 from robot_retarget.solve.live.follower import Follower, StreamPose
 from robot_retarget.solve.options import RealTime
 
@@ -40,7 +41,7 @@ class Stream:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Robot | str | Path,
         skeleton: Skeleton,
         *,
         calibration: Motion | None = None,
@@ -64,7 +65,7 @@ class Stream:
         if lag < 0:
             raise UsageError(f"a stream lags by 0 frames or more, got {lag}")
         self.lag = lag
-        self.robot, self.skeleton, self.options = robot, skeleton, options or RealTime()
+        self.robot, self.skeleton, self.options = as_robot(robot), skeleton, options or RealTime()
         self.weights, self.native = weights, native
         self.faults: dict[str, int] = {}
         """Number of frames that were not followed, by kind of fault."""
@@ -159,15 +160,16 @@ def _motion_of(skeleton: Skeleton, watched: Sequence[tuple[Floats, Floats | None
 
 
 def stream(
-    robot: Robot,
-    frames: Motion | Iterable[tuple[Floats, Floats | None, float]],
+    robot: Robot | str | Path,
+    frames: Motion | str | Path | Iterable[tuple[Floats, Floats | None, float]],
     skeleton: Skeleton | None = None,
     **options: Any,
 ) -> Iterator[Floats]:
     """Yield configurations (nq,) one at a time, each from the frames until then.
 
     Args:
-        frames: a motion, which is also its calibration and is followed at its own rate; or positions (J, 3) [m],
+        robot: a robot, or a name or model file that `load_robot` loads.
+        frames: a motion or its file, which is also its calibration and is followed at its own rate; or positions (J, 3) [m],
             rotations (J, 4) or None, and time [s] of a skeleton's joints.
         options: those of `Stream`.
 
@@ -175,7 +177,8 @@ def stream(
         UsageError: frames come without a skeleton.
         MatchError: the frames show no human.
     """
-    if isinstance(frames, Motion):
+    if isinstance(frames, Motion | str | Path):
+        frames = as_motion(frames)
         options.setdefault("calibration", frames)
         skeleton, frames = frames.skeleton, _frames_of(frames)
     if skeleton is None:

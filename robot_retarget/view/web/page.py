@@ -15,7 +15,7 @@ from robot_retarget.view.web.show import take_header
 from robot_retarget.view.web.take import Take, human_of
 
 if TYPE_CHECKING:
-    from robot_retarget.pipeline import Result
+    from robot_retarget.result import Result
     from robot_retarget.simulate.report import Report
 
 ASSETS = Path(__file__).with_name("assets")
@@ -28,6 +28,9 @@ class Viewer:
     """Takes side by side on one page. In a notebook it shows itself."""
 
     takes: tuple[Take, ...]
+
+    def __repr__(self) -> str:
+        return f"<Viewer of {', '.join(take.title for take in self.takes)}>"
 
     @cached_property
     def data(self) -> bytes:
