@@ -9,9 +9,9 @@ from robot_retarget.shipped import SAMPLES
 motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 60)
 robot = rr.load_robot("op3")
 result = rr.retarget(motion, robot)
-report = rr.simulate(result.trajectory, robot)
+report = rr.simulate(result)
 
 out = Path(mkdtemp()) / "wave.npz"
-result.trajectory.save(out)
+report.trajectory.save(out)
 print(result.likeness.sentence)
-print(f"{report.verdict}: {out}")
+print(f"{report.badge.text}: {out}")

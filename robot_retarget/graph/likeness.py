@@ -58,6 +58,9 @@ class Likeness:
     fps: float
     """Frames per second."""
 
+    def __repr__(self) -> str:
+        return f"<Likeness over {len(self.rushed)} frames: {self.sentence}>"
+
     @property
     def far(self) -> Bools:
         """(T,) whether a frame is far from the human's pose, by the mean angle of its bones."""

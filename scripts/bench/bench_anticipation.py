@@ -46,7 +46,7 @@ class Run:
 def solved(motion: rr.Motion, robot: rr.Robot, links: LinkDistances, fps: float, weight: float | None) -> Run:
     """Retarget a clip with interaction edges of a weight, or without separation, and measure the result."""
     graph = rr.describe(motion, robot, fps=fps, weights=Weights(interaction=weight or 0.0))
-    result = rr.solve(graph.without("separation") if weight is None else graph)
+    result = rr.solve(graph.without("separation") if weight is None else graph, balance="off")
     qpos = result.trajectory.qpos
     human = result.match.human_positions(result.motion)
     distance = links.along(qpos)

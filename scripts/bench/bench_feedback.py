@@ -134,7 +134,7 @@ def fell(plant: Plant, motion: Trajectory, goals: Goals, worlds: int) -> Bools:
 
 def faults(plant: Plant, stand: Trajectory) -> None:
     """How playback on the emulated robot ends with each fault of the sensor."""
-    report = rr.simulate(stand, plant.robot, mode="free", feedback=True)
+    report = rr.simulate(stand, plant.robot, mode="free", draws=0, feedback=True)
     servo_map, judged = plant.servo_map, report.trajectory
     assert servo_map is not None and judged is not None
     row = table("fault", "outcome", "largest addition [rad]")
@@ -184,7 +184,7 @@ def lag(plant: Plant, stand: Trajectory) -> None:
     row = table("sway [Hz]", "lag of the fused tilt [ms]")
     for hertz in (0.5, 1.0, 2.0, 4.0):
         row(hertz, f"{1000 * fusion_lag(servo_map.imu, hertz):.1f}")
-    judged = rr.simulate(stand, plant.robot, mode="free", feedback=True).trajectory
+    judged = rr.simulate(stand, plant.robot, mode="free", draws=0, feedback=True).trajectory
     assert judged is not None
     plan, names = goal_plan(judged, servo_map), ("rate_hz", "jitter_p99_ms", "late_p99_ms", "skipped_ticks")
     row = table("loop", *names)

@@ -92,7 +92,7 @@ def main() -> None:
     robot = rr.load_robot("op3")
     ratios = []
     for clip in sorted(SAMPLES.glob("*.bvh")):
-        trajectory = rr.retarget(rr.read_motion(clip), robot).trajectory
+        trajectory = rr.retarget(rr.read_motion(clip), robot, balance="off").trajectory
         ratios += report(trajectory, clip.stem, arg.rounds, arg.worlds)
     print(f"\nworst ratio {max(ratios):.2f}, mean {np.mean(ratios):.2f}")
 

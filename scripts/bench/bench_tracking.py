@@ -71,7 +71,7 @@ def main() -> None:
     robot = rr.load_robot(arg.robot)
     print("| clip | mode | plain rad | compensated rad | ratio | worst joint rad |\n|---|---|---|---|---|---|")
     for clip in arg.clips:
-        trajectory = rr.retarget(rr.read_motion(clip), robot).trajectory
+        trajectory = rr.retarget(rr.read_motion(clip), robot, balance="off").trajectory
         for mode in arg.mode:
             before, after, worst = simulated(robot, trajectory, mode)
             print(f"| {clip.stem} | {mode} | {before:.4f} | {after:.4f} | {after / before:.2f} | {worst} |", flush=True)

@@ -90,7 +90,7 @@ def clips_of(robot: rr.Robot, where: Sequence[Path]) -> Iterator[Trajectory]:
     paths = [path for place in where for path in (sorted(place.rglob("*.bvh")) if place.is_dir() else [place])]
     for path in paths:
         graph = rr.describe(rr.read_motion(path), robot, fps=30)
-        yield rr.solve(graph.without("separation")).trajectory
+        yield rr.solve(graph.without("separation"), balance="off").trajectory
 
 
 def stretches(what: np.ndarray, gap: int) -> list[tuple[int, int]]:

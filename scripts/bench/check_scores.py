@@ -78,7 +78,7 @@ def compare(
     first = round(start * motion.fps)
     last = min(len(motion), first + round(frames * motion.fps / 30))
     part = motion.frames(first, last)
-    trajectory = rr.retarget(part, robot).trajectory
+    trajectory = rr.retarget(part, robot, balance="off").trajectory
     human, dt = judge.human_keypoints(path, joints)
     human = human[len(human) - len(motion) :][first:last]  # reading drops calibration frames at the start
     model = mujoco.MjModel.from_xml_path(str(robot.path))

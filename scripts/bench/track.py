@@ -109,7 +109,7 @@ def pieces(given: Any, done: set[str]) -> Iterator[tuple[str, rr.Trajectory, rr.
         if name in done:
             continue
         try:
-            yield name, rr.retarget(window, robot).trajectory, window
+            yield name, rr.retarget(window, robot, balance="off").trajectory, window
         except rr.RobotRetargetError as error:
             print(f"{name:44} left out: {error}")
 

@@ -62,7 +62,7 @@ def _section(path: Path, robots: list[rr.Robot], seconds: float, target: Path) -
     takes, figures = [], []
     for robot in robots:
         try:
-            result = rr.retarget(motion, robot)
+            result = rr.retarget(motion, robot, balance="off")
         except RobotRetargetError as error:
             figures.append(f"<figure><figcaption>{html.escape(f'{robot.name}: {error}')}</figcaption></figure>")
             continue

@@ -17,7 +17,7 @@ HEIGHT = 360
 def draw(name: str, robot: rr.Robot, target: Path) -> Path:
     """Retarget a sample clip and show some moments of it, the human beside the robot."""
     first, stop, count = MOMENTS[name]
-    result = rr.retarget(rr.read_motion(SAMPLES / f"{name}.bvh"), robot)
+    result = rr.retarget(rr.read_motion(SAMPLES / f"{name}.bvh"), robot, balance="off")
     part = slice(first, stop)
     shown = replace(
         result.trajectory, qpos=result.trajectory.qpos[part], source_time=result.trajectory.source_time[part]

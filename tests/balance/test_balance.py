@@ -384,7 +384,7 @@ def test_steps_are_steps_at_any_pace_and_a_foot_is_lifted_as_slowly_as_the_clip_
 def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
     robot = rr.load_robot("op3")
     result = rr.retarget(rr.read_motion(SAMPLES / "walk.bvh"), robot, legs="follow", balance="static")
-    report = rr.simulate(result.trajectory, robot, mode="free", playback=Playback(settle_after=2.0))
+    report = rr.simulate(result.trajectory, robot, mode="free", draws=0, playback=Playback(settle_after=2.0))
     assert result.balance is not None and result.balance.slowdown < 4 and not result.balance.timeline.planted.all()
     assert np.ptp(result.trajectory.qpos[:, 0]) > 0.3
     assert report.figures["fall_s"] is None and report.figures["foot_slip_m"] < 0.01, report.reasons
@@ -392,7 +392,7 @@ def test_a_walk_is_walked_on_the_robots_own_feet_without_a_fall() -> None:
 
 def test_a_balanced_squat_and_a_walk_in_place_stay_upright_on_servos(standing: Result, squat: Result) -> None:
     for result in (standing, squat):
-        report = rr.simulate(result.trajectory, result.robot, mode="free", playback=Playback(settle_after=2.0))
+        report = rr.simulate(result.trajectory, result.robot, mode="free", draws=0, playback=Playback(settle_after=2.0))
         assert report.figures["fall_s"] is None, report.reasons
 
 

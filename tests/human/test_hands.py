@@ -38,7 +38,9 @@ def still(robot: Robot, turn: Floats) -> Motion:
 
 
 def hinges(robot: Robot, turn: Floats) -> Floats:
-    return retarget(still(robot, turn), robot, smoothing=Smoothing(passes=0)).trajectory.qpos[:, robot.qpos_index]
+    return retarget(still(robot, turn), robot, smoothing=Smoothing(passes=0), balance="off").trajectory.qpos[
+        :, robot.qpos_index
+    ]
 
 
 @needs_shared

@@ -102,7 +102,7 @@ def test_a_map_without_servos_moves_none_and_names_joints_of_the_robot(tmp_path:
 
 @pytest.mark.parametrize(("asked", "closed"), [(None, True), (True, True), (False, False)])
 def test_a_free_robot_with_a_sensor_has_feedback_unless_it_is_switched_off(asked: bool | None, closed: bool) -> None:
-    report = simulate(STAND, OP3, mode="free", others=False, feedback=asked)
+    report = simulate(STAND, OP3, mode="free", draws=0, others=False, feedback=asked)
     assert report.trajectory is not None and report.trajectory.goals is not None
     assert (report.trajectory.goals.feedback is not None) == closed
     assert report.badge.text == f"pass, likeness not judged (free{', with feedback' if closed else ''})"
@@ -120,11 +120,11 @@ def test_a_robot_without_a_sensor_is_told_so() -> None:
     assert OP3.servo_map is not None
     blind = replace(OP3, servo_map=replace(OP3.servo_map, imu=None, balance=None))
     with pytest.raises(UsageError, match=r"no \[imu\] and \[balance\]"):
-        simulate(STAND, blind, mode="free", feedback=True)
+        simulate(STAND, blind, mode="free", draws=0, feedback=True)
 
 
 def test_the_report_says_how_much_was_added_and_keeps_what_was_judged() -> None:
-    report = simulate(STAND, OP3, mode="free", feedback=True)
+    report = simulate(STAND, OP3, mode="free", draws=0, feedback=True)
     assert report.verdict == "pass", report.reasons
     assert 0 <= report.figures["feedback_max_rad"] < 0.1
     assert report.trajectory is not None and report.trajectory.goals is not None
@@ -133,7 +133,7 @@ def test_the_report_says_how_much_was_added_and_keeps_what_was_judged() -> None:
 
 def test_gains_that_oscillate_fail_with_the_joint_and_the_frequency() -> None:
     wild = with_gains({f"{side}_hip_pitch": {"rate": 1.0, "tilt": 5.0} for side in "lr"})
-    report = simulate(STAND, wild, mode="free", feedback=True)
+    report = simulate(STAND, wild, mode="free", draws=0, feedback=True)
     assert report.verdict == "fail"
     assert any("oscillates" in r and "hip_pitch" in r and "Hz" in r for r in report.reasons), report.reasons
 

@@ -133,7 +133,7 @@ def test_a_joint_beyond_its_range_fails_by_that_much():
 
 
 def test_a_stand_stays_up_on_its_own():
-    report = simulate(hold(OP3, 3.0), OP3, mode="free")
+    report = simulate(hold(OP3, 3.0), OP3, mode="free", draws=0)
     assert report.verdict == "pass" and report.figures["fall_s"] is None
 
 
@@ -157,7 +157,7 @@ def test_soles_stand_on_a_hard_floor_only_where_there_is_one(tmp_path):
 
 
 def test_a_robot_set_down_leaning_falls():
-    report = simulate(hold(OP3, 1.0, qpos=leaned(30)), OP3, mode="free")
+    report = simulate(hold(OP3, 1.0, qpos=leaned(30)), OP3, mode="free", draws=0)
     assert report.verdict == "fail" and report.figures["fall_s"] is not None
     assert report.reasons[0].startswith("fell: ")
 
@@ -165,7 +165,7 @@ def test_a_robot_set_down_leaning_falls():
 def test_where_a_trajectory_floats_above_the_floor_does_not_matter():
     high = OP3.standing()
     high[2] += 0.7
-    on_floor, in_air = (simulate(hold(OP3, 1.0, qpos=q), OP3, mode="free") for q in (OP3.standing(), high))
+    on_floor, in_air = (simulate(hold(OP3, 1.0, qpos=q), OP3, mode="free", draws=0) for q in (OP3.standing(), high))
     assert in_air.verdict == "pass"
     np.testing.assert_allclose(in_air.series["measured"], on_floor.series["measured"], atol=1e-3)
 
@@ -175,7 +175,7 @@ def test_a_fall_is_dated_within_the_trajectory():
     late = np.arange(len(bow)) > 100  # from 2 s on the hips tip the trunk forward
     for joint, angle in (("l_hip_pitch", -1.2), ("r_hip_pitch", 1.2), ("l_ank_pitch", -0.9), ("r_ank_pitch", 0.9)):
         bow[late, OP3.qpos_index[OP3.joint_names.index(joint)]] = angle
-    report = simulate(Trajectory(bow, 50, OP3.joint_names, "op3"), OP3, mode="free")
+    report = simulate(Trajectory(bow, 50, OP3.joint_names, "op3"), OP3, mode="free", draws=0)
     assert 2.0 < report.figures["fall_s"] < 4.0
 
 
@@ -212,7 +212,7 @@ def test_a_robot_without_servos_or_free_root_gets_servos_and_says_so(tmp_path):
     assert report.verdict == "pass"
     assert "no position servo on every joint" in report.figures["notes"][0]
     with pytest.raises(UsageError, match="free root"):
-        simulate(hold(rail), rail, mode="free")
+        simulate(hold(rail), rail, mode="free", draws=0)
 
 
 def test_a_simulation_that_breaks_down_is_a_verdict_and_leaves_no_log(tmp_path, monkeypatch):
@@ -258,7 +258,7 @@ def test_a_hinge_that_the_model_drives_not_gets_a_servo_by_name(tmp_path):
 
 
 def test_a_floor_is_laid_where_the_scene_has_none():
-    report = simulate(hold(OP3, 0.2), OP3, mode="free")
+    report = simulate(hold(OP3, 0.2), OP3, mode="free", draws=0)
     assert "the model has no floor: a plane z = 0 added" in report.figures["notes"]
     assert report.figures["support_share"] == {"l": 1.0, "r": 1.0}
 

@@ -109,7 +109,7 @@ def test_separation_keeps_links_from_entering_each_other() -> None:
 
 def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> None:
     """Each pose of hands on hips is sent to where it may only be as it is a third of a second later."""
-    result = retarget(read_motion(SAMPLES / "hips_and_bow.bvh"), load_robot("op3"), fps=30)
+    result = retarget(read_motion(SAMPLES / "hips_and_bow.bvh"), load_robot("op3"), fps=30, balance="off")
     graph, robot, qpos = result.graph, result.robot, result.trajectory.qpos
     solver, all_targets = FrameSolver(build_problem(robot, graph.match, graph.tracks)), targets_of(graph.tracks)
     hinges, ahead = robot.qpos_index, 10
@@ -124,7 +124,7 @@ def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> 
 def test_frame_by_frame_links_stay_out_of_each_other_however_far_a_frame_leaps() -> None:
     robot = load_robot(SHARED / "robots/robotis_op3/robotis_op3.xml")
     motion = read_motion(SHARED / "motions/bvh/cmu_cgspeed_motionbuilder/05_06_dance.bvh").resample(10)
-    qpos = retarget(motion, robot, smoothing=Smoothing(passes=0)).trajectory.qpos
+    qpos = retarget(motion, robot, smoothing=Smoothing(passes=0), balance="off").trajectory.qpos
     separation = Separation(robot, 0.0)
     assert max(separation.depth(q) for q in qpos) < 0.001
 
@@ -132,7 +132,7 @@ def test_frame_by_frame_links_stay_out_of_each_other_however_far_a_frame_leaps()
 @needs_shared
 def test_coupled_joints_and_closed_chains_hold() -> None:
     robot = load_robot(TODDLER)
-    qpos = retarget(read_motion(SAMPLES / "clap.bvh").resample(10), robot).trajectory.qpos
+    qpos = retarget(read_motion(SAMPLES / "clap.bvh").resample(10), robot, balance="off").trajectory.qpos
     coupling = Coupling(robot)
     assert coupling.present
     assert max(np.abs(coupling(q)[0]).max() for q in qpos) < 1e-4
@@ -182,7 +182,7 @@ def test_a_robot_without_equalities_has_no_coupling() -> None:
 
 def test_hands_that_clap_touch_and_do_not_pass_through_each_other() -> None:
     robot, motion = load_robot("op3"), read_motion(SAMPLES / "clap.bvh").resample(30)
-    result = retarget(motion, robot)
+    result = retarget(motion, robot, balance="off")
     human = result.match.human_positions(motion)
     wrists = np.linalg.norm(human[:, result.match.index("l_hand")] - human[:, result.match.index("r_hand")], axis=1)
     claps = [t for t in range(3, len(wrists) - 3) if wrists[t] == wrists[t - 3 : t + 4].min() and wrists[t] < 0.1]

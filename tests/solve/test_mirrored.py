@@ -39,7 +39,7 @@ def asymmetry(motion: Motion, robot: Robot, smoothing: Smoothing, separated: boo
     motions, hinges = (motion, mirrored(motion)), robot.qpos_index
     graphs = (describe(m, robot) for m in motions)
     graphs = (graph if separated else graph.without("separation") for graph in graphs)
-    here, there = (solve(graph, smoothing=smoothing).trajectory.qpos[:, hinges] for graph in graphs)
+    here, there = (solve(graph, smoothing=smoothing, balance="off").trajectory.qpos[:, hinges] for graph in graphs)
     return float(np.abs(mirror_of(robot, LEFT).angles(here) - there).max())
 
 
@@ -87,7 +87,7 @@ def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monk
     """Two hands that cannot fill the same place pass each other on either side: the symmetric clap costs more."""
     robot = load_robot("op3")
     graph = describe(one_clap(), robot)
-    free = solve(graph, smoothing=WHOLE).solution
+    free = solve(graph, smoothing=WHOLE, balance="off").solution
     reflection, step = tangent_reflection(robot), FrameSolver._step
 
     def symmetric(self: FrameSolver, *given: Any) -> tuple[np.ndarray | None, float]:
@@ -95,7 +95,7 @@ def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monk
         return None if found is None else (found + reflection @ found) / 2, gain
 
     monkeypatch.setattr(FrameSolver, "_step", symmetric)
-    tied = solve(graph, smoothing=WHOLE).solution
+    tied = solve(graph, smoothing=WHOLE, balance="off").solution
     hinges = tied.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(hinges) - hinges).max() < 1e-6
     assert tied.cost.sum() > 1.05 * free.cost.sum()
@@ -112,7 +112,7 @@ def tangent_reflection(robot: Robot) -> np.ndarray:
 
 def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -> None:
     motion, robot = read_motion(SAMPLES / "squat.bvh").resample(15), load_robot("op3")
-    lowest = [retarget(motion, robot, smoothing=s).trajectory.qpos[:, 2].min() for s in (CAUSAL, WHOLE)]
+    lowest = [retarget(motion, robot, smoothing=s, balance="off").trajectory.qpos[:, 2].min() for s in (CAUSAL, WHOLE)]
     assert lowest[0] == pytest.approx(lowest[1], abs=0.005)
 
 
@@ -121,7 +121,7 @@ def test_knees_of_which_neither_goes_first_do_not_stop_a_squat_half_way_down() -
 def test_frame_by_frame_hands_that_meet_do_not_get_stuck(name: str) -> None:
     """A frame whose hands were held back costs ten times as much as one of the smooth clap."""
     motion, robot = read_motion(SAMPLES / "clap.bvh").resample(30), load_robot(SHARED / f"robots/{name}/{name}.xml")
-    solved = [retarget(motion, robot, smoothing=smoothing).solution for smoothing in (CAUSAL, WHOLE)]
+    solved = [retarget(motion, robot, smoothing=smoothing, balance="off").solution for smoothing in (CAUSAL, WHOLE)]
     most = [(solution.cost - solution.stress["smoothness"]).max() for solution in solved]
     assert most[0] < 6 * most[1]
 
@@ -133,7 +133,7 @@ def test_hulls_that_differ_from_side_to_side_hardly_give_a_motion_a_side(clip: s
     """Those of this robot's hips do by a millimetre and a half, and its wrists rest on them."""
     motion = read_motion(SAMPLES / f"{clip}.bvh").resample(30)
     robot = load_robot(SHARED / "robots/unitree_g1/unitree_g1.xml")
-    angles = retarget(motion, robot, smoothing=smoothing).trajectory.qpos[:, robot.qpos_index]
+    angles = retarget(motion, robot, smoothing=smoothing, balance="off").trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(angles) - angles).max() < 0.05
 
 

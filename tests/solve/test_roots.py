@@ -60,7 +60,7 @@ def turning_walk() -> Motion:
 
 def hinges(robot: Robot, smoothing: Smoothing) -> Floats:
     """The hinges' angles (T, n) [rad]."""
-    return retarget(turning_walk(), robot, smoothing=smoothing).trajectory.qpos[:, robot.qpos_index]
+    return retarget(turning_walk(), robot, smoothing=smoothing, balance="off").trajectory.qpos[:, robot.qpos_index]
 
 
 @pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])

@@ -86,7 +86,7 @@ def test_without_separation_hands_go_through_each_other_and_the_table_says_so(sc
 def test_a_robot_compared_with_itself_has_no_error(script: Any) -> None:
     judge = script("retarget_figures")["figures"]
     robot = rr.load_robot("op3")
-    result = rr.retarget(clip(6), robot, smoothing=Smoothing(passes=0))
+    result = rr.retarget(clip(6), robot, smoothing=Smoothing(passes=0), balance="off")
     matched, qpos = result.match, result.trajectory.qpos
     itself = world_points(robot, matched.points, qpos) * matched.human_leg / matched.robot_leg
     found = judge(robot, matched, itself, qpos, 30.0)

@@ -50,7 +50,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     moved = swing(OP3, "l_sho_roll", 0.9, 0.5, 2.0)
     warnings = warnings_of(moved, OP3)
-    report = simulate(moved, OP3, mode="free", warnings=warnings, others=False)
+    report = simulate(moved, OP3, mode="free", draws=0, warnings=warnings, others=False)
     red = Picture(np.full((20, 60, 3), (200, 30, 60), np.uint8))
     film = loop(OP3, moved)
     written = save_page(report, judged(report), folder / "report.html", warnings=warnings, strip=red, film=film)
