@@ -61,7 +61,6 @@ def test_a_result_is_scored_against_its_own_motion(result: rr.Result) -> None:
 def test_a_result_is_exported_to_a_file_that_names_read_again(result: rr.Result, tmp_path: Path) -> None:
     path = rr.export(result, None, "gmr", tmp_path / "clap.pkl")
     assert len(rr.load_trajectory(path, "op3")) == len(result.trajectory)
-    assert rr.match(CLIP, "op3").keypoints == result.match.keypoints
     assert next(rr.stream("op3", CLIP)).shape == result.trajectory.qpos[0].shape
 
 

@@ -24,8 +24,8 @@ from robot_retarget.graph.track import Track
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match
-from robot_retarget.motion import Motion, read_motion
-from robot_retarget.robot import Robot, load_robot
+from robot_retarget.motion import Motion, as_motion
+from robot_retarget.robot import Robot, as_robot
 
 MOST_FPS = REFERENCE_FPS
 """Default upper limit of the rate of a described motion [1/s]."""
@@ -149,8 +149,8 @@ def describe(
         UsageError: fps out of range, or an unknown preset.
     """
     weighed = (weights or Weights()).with_preset(preset)
-    motion = at_rate(motion if isinstance(motion, Motion) else read_motion(motion), fps)
-    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    motion = at_rate(as_motion(motion), fps)
+    robot = as_robot(robot)
     matched = match(motion, robot, overrides)
     graph = graph_of(motion, robot, matched, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
