@@ -45,7 +45,7 @@ LAYERS = {
     "servo": {"actuators", "feedback", "goals", "trajectory"},
     "summary": {"motion", "robot", "human", "graph", "solve"},
     "result": CORE | {"collision"},
-    "pipeline": {"motion", "robot", "graph", "solve", "balance", "result"},
+    "pipeline": CORE | {"result"},
     "simulate": CORE - {"motion", "human"} | {"result", "actuators", "feedback", "goals", "collision"},
     "score": {"result", "trajectory", "motion", "robot", "human", "graph", "simulate"},
     "formats": {"actuators", "trajectory", "motion", "robot"},

@@ -40,7 +40,7 @@ def test_python_judges_as_the_command_line_does(result: rr.Result, report: rr.Re
 
 
 def test_a_result_brings_its_robot_its_warnings_and_its_likeness(result: rr.Result, report: rr.Report) -> None:
-    spelled = rr.simulate(result.trajectory, "op3", warnings=result.warnings, likeness=result.likeness)
+    spelled = rr.simulate(result.trajectory, "op3", warnings=result.warnings)
     assert timeless(report.figures) == timeless(spelled.figures) and report.badge == spelled.badge
     assert report.figures["mode"] == "free" and {"foreseen", "limb_rad"} <= report.figures.keys()
 

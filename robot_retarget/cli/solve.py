@@ -30,7 +30,7 @@ from robot_retarget.cli.options import (
 from robot_retarget.cli.stages import RetargetOptions, load, own_unmet, read_clip, retarget_cost, retargeted
 
 if TYPE_CHECKING:
-    from robot_retarget.pipeline import Result
+    from robot_retarget.result import Result
 
 commands: typer.Typer = typer.Typer()
 Explain = Annotated[bool, typer.Option(help="Print the edges that lost most.")]

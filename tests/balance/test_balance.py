@@ -21,7 +21,7 @@ from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
 from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
 from robot_retarget.errors import BalanceError, UsageError
-from robot_retarget.pipeline import Result
+from robot_retarget.result import Result
 from robot_retarget.robot import world_points
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate

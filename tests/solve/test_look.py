@@ -12,7 +12,8 @@ from robot_retarget.arrays import unit
 from robot_retarget.errors import MatchError
 from robot_retarget.graph import describe as graph_module
 from robot_retarget.motion import read_motion
-from robot_retarget.pipeline import Result, retarget
+from robot_retarget.pipeline import retarget
+from robot_retarget.result import Result
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.plausibility import _hands, mismatch, plausibility_checks

@@ -12,7 +12,8 @@ from robot_retarget.graph.weights import Weights
 from robot_retarget.human.match import match_bodies
 from robot_retarget.human.recognition.recognise import Mark, Recognition
 from robot_retarget.motion import Motion, Skeleton, read_motion
-from robot_retarget.pipeline import Result, retarget
+from robot_retarget.pipeline import retarget
+from robot_retarget.result import Result
 from robot_retarget.robot import load_robot, recognise, world_points
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Search, Smoothing
