@@ -1,6 +1,6 @@
-"""Run the short benchmarks on the shipped clips and write `docs/results/performance.md`: `make bench`.
+"""Run the short benchmarks on the shipped clips and write `benchmarks/performance.md`: `make bench`.
 
-    python scripts/bench/write_performance.py [-o docs/results/performance.md]
+    python scripts/bench/write_performance.py [-o benchmarks/performance.md]
 
 Every table stands under the command that printed it. The page starts with the date, the processor and the versions.
 """
@@ -56,7 +56,7 @@ def section(title: str, command: str) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--out", type=Path, default=ROOT / "docs/results/performance.md")
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "benchmarks/performance.md")
     out = parser.parse_args().out
     page = heading() + "".join(section(title, command) for title, command in BENCHES)
     out.parent.mkdir(parents=True, exist_ok=True)
