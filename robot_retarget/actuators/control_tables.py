@@ -8,10 +8,9 @@ from functools import cache
 from numbers import Integral
 from typing import NamedTuple
 
-from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
+from robot_retarget.actuators.motors import FULL_PWM, MOTORS, MotorModel, motor_named
 from robot_retarget.errors import ServoError
 
-TICKS_PER_TURN = 4096
 CENTRE = 2048
 LAST_POSITION = 4095
 """Of one turn, as position mode has it."""
@@ -22,7 +21,6 @@ ACCELERATION_UNIT = 0.374508
 VOLTAGE_UNIT = 0.1
 WATCHDOG_UNIT = 0.02
 RETURN_DELAY_UNIT = 2e-6
-FULL_PWM = 885
 BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """By the value of the register `baud_rate`."""
 EEPROM_END = 64

@@ -15,7 +15,8 @@ from typing import Any
 
 from robot_retarget.actuators.balance_tables import Balance, Imu
 from robot_retarget.actuators.bounds import Bounds, MapError, require_bounds, within
-from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, TICKS_PER_TURN, Model, model_named
+from robot_retarget.actuators.control_tables import BAUDS, CENTRE, LAST_POSITION, Model, model_named
+from robot_retarget.actuators.motors import TICKS_PER_TURN
 from robot_retarget.errors import ServoError, known
 from robot_retarget.shipped import MODELS as SHIPPED
 from robot_retarget.toml_lines import line_of

@@ -6,9 +6,14 @@ at the nominal voltage; another voltage scales what duty gives, not what speed t
 """
 
 from dataclasses import dataclass
+from math import tau
 
 from robot_retarget.errors import ServoError, known
 
+TICKS_PER_TURN = 4096
+"""Of the encoder."""
+FULL_PWM = 885
+"""Of the register `goal_pwm`: full duty."""
 CONTINUOUS_SHARE = 0.2
 """Of stall torque and current that may last: the maker's manuals call motions stable at a fifth of stall or less."""
 
@@ -37,6 +42,14 @@ class MotorModel:
     def back_emf(self) -> float:
         """Torque that speed takes away [N m s/rad]."""
         return self.stall_torque / self.no_load_speed
+
+    def duty_per_error(self, p_gain: int | None = None) -> float:
+        """Return the duty per error of the position [1/rad], at the factory's gain by default."""
+        return (self.p_gain if p_gain is None else p_gain) / self.p_divisor / FULL_PWM * TICKS_PER_TURN / tau
+
+    def duty_per_speed(self, d_gain: int | None = None) -> float:
+        """Return the duty per error of the speed [s/rad], at the factory's gain by default."""
+        return (self.d_gain if d_gain is None else d_gain) / 16 / 1000 / FULL_PWM * TICKS_PER_TURN / tau
 
     @property
     def resistance(self) -> float:

@@ -12,6 +12,7 @@ from robot_retarget.errors import ServoError, UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.servo.emulator.wire_timing import WireTiming
+    from robot_retarget.servo.pendulum import Pendulum
 
 commands: typer.Typer = typer.Typer()
 servos: typer.Typer = typer.Typer(
@@ -19,6 +20,13 @@ servos: typer.Typer = typer.Typer(
 )
 commands.add_typer(servos, name="servos")
 
+UNITS = {
+    "damping": "N m s/rad besides the back-EMF",
+    "friction": "N m",
+    "armature": "kg m²",
+    "gain": "of the datasheet's",
+}
+"""Of what `identify` finds."""
 MapName = Annotated[str, typer.Option("--map", "-m", help="A shipped robot's name (op3) or a servo map (.toml).")]
 
 
@@ -28,6 +36,9 @@ def emulate(
     link: Annotated[Path | None, typer.Option(help="A stable name for the port.")] = None,
     physics: Annotated[bool, typer.Option(help="Put the robot's MuJoCo model behind the servos.")] = False,
     model: Annotated[Path | None, typer.Option(help="MJCF for --physics; the shipped robot's by default.")] = None,
+    pendulum: Annotated[
+        str, typer.Option(help="MASS,LENGTH [kg, m] on the shaft of every servo, for `identify`; without --physics.")
+    ] = "",
     view: Annotated[bool, typer.Option("--view", help="With --physics: show the robot in a window.")] = False,
     baud: Annotated[int | None, typer.Option(help="Bytes take the time of this baud rate; by default none.")] = None,
     usb_latency: Annotated[
@@ -50,10 +61,21 @@ def emulate(
 
     if view and not physics:
         raise UsageError("--view needs --physics: without it there is no robot to show")
+    if pendulum and physics:
+        raise UsageError("--pendulum loads separate motors; with --physics the model is the load")
     servo_map = load_map(map_name)
     body = (model or scene_of(servo_map.robot)) if physics else None
     server = emulator(
-        servo_map, link, _pace(baud, usb_latency), body, fault or (), strict, return_delay, view, lockstep
+        servo_map,
+        link,
+        _pace(baud, usb_latency),
+        body,
+        fault or (),
+        strict,
+        return_delay,
+        view,
+        lockstep,
+        _pendulum(pendulum) if pendulum else None,
     )
     server.run(control)
 
@@ -163,8 +185,9 @@ def identify(
     """Find a servo's friction, armature, damping and gain: move it with a known pendulum for 24 s, and fit."""
     from robot_retarget.actuators.map import dump_map, load_map
     from robot_retarget.files import require_writable
-    from robot_retarget.servo.identify import Pendulum, with_identified
     from robot_retarget.servo.identify import identify as find
+    from robot_retarget.servo.identify import with_identified
+    from robot_retarget.servo.pendulum import Pendulum
 
     servo_map, pendulum = load_map(map_name), Pendulum(mass, length, inertia)
     servo_map = replace(servo_map, baud=baud) if baud else servo_map
@@ -173,7 +196,15 @@ def identify(
     found = find(servo_map, joint, pendulum, port, log)
     _write(output, dump_map(with_identified(servo_map, joint, found.servo)))
     facts = {**vars(found.servo), "delay_s": round(found.delay, 5), "error_rad": round(found.error, 5)}
-    lines = [f"{name} {value:g}" for name, value in facts.items()]
+    facts |= {"supply_V": round(found.voltage, 2), "weight_factor": round(found.weight, 3)}
+    lines = [
+        f"{name} {getattr(found.servo, name):g} ± {spread:.2g} {UNITS[name]}".rstrip()
+        for name, spread in found.spread.items()
+    ]
+    lines += [
+        f"at {found.voltage:.1f} V; simulated angles are {found.error:.4f} rad off on average, {1000 * found.delay:.1f} ms late"
+    ]
+    facts["standard_errors"] = {name: float(f"{spread:.3g}") for name, spread in found.spread.items()}
     console.show_result({"output": str(output), **facts}, "\n".join([*lines, f"wrote {output}"]), json)
 
 
@@ -200,6 +231,16 @@ def import_map(
     )
     if cut:
         console.note(f"The one turn of position mode cuts the range of {', '.join(cut)}.")
+
+
+def _pendulum(text: str) -> "Pendulum":
+    from robot_retarget.servo.pendulum import Pendulum
+
+    try:
+        mass, length = map(float, text.split(","))
+    except ValueError:
+        raise UsageError(f"--pendulum {text!r} is not MASS,LENGTH, such as 0.3,0.1") from None
+    return Pendulum(mass, length)
 
 
 def _write(path: Path, text: str) -> None:

@@ -3,29 +3,28 @@
     (J + J_a) q̈ = clip(g k (u − q) − g k_d q̇, ±τ_stall) − d q̇ − f sign q̇ − m g₀ l sin q
 
 q is 0 where the pendulum hangs. Known: mass m, distance l and inertia J of the pendulum, gains k, k_d and torque τ_stall of
-the datasheet. Fitted: armature J_a, dry friction f, drag d (back-EMF included), gain factor g, and the delay by which the
+the datasheet at the measured supply. Fitted: armature J_a, dry friction f, drag d (back-EMF included), gain factor g, and the delay by which the
 recorded angles follow the goals.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import copysign, inf, sin, tau
+from math import inf, sin, tau
 from pathlib import Path
 
 import numpy as np
 
-from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, Stop
-from robot_retarget.actuators.motors import MotorModel
+from robot_retarget.actuators.mechanics import next_speed
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import RATE
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions
+from robot_retarget.servo.pendulum import Pendulum
 from robot_retarget.servo.plan import ServoPlan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.scale import JointScale
 
-GRAVITY = 9.81
-"""[m/s²]."""
 STEP = 0.002
 """Of the simulated pendulum [s]."""
 SPAN = 6.0
@@ -34,27 +33,17 @@ SWING = 0.8
 """Largest angle of the excitation [rad]; the servo's range must hold it."""
 GUESS = (0.01, 0.05, 1.0, 1.0)
 """Armature [kg m²], friction [N m], drag over the back-EMF [-] and gain factor [-] from which the fit starts."""
+SCALES = (1.0, 1.0, 0.3, 0.1, 1.0)
+"""Of the fitted logarithms and of the delay [ticks]."""
+FITTED = ("damping", "friction", "armature", "gain")
+BLOCK = 0.25
+"""Time within which residuals are correlated [s]."""
+POOR = 0.01
+"""A fit with a larger mean error of the angles is refused [rad]: 6.5 ticks; good fits on the emulator have less than 1e-3."""
+WEIGHT = 2.0
+"""The weight that fits best is within this factor of the pendulum's; a stall torque below the datasheet's moves it too."""
 DIFFERENCE = 1e-3
 """Relative step of the fit's finite differences [-]: dry friction makes the residual rough below it."""
-
-
-@dataclass(frozen=True)
-class Pendulum:
-    """What turns with the shaft; the axis is horizontal."""
-
-    mass: float
-    """[kg]."""
-    length: float
-    """From the axis to the centre of mass [m]."""
-    inertia: float = 0.0
-    """About the axis [kg m²]; 0 takes that of a point mass."""
-
-    def __post_init__(self) -> None:
-        for name, low, high in (("mass", 1e-3, 50.0), ("length", 1e-3, 5.0), ("inertia", 0.0, 100.0)):
-            if not low <= getattr(self, name) <= high:
-                raise ServoError(f"the pendulum's {name} {getattr(self, name):g} is not in {low:g}…{high:g}")
-        if not self.inertia:
-            object.__setattr__(self, "inertia", self.mass * self.length**2)
 
 
 @dataclass(frozen=True)
@@ -62,10 +51,16 @@ class Fit:
     """A servo as identified."""
 
     servo: Identified
+    spread: Mapping[str, float]
+    """Standard errors of damping, friction, armature and gain."""
     delay: float
     """By which recorded angles follow the goals [s]."""
     error: float
     """Mean absolute error of the simulated angles [rad]."""
+    voltage: float
+    """Mean of the supply during the measurement [V]."""
+    weight: float
+    """Weight of the pendulum that fits best, over the stated one [-]."""
 
 
 def identify(
@@ -84,7 +79,7 @@ def identify(
         log: file for the recorded ticks (`play.npz`).
 
     Raises:
-        ServoError: the servo's range is too narrow, or playback was stopped.
+        ServoError: the servo's range is too narrow, playback was stopped, or the servo with this pendulum does not fit the angles.
     """
     servo = servo_map[joint]
     if not servo.lower <= -SWING <= SWING <= servo.upper:
@@ -98,10 +93,10 @@ def identify(
         raise ServoError(f"identification was stopped: {outcome.sentence}")
     with np.load(log) as ticks:
         playing = ticks["phase"] == list(ticks["phases"]).index("play")
-        goal, present = (ticks[name][playing, 0] for name in ("goal", "present"))
+        goal, present, voltage = (ticks[name][playing, 0] for name in ("goal", "present", "voltage"))
     scale = JointScale(alone)
     sent = np.array([scale.radians(scale.ticks(row))[0] for row in goal[:, None]])
-    return fit(sent, present, RATE, servo, pendulum)
+    return fit(sent, present, RATE, servo, pendulum, float(voltage.mean()))
 
 
 def with_identified(servo_map: ServoMap, joint: str, found: Identified) -> ServoMap:
@@ -121,8 +116,10 @@ def excitation(rate: float = RATE) -> ServoPlan:
     return ServoPlan(path[:, None], rate)
 
 
-def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pendulum) -> Fit:
+def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pendulum, voltage: float) -> Fit:
     """Fit a servo's mechanics and its delay to recorded goals and angles, by least squares of simulated angles.
+
+    The standard errors are those of residuals that are correlated within `BLOCK`.
 
     Args:
         sent: (N,) goals as the servo received them [rad].
@@ -130,9 +127,10 @@ def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pend
         rate: ticks a second [1/s].
         servo: gives the motor of the datasheet and the gear.
         pendulum: the load on the shaft.
+        voltage: of the supply, which scales the torque of the datasheet [V].
 
-    Returns:
-        Damping, friction, armature and gain factor, the delay, and the error of the simulated angles.
+    Raises:
+        ServoError: the angles are not those of the servo with this pendulum.
     """
     from scipy.optimize import least_squares
 
@@ -140,47 +138,86 @@ def fit(sent: Floats, present: Floats, rate: float, servo: Servo, pendulum: Pend
     steps = round(1 / (rate * STEP))
     fine = np.arange(steps * len(sent)) * STEP
 
-    def error(logs: Floats) -> Floats:
-        armature, friction, drag, gain = np.exp(logs[:4])
-        path = simulated(
-            sent, steps, motor, servo.gear, pendulum, (armature, friction, drag * motor.back_emf, gain), present[0]
-        )
-        return np.interp(times - logs[4] / rate, fine, path) - present
+    def error(x: Floats) -> Floats:
+        armature, friction, drag, gain = np.exp(x[:4])
+        parameters = armature, friction, drag * motor.back_emf, gain
+        weight = pendulum.weight * (x[5] if len(x) > 5 else 1.0)
+        path = simulated(sent, steps, servo, pendulum.inertia, weight, voltage, parameters, present[0])
+        return np.interp(times - x[4] / rate, fine, path) - present
 
-    found = least_squares(error, [*np.log(GUESS), 0.5], diff_step=DIFFERENCE, x_scale=[1, 1, 0.3, 0.1, 1])
+    found = least_squares(error, [*np.log(GUESS), 0.5], diff_step=DIFFERENCE, x_scale=SCALES)
+    felt = least_squares(error, [*found.x, 1.0], diff_step=DIFFERENCE, x_scale=[*SCALES, 0.1])
+    off = float(np.abs(found.fun).mean())
+    _require_good(off, float(felt.x[5]), pendulum)
     armature, friction, drag, gain = np.exp(found.x[:4]).tolist()
     damping = max((drag - 1) * motor.back_emf, 0.0)
+    values = np.array([drag * motor.back_emf, friction, armature, gain])
+    spread = values * _standard_errors(found.jac, found.fun, round(BLOCK * rate))[[2, 1, 0, 3]]
     identified = Identified(round(damping, 5), round(friction, 5), round(armature, 6), round(gain, 4))
-    return Fit(identified, float(found.x[4]) / rate, float(np.abs(found.fun).mean()))
+    return Fit(
+        identified,
+        dict(zip(FITTED, spread.tolist(), strict=True)),
+        float(found.x[4]) / rate,
+        off,
+        voltage,
+        float(felt.x[5]),
+    )
+
+
+def _require_good(error: float, weight: float, pendulum: Pendulum) -> None:
+    """Check that a fit explains the angles, and that the weight that fits best is the pendulum's.
+
+    Raises:
+        ServoError: it does not.
+    """
+    if error > POOR:
+        raise ServoError(
+            f"no servo of this model with this pendulum moves so: simulated angles are {error:.4f} rad off on average, more than "
+            f"{POOR:g}; check --mass, --length, the model in the map, and that nothing touches the pendulum"
+        )
+    if not 1 / WEIGHT <= weight <= WEIGHT:
+        raise ServoError(
+            f"the weight that fits best is {weight:.2f} times the {pendulum.weight:.3g} N m of the pendulum; "
+            "check that it is attached, hangs at 0 rad and has this --mass and --length"
+        )
+
+
+def _standard_errors(jacobian: Floats, residual: Floats, block: int) -> Floats:
+    """Standard errors of a least-squares fit from the scores of blocks of residuals: diag(A⁻¹ Σ_b s_b s_bᵀ A⁻¹)^½, A = JᵀJ."""
+    starts = np.arange(0, len(residual), block)
+    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    return np.sqrt(np.diag(inverse @ scores.T @ scores @ inverse))
 
 
 def simulated(
     sent: Floats,
     steps: int,
-    motor: MotorModel,
-    gear: float,
-    pendulum: Pendulum,
+    servo: Servo,
+    inertia: float,
+    weight: float,
+    voltage: float,
     parameters: tuple[float, float, float, float],
     start: float,
 ) -> Floats:
     """Return the angles (N · steps,) of a pendulum whose servo gets goals (N,) [rad], each held for some steps.
 
     Args:
+        inertia: of the pendulum about its axis [kg m²].
+        weight: its torque when it is horizontal [N m].
+        voltage: of the supply [V].
         parameters: armature [kg m²], friction [N m], drag [N m s/rad] and gain factor [-], at the servo's shaft.
     """
     armature, friction, drag, gain = parameters
-    ticks, square = TICKS_PER_TURN / tau / FULL_PWM, gear**2
-    stiffness = square * gain * motor.stall_torque * motor.p_gain / motor.p_divisor * ticks
-    brake = square * gain * motor.stall_torque * motor.d_gain / 16 / 1000 * ticks
-    inertia, limit = pendulum.inertia + square * armature, gear * motor.stall_torque
-    weight, slowed = pendulum.mass * GRAVITY * pendulum.length, inertia + STEP * square * drag
-    grip = gear * friction * STEP / slowed
+    motor, gear = servo.type.motor, servo.gear
+    limit = gear * motor.stall_torque * voltage / motor.voltage
+    stiffness, brake = (gear * gain * limit * duty for duty in (motor.duty_per_error(), motor.duty_per_speed()))
+    load = inertia + gear**2 * armature, gear**2 * drag, gear * friction
     path, angle, speed = [], float(start), 0.0
     for goal in sent.tolist():
         for _ in range(steps):
             path.append(angle)
             torque = max(-limit, min(limit, stiffness * (goal - angle) - brake * speed))
-            speed = (inertia * speed + STEP * (torque - weight * sin(angle))) / slowed
-            speed = 0.0 if abs(speed) <= grip else speed - copysign(grip, speed)
+            speed = next_speed(speed, torque - weight * sin(angle), *load, STEP)
             angle += STEP * speed
     return np.array(path)

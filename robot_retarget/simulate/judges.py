@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from robot_retarget.actuators.mechanics import PUBLISHED
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.simulate.figures import at_frames, fall_figures
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Mode, Plant
-from robot_retarget.simulate.servo_model import PUBLISHED, Drives
+from robot_retarget.simulate.servo_model import Drives
 from robot_retarget.simulate.stepping import Rollout, roll_out
 from robot_retarget.trajectory import Trajectory
 

@@ -16,59 +16,17 @@ from math import tau
 import numpy as np
 
 from robot_retarget.actuators.map import Identified
-from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
+from robot_retarget.actuators.mechanics import IDENTIFIED, REFERENCE, Mechanics, mechanics_of
+from robot_retarget.actuators.motors import TICKS_PER_TURN, MotorModel, motor_named
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.friction import GearFriction
 
-TICKS_PER_TURN = 4096
-FULL_PWM = 885
-"""Of the register `goal_pwm`: full duty."""
 HEAT_RISE = 50.0
 """Final temperature rise at the continuous current [K]: from 30 °C to the shutdown at 80 °C."""
 HEAT_TIME = 300.0
 """Time constant of that warming [s]."""
-
-
-@dataclass(frozen=True)
-class Mechanics:
-    """What gears and rotor add to a motor, at the output shaft."""
-
-    damping: float
-    """Besides the back-EMF [N m s/rad]."""
-    friction: float
-    """Dry [N m]."""
-    armature: float
-    """[kg m²]."""
-
-
-PUBLISHED = {
-    "XM430-W350": {"ROBOTIS OP3": Mechanics(0.233, 0.03, 0.045), "ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
-    "XM430-W210": {"ToddlerBot": Mechanics(0.08, 0.134, 0.0012)},
-    "XC330-T288": {"ToddlerBot": Mechanics(0.134, 0.014, 0.0035)},
-    "XC430-W240": {"ToddlerBot": Mechanics(0.127, 0.069, 0.004)},
-    "2XC430-W250": {"ToddlerBot": Mechanics(0.075, 0.252, 0.0044)},
-    "2XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
-    "XL430-W250": {"ToddlerBot": Mechanics(0.12, 0.292, 0.0042)},
-}
-"""Identifications by servo and by the robot they were made on; the first is the nominal one.
-
-The identification of the OP3 is from MuJoCo Menagerie; its joint damping of 1.084 includes the back-EMF of 0.851. The XL430 has the gears of
-the 2XL430.
-"""
-IDENTIFIED = {name: next(iter(sets.values())) for name, sets in PUBLISHED.items()}
-REFERENCE = "XM430-W350"
-"""Servos without an identification have the mechanics of this one, scaled by the stall torque."""
-
-
-def mechanics_of(motor: MotorModel) -> Mechanics:
-    """As identified, else those of `REFERENCE` by stall torque."""
-    if motor.name in IDENTIFIED:
-        return IDENTIFIED[motor.name]
-    share = motor.stall_torque / MOTORS[REFERENCE].stall_torque
-    like = IDENTIFIED[REFERENCE]
-    return Mechanics(share * like.damping, share * like.friction, share * like.armature)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,13 +159,10 @@ def drives(motors: list[MotorModel], gears: Floats, voltage: float | None = None
     share = np.array([1.0 if voltage is None else voltage / motor.voltage for motor in motors])
     stall = share * [motor.stall_torque for motor in motors]
     mechanics = [mechanics_of(motor) for motor in motors]
-    p = np.array([motor.p_gain if p_gain is None else p_gain for motor in motors])
-    d = np.array([motor.d_gain for motor in motors])
-    ticks = TICKS_PER_TURN / tau / FULL_PWM
     unknown = sorted({motor.name for motor in motors} - IDENTIFIED.keys())
     return Drives(
-        stiffness=gears**2 * stall * p / np.array([motor.p_divisor for motor in motors]) * ticks,
-        derivative=gears**2 * stall * d / 16 / 1000 * ticks,
+        stiffness=gears**2 * stall * [motor.duty_per_error(p_gain) for motor in motors],
+        derivative=gears**2 * stall * [motor.duty_per_speed() for motor in motors],
         stall_torque=gears * stall,
         back_emf=gears**2 * np.array([motor.back_emf for motor in motors]),
         damping=gears**2 * np.array([m.damping for m in mechanics]),

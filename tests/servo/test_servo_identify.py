@@ -8,13 +8,15 @@ import pytest
 from emulated import QUICK, emulated
 
 from robot_retarget.actuators.map import Identified, Servo, ServoMap, dump_map, load_map
+from robot_retarget.actuators.mechanics import IDENTIFIED
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.errors import ServoError
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.servos import with_servos
 from robot_retarget.servo.bus import Bus
-from robot_retarget.servo.identify import SWING, Pendulum, excitation, identify
+from robot_retarget.servo.identify import SWING, excitation, identify
 from robot_retarget.servo.outcome import PlaybackOptions
+from robot_retarget.servo.pendulum import Pendulum
 from robot_retarget.simulate.servo_model import drives_of
 
 HIDDEN = {
@@ -43,6 +45,29 @@ def test_hidden_parameters_of_an_emulated_servo_are_found_within_5_percent(tmp_p
     assert [drag, servo.armature, servo.friction] == [pytest.approx(value, rel=0.05) for value in mechanics]
     assert servo.gain == pytest.approx(gain / 800, rel=0.05)
     assert abs(found.delay) <= 1 / 125 and found.error < 1e-3
+
+
+@pytest.mark.parametrize("supply", [None, 10.8])
+def test_the_emulator_carries_a_pendulum_and_the_supply_is_accounted_for(tmp_path: Path, supply: float | None) -> None:
+    fault = () if supply is None else ("--fault", f"supply {supply}")
+    with emulated(tmp_path, BENCH, "--pendulum", "0.3,0.1", "--lockstep", "125", *fault) as emulator:
+        found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", PlaybackOptions(lockstep=True))
+    true, servo = IDENTIFIED["XM430-W350"], found.servo
+    back_emf, near = MOTORS["XM430-W350"].back_emf, {"rel": 0.05}
+    assert servo.damping + back_emf == pytest.approx(true.damping + back_emf, **near)
+    assert [servo.armature, servo.friction] == [pytest.approx(x, **near) for x in (true.armature, true.friction)]
+    assert servo.gain == pytest.approx(1.0, **near) and found.weight == pytest.approx(1.0, rel=0.1)
+    assert found.voltage == pytest.approx(supply or 12.0, abs=0.2)
+    for name in ("friction", "armature", "gain"):
+        assert 0 < found.spread[name] < 0.05 * getattr(servo, name)
+
+
+@pytest.mark.parametrize(("carried", "stated"), [("", PENDULUM), ("0.3,0.1", Pendulum(1.2, 0.1))])
+def test_a_pendulum_that_is_not_there_is_refused(tmp_path: Path, carried: str, stated: Pendulum) -> None:
+    words = ("--pendulum", carried) if carried else ()
+    refused = pytest.raises(ServoError, match=r"weight that fits best is .* times the|moves so")
+    with emulated(tmp_path, BENCH, *words, "--lockstep", "125") as emulator, refused:
+        identify(BENCH, "j1", stated, emulator.port, tmp_path / "play.npz", PlaybackOptions(lockstep=True))
 
 
 def test_what_was_identified_stands_in_the_map_and_is_simulated(tmp_path: Path) -> None:

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from made_trajectories import hold, robot_of, swing
 
+from robot_retarget.actuators.mechanics import IDENTIFIED
 from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.errors import RobotError, ServoError
 from robot_retarget.robot import load_robot
 from robot_retarget.simulate.plant import build_plant
 from robot_retarget.simulate.rollout import simulate
-from robot_retarget.simulate.servo_model import HEAT_RISE, IDENTIFIED, Drives, drives, drives_of
+from robot_retarget.simulate.servo_model import HEAT_RISE, Drives, drives, drives_of
 from robot_retarget.simulate.stepping import Playback, roll_out
 
 OP3 = load_robot("op3")

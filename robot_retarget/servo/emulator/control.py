@@ -1,6 +1,6 @@
 """The controllers of a servo by operating mode: from goals and gains to the duty of the motor."""
 
-from robot_retarget.actuators.control_tables import FULL_PWM
+from robot_retarget.actuators.motors import FULL_PWM
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import CURRENT, CURRENT_POSITION, POSITIONS, PWM, VELOCITY
 from robot_retarget.servo.emulator.registers import Registers

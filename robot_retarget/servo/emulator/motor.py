@@ -1,9 +1,12 @@
 """What turns inside a servo: the position, velocity, current and PWM controllers, and a plain motor on a load."""
 
 from dataclasses import dataclass, field
-from math import exp, tau
+from math import exp, sin, tau
 
-from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN, Model
+from robot_retarget.actuators.control_tables import Model
+from robot_retarget.actuators.mechanics import mechanics_of, next_speed
+from robot_retarget.actuators.motors import FULL_PWM, TICKS_PER_TURN
+from robot_retarget.servo.pendulum import Pendulum
 
 RADIANS = tau / TICKS_PER_TURN
 AMBIENT = 30.0
@@ -36,8 +39,16 @@ class EmulatedMotor:
     temperature: float = AMBIENT
     inertia: float = 0.012
     """Of rotor and load at the output [kg m²]."""
+    damping: float = 0.0
+    """Besides the back-EMF [N m s/rad]."""
     friction: float = 0.03
     """Dry [N m]."""
+    weight: float = 0.0
+    """Torque of a pendulum's weight when it is horizontal [N m]."""
+    hanging: float = 2048.0
+    """Where the pendulum hangs [ticks]."""
+    gear: float = 1.0
+    """Turns of the shaft for one of the pendulum."""
     jammed: bool = False
     """Whether the shaft is blocked."""
     strained: float = 0.0
@@ -57,13 +68,18 @@ class EmulatedMotor:
         """Of the winding, before what speed takes away [N m]."""
         return self.duty * self.stiffness(voltage)
 
+    def carry(self, pendulum: Pendulum, gear: float, hanging: float) -> None:
+        """Put a pendulum on the joint behind the gear, that hangs at `hanging` [ticks], with the published mechanics of the servo."""
+        mechanics = mechanics_of(self.model.motor)
+        self.inertia, self.weight = mechanics.armature + pendulum.inertia / gear**2, pendulum.weight / gear
+        self.damping, self.friction, self.hanging = mechanics.damping, mechanics.friction, hanging
+        self.gear = gear
+
     def step_plant(self, voltage: float, dt: float) -> None:
-        """Step the built-in plant: J ω' = τ(duty) − k ω − friction; damping and friction are taken implicitly."""
-        omega = self.velocity * RADIANS + self.torque(voltage) * dt / self.inertia
-        drag = self.friction * dt / self.inertia
-        omega = 0.0 if abs(omega) <= drag else omega - drag * (1 if omega > 0 else -1)
-        if self.duty or omega:
-            omega /= 1 + self.back_emf * dt / self.inertia
+        """Step the built-in plant: J ω' = τ(duty) − m g l sin q − d ω − friction (`mechanics.next_speed`)."""
+        torque = self.torque(voltage) - self.weight * sin((self.position - self.hanging) * RADIANS / self.gear)
+        drag = self.back_emf + self.damping
+        omega = next_speed(self.velocity * RADIANS, torque, self.inertia, drag, self.friction, dt)
         self.velocity = 0.0 if self.jammed else omega / RADIANS
         self.position += self.velocity * dt
 
@@ -89,9 +105,9 @@ class EmulatedMotor:
         p, i, d = gains
         error = target - self.position
         self.integral = max(-limit, min(limit, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM)) if i else 0.0
-        raw = (
-            p / self.model.motor.p_divisor * error + d / 16 * (speed - self.velocity) / 1000
-        ) / FULL_PWM + self.integral
+        motor = self.model.motor
+        ahead = motor.duty_per_error(p) * error + motor.duty_per_speed(d) * (speed - self.velocity)
+        raw = RADIANS * ahead + self.integral
         self.duty = max(-limit, min(limit, raw))
 
     def run(self, speed: float, gains: tuple[int, int], limit: float, dt: float) -> None:

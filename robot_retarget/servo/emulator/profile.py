@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import sqrt
 
-from robot_retarget.actuators.control_tables import TICKS_PER_TURN
+from robot_retarget.actuators.motors import TICKS_PER_TURN
 
 VELOCITY = 0.229 * TICKS_PER_TURN / 60
 """One raw unit of velocity [ticks/s]."""

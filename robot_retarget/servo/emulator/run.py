@@ -15,6 +15,7 @@ from robot_retarget.servo.emulator.opencr import Board
 from robot_retarget.servo.emulator.server import Server
 from robot_retarget.servo.emulator.wire_timing import WireTiming
 from robot_retarget.servo.emulator.world import World
+from robot_retarget.servo.pendulum import Pendulum
 from robot_retarget.shipped import MODELS
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def emulator(
     return_delay: int = 0,
     view: bool = False,
     lockstep: float | None = None,
+    pendulum: Pendulum | None = None,
 ) -> Server:
     """Return a server with one device per servo of a map, on separate motors or on a robot in MuJoCo.
 
@@ -43,6 +45,7 @@ def emulator(
         strict: drop frames without stuffing, and be silent at a wrong baud rate.
         return_delay: register 9 of every servo [2 µs].
         view: show the robot in MuJoCo in a window.
+        pendulum: the load of every servo, which then has its published mechanics; without physics.
         lockstep: advance time by one period of this rate per frame of goals instead of the clock [1/s].
 
     Raises:
@@ -50,8 +53,10 @@ def emulator(
     """
     code = BAUDS.index(servo_map.baud)
     devices = [rested(s.type, s.id, code, s.zero if 0 <= s.zero < 4096 else CENTRE) for s in servo_map.servos]
-    for device in devices:
+    for device, servo in zip(devices, servo_map.servos, strict=True):
         device.registers["return_delay_time"] = return_delay
+        if pendulum is not None:
+            device.motor.carry(pendulum, servo.gear, servo.zero)
     plant = None
     if physics is not None:
         from robot_retarget.servo.twin import Twin

@@ -1,6 +1,6 @@
 """What hosts see of a servo's shaft: reversed, offset, folded to a turn; and the path it is on."""
 
-from robot_retarget.actuators.control_tables import FULL_PWM, TICKS_PER_TURN
+from robot_retarget.actuators.motors import FULL_PWM, TICKS_PER_TURN
 from robot_retarget.servo.emulator import profile
 from robot_retarget.servo.emulator.modes import HOMING_REACH, POSITION, REVERSE, TIME_BASED
 from robot_retarget.servo.emulator.motor import EmulatedMotor
