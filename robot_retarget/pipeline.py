@@ -47,7 +47,7 @@ def solve(
             result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and
             end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is static for
-            robots with a `servos.toml` beside their MJCF and for legs that stand, else off.
+            robots with a servo map (beside their MJCF, or given) and for legs that stand, else off.
         progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:

@@ -102,6 +102,7 @@ def test_simulate_prints_the_report_of_the_contract(solved: Path) -> None:
         "badge",
         "mode",
         "thresholds",
+        "model",
         "report_sha256",
     } == {*report}
     assert done.returncode == (0 if report["verdict"] == "pass" else 1)

@@ -48,7 +48,7 @@ def balance_of(robot: Robot, legs: str, balance: str) -> str:
             raise UsageError(f"unknown {what} {choice!r}; {known(choices, typed=choice)}")
     if legs == "stand" and balance == "off":
         raise UsageError("legs 'stand' needs balance: 'static' or 'dynamic'")
-    servos = robot.floating and robot.path.with_name("servos.toml").is_file()
+    servos = robot.floating and robot.servo_map is not None
     mode = ("static" if servos or legs == "stand" else "off") if balance == "auto" else balance
     if mode != "off" and not robot.floating:
         raise BalanceError(f"balance {mode!r} needs a robot with a free root; the root of {robot.name!r} is not free")

@@ -36,7 +36,10 @@ def view(
     map_file: Overrides = None,
     simulated: Annotated[
         Literal["pinned", "free"] | None,
-        typer.Option("--simulate", help="Play them on simulated servos before: pinned or free."),
+        typer.Option(
+            "--simulate",
+            help="Play them on simulated servos before, pinned or free, where no report lies beside; by default the report's mode.",
+        ),
     ] = None,
     static: Annotated[Output, typer.Option(help="A page to write (.html), that opens without a network.")] = None,
     video: Annotated[Output, typer.Option(help="A film to write (.mp4), of the first trajectory.")] = None,
@@ -72,7 +75,9 @@ def view(
         console.show_result({"files": written}, f"wrote {', '.join(written)}", json)
     else:
         editor = None if clip is None else _editor(takes[0], clip, map_file, edits)
-        served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, simulated or "auto"))
+        judged = takes[0].report
+        mode = simulated or ("auto" if judged is None else judged.figures["mode"])
+        served = serve(Viewer(takes), port, editor, judge=_judge(takes[0].robot, mode))
         _answer(served, browser, json)
 
 
@@ -86,7 +91,7 @@ def _takes(
     force: bool,
 ) -> "tuple[Take, ...]":
     from robot_retarget.formats import load_trajectory
-    from robot_retarget.simulate.rollout import simulate
+    from robot_retarget.simulate.rollout import report_beside, simulate
     from robot_retarget.view.web import file_names, take_of
 
     if len(robots) not in (1, len(trajectories)):
@@ -98,7 +103,8 @@ def _takes(
         played = load_trajectory(path, models[name])
         if clip is not None:
             require_source(played, clip, force)
-        report = None if mode is None else simulate(played, models[name], mode=mode)
+        beside = report_beside(path, played, models[name], mode)
+        report = simulate(played, models[name], mode=mode) if mode and beside is None else beside
         takes.append(take_of(played, models[name], clip, overrides=map_file, report=report, name=file))
     return tuple(takes)
 

@@ -49,7 +49,8 @@ def require_judged(
     )
     if why is None:
         return float(content["thresholds"].get("tracking_rms", {}).get("value", TRACKING_RMS))
-    command = ["robot-retarget", "simulate", path, "--robot", trajectory.robot, "--mode", mode]
+    robot = content.get("model") or trajectory.robot
+    command = ["robot-retarget", "simulate", path, "--robot", robot, "--mode", mode]
     command += ["--servos", servos, *(["--report", report] if report is not None else [])]
     raise ServoError(f"{why}; judge it again: {shlex.join(map(str, command))}")
 

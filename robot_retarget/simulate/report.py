@@ -11,9 +11,11 @@ import numpy as np
 from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
+from robot_retarget.errors import UsageError
 from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
-from robot_retarget.report_file import FORMAT_VERSION, sealed
+from robot_retarget.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
+from robot_retarget.shipped import MODELS
 from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.feedback_figures import feedback_figures
 from robot_retarget.simulate.feet import feet_of
@@ -36,6 +38,7 @@ from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.simulate.verdict import Badge, badge_of, judge, unlikeness
 from robot_retarget.simulate.warning_score import touches, warning_score
 from robot_retarget.trajectory import Trajectory
+from robot_retarget.untrusted.documents import read_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,8 @@ class Report:
     trajectory_sha256: str
     """Of the trajectory's file."""
     robot: str
+    model: str = ""
+    """The robot as `load_robot` takes it: a shipped name, or the path of its model."""
     version: str = __version__
     series: Mapping[str, Floats] = field(default_factory=dict)
     """For plots. At the frames: `time` (F,) [s]; `wanted`, `measured`, `error` and `plain` (F, n) [rad], the last NaN where
@@ -102,6 +107,26 @@ class Report:
         columns = {(kind, joint): self.series[kind][:, k] for kind in kinds for k, joint in enumerate(self.joint_names)}
         return frame(columns, self.series.get("time", np.zeros(0)))
 
+    @classmethod
+    def load(cls, path: str | Path) -> "Report":
+        """Read verdict and figures from `report.json`; a report holds no series there.
+
+        Raises:
+            UsageError: it is no report, was edited, or is of another version.
+        """
+        content = read_json(path, UsageError)
+        if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
+            raise UsageError(f"{path} is no report of format {FORMAT_VERSION}")
+        if content.get(SEAL) != content_sha256(content):
+            raise UsageError(f"{path} was edited since it was written")
+        try:
+            return cls(
+                content["verdict"], tuple(content["reasons"]), content["figures"], content["trajectory_sha256"],
+                content["robot"], content.get("model", ""), content["version"], unlike=tuple(content["unlike"] or ()),
+            )  # fmt: skip
+        except (KeyError, TypeError) as error:
+            raise UsageError(f"{path}: no report: it lacks {error}") from None
+
     def contract(self) -> dict[str, Any]:
         """Return the content of `report.json`, sealed."""
         return sealed(
@@ -117,6 +142,7 @@ class Report:
                 "badge": self.badge.contract(),
                 "mode": self.figures["mode"],
                 "thresholds": self.thresholds.changed,
+                "model": self.model,
             }
         )
 
@@ -193,8 +219,14 @@ def build_report(
     return Report(
         "fail" if reasons else "pass", reasons, figures, sha256, robot.name,
         series=series, joint_names=robot.joint_names, thresholds=thresholds, touches=tuple(touched), trajectory=trajectory,
-        unlike=unlike,
+        unlike=unlike, model=robot.name if robot.path.is_relative_to(MODELS) else str(robot.path),
     )  # fmt: skip
+
+
+def series_of(trajectory: Trajectory, plant: Plant, rollout: Rollout) -> dict[str, Floats]:
+    """Return the series of one simulation at the frames: motion of the joints, and poses."""
+    tracking = at_frames(trajectory, plant.robot, rollout)
+    return {**_tracks(tracking, tracking, plant), "simulated": _poses(rollout, tracking.times)}
 
 
 def _choices(played: SimulatedTrajectory) -> list[str]:

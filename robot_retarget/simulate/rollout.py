@@ -11,6 +11,7 @@ from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
 from robot_retarget.goals import Goals
 from robot_retarget.progress import Count, Progress
+from robot_retarget.report_file import NAMES
 from robot_retarget.result import Result
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.played import on_robot
@@ -23,7 +24,7 @@ from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.goals import plain_goals
 from robot_retarget.simulate.judges import NOMINAL, judges, run_trials, trial_figures, worst_trial
 from robot_retarget.simulate.plant import Mode, Plant, build_plant
-from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_report
+from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_report, series_of
 from robot_retarget.simulate.servo_model import Drives, drives_of
 from robot_retarget.simulate.stepping import Playback, Rollout, roll_out
 from robot_retarget.simulate.thresholds import Thresholds
@@ -114,6 +115,26 @@ def _warnings_of(played: Result | Trajectory | str | Path) -> Warnings | None:
 def mode_of(trajectory: Trajectory) -> str:
     """Return the mode in which a trajectory is judged by default: `free` if it was planned in balance, else `pinned`."""
     return "free" if trajectory.balance else "pinned"
+
+
+def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | None = None) -> Report | None:
+    """Return the report next to a trajectory file, with its motion simulated anew where the robot has the judged servos.
+
+    Args:
+        mode: of the report; by default `free`, else `pinned`.
+    """
+    files = (path.with_name(NAMES[how]) for how in ([mode] if mode else NAMES))
+    reports = (Report.load(file) for file in files if file.is_file())
+    found = next((report for report in reports if report.trajectory_sha256 == fingerprint(path)), None)
+    servos = "" if robot.servo_map is None else robot.servo_map.fingerprint
+    if found is None or trajectory.goals is None or trajectory.goals.servos not in ("", servos):
+        return found
+    how, drives = found.figures["mode"], "auto" if trajectory.goals.servos else None
+    plant = judges(plant_of(robot, how, drives)).get(found.figures["servos"])
+    if plant is None:
+        return found
+    rollout = roll_out(plant, trajectory, how, None, trajectory.goals)
+    return replace(found, series=series_of(trajectory, plant, rollout), trajectory=trajectory)
 
 
 def _as_it_is(plant: Plant, trajectory: Trajectory, mode: Mode, playback: Playback | None) -> Goals:

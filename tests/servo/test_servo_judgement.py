@@ -130,6 +130,12 @@ def test_a_report_that_says_something_else_is_refused(tmp_path: Path, changes: d
         require_judged(path, load_trajectory(path), ARM, "arm.toml")
 
 
+def test_the_cure_names_the_robot_as_it_was_given(tmp_path: Path) -> None:
+    path = passing(tmp_path, verdict="fail", reasons=["fell"], model="own/my.xml")
+    with pytest.raises(ServoError, match=r"--robot own/my\.xml --mode free --servos arm\.toml"):
+        require_judged(path, load_trajectory(path), ARM, "arm.toml")
+
+
 def test_a_missing_or_broken_report_is_refused(tmp_path: Path) -> None:
     path = passing(tmp_path)
     for text in ("[1]", "{", "[" * 100_000):

@@ -184,7 +184,16 @@ def test_the_report_of_a_simulation_is_the_contract_and_names_the_file(tmp_path)
     report = simulate(trajectory.save(tmp_path / "t.npz"), OP3)
     kept = json.loads(report.save(tmp_path / "report.json").read_text(encoding="utf-8"))
     contract = ["verdict", "reasons", "figures", "trajectory_sha256", "robot", "version"]
-    assert list(kept) == [*contract, "format_version", "unlike", "badge", "mode", "thresholds", "report_sha256"]
+    assert list(kept) == [
+        *contract,
+        "format_version",
+        "unlike",
+        "badge",
+        "mode",
+        "thresholds",
+        "model",
+        "report_sha256",
+    ]
     assert kept["report_sha256"] == content_sha256(kept) != content_sha256(kept | {"verdict": "pass"})
     assert report.trajectory is not None
     path = report.trajectory.save(tmp_path / "t.npz")
