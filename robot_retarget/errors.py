@@ -9,7 +9,10 @@ from pathlib import Path
 
 
 class RobotRetargetError(Exception):
-    """Root of every error raised on purpose."""
+    """Root of every error raised on purpose. Its message may quote a file: control characters become spaces."""
+
+    def __init__(self, message: str = "", *more: object):
+        super().__init__("".join(c if c.isprintable() else " " for c in str(message)), *more)
 
 
 class FileError(RobotRetargetError):

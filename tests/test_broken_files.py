@@ -10,7 +10,9 @@ import pytest
 from made_trajectories import wander
 
 from robot_retarget.actuators.map import load_map
+from robot_retarget.batch.filters import read_filters
 from robot_retarget.errors import MatchError, MotionError, RobotError, RobotRetargetError, ServoError, TrajectoryError
+from robot_retarget.formats import import_motion
 from robot_retarget.graph.edits import read_edits
 from robot_retarget.human.match import match
 from robot_retarget.live.calibration import load_calibration, save_calibration
@@ -138,18 +140,30 @@ def test_a_header_of_a_thousand_million_rows_takes_no_memory(tmp_path: Path) -> 
         load_trajectory(path)
 
 
+MANY_DIGITS = "1" + "0" * 400
+"""Of an integer that no float holds."""
 TOML_READERS = {
     "limits": (read_limits, RobotError),
     "map": (lambda path: match(WAVE, OP3, path), MatchError),
     "servos": (load_map, ServoError),
     "edits": (read_edits, RobotRetargetError),
     "thresholds": (read_thresholds, RobotRetargetError),
+    "filters": (read_filters, RobotRetargetError),
 }
 
 
 @pytest.mark.parametrize("kind", TOML_READERS)
 @pytest.mark.parametrize(
-    "text", [f"a = {'[' * NESTED}{']' * NESTED}", "a = ", "\x00", "range = 3", "edge = [1]"], ids=range(5)
+    "text",
+    [
+        f"a = {'[' * NESTED}{']' * NESTED}",
+        "a = ",
+        "\x00",
+        "range = 3",
+        "edge = [1]",
+        f"[speed]\nl_knee = {MANY_DIGITS}",
+    ],
+    ids=range(6),
 )
 def test_toml_that_is_none_is_refused_by_its_file(kind: str, text: str, tmp_path: Path) -> None:
     read, error = TOML_READERS[kind]
@@ -201,3 +215,20 @@ def test_a_report_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "report.json").write_text(text)
     with pytest.raises(ServoError, match="report"):
         require_judged(path, load_trajectory(path), load_map("op3"), "op3")
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [
+        ('{"Loop": "none", "Frames": [[%s, 1, 2]]}', read_motion),
+        ('{"fps": %s, "frames": [{"landmarks": [[0, 0, 0]]}]}', read_motion),
+        ("joint_names: [a]\npoints: [{positions: [%s], time_from_start: {sec: 1}}]", lambda p: import_motion(p, OP3)),
+        ("joint_names: [a]\npoints: [{positions: [1], time_from_start: {sec: %s}}]", lambda p: import_motion(p, OP3)),
+    ],
+    ids=range(4),
+)  # fmt: skip
+def test_an_integer_that_no_float_holds_is_refused(text: str, read: Any, tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    path.write_text(text % MANY_DIGITS)
+    with pytest.raises(RobotRetargetError, match=r"file\.json"):
+        read(path)

@@ -28,6 +28,8 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
 NOBODY_READS = 141
 """Exit code where the reader of a pipe is gone: 128 and the number of SIGPIPE."""
+POSIX = ("fcntl", "resource", "termios", "tty")
+"""Modules of Python that other systems lack."""
 DEBUG = "ROBOT_RETARGET_DEBUG"
 """Environment variable that shows the traceback of a defect."""
 NOTHING = "no file was written"
@@ -98,6 +100,9 @@ def _ended(program: Callable[[], None]) -> None:
         _say(str(error))
         sys.exit(MISTAKE)
     except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in POSIX:
+            _say(f"this command needs Linux: Python has no module {error.name!r} on this system")
+            sys.exit(MISTAKE)
         if os.environ.get(DEBUG):
             traceback.print_exc()
         _say(

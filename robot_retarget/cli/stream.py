@@ -273,9 +273,10 @@ def _send(clip: Path, target: str, fps: float | None, speed: float, seconds: flo
 
     from robot_retarget.cli.stages import read_clip
     from robot_retarget.live.open import require_osc
-    from robot_retarget.live.send import send
 
     require_osc()
+    from robot_retarget.live.send import send
+
     motion, stop = read_clip(clip, None), Event()
     motion = motion if fps is None else motion.resample(fps)
     console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")

@@ -40,7 +40,8 @@ class Frame:
         if self.rotations is None:
             return
         turns = self._checked(self.rotations, 4)
-        lengths = np.sqrt((turns**2).sum(axis=1))
+        with np.errstate(over="ignore"):
+            lengths = np.sqrt((turns**2).sum(axis=1))
         wrong = ~((lengths > LENGTHS[0]) & (lengths < LENGTHS[1]))
         if wrong.any():
             raise RefusedError(

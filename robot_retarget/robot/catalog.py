@@ -15,9 +15,18 @@ from robot_retarget.robot.model import Robot, robot_from_model
 from robot_retarget.robot.names import described
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.servos import with_servos
-from robot_retarget.robot.source import Quaternion, is_urdf, read_spec, rod_notes, urdf_notes, urdf_speeds
+from robot_retarget.robot.source import (
+    Quaternion,
+    is_urdf,
+    read_spec,
+    require_finite,
+    rod_notes,
+    urdf_notes,
+    urdf_speeds,
+)
 from robot_retarget.shipped import MODELS
 from robot_retarget.untrusted.documents import read_toml
+from robot_retarget.untrusted.limits import one_line
 
 Limits = dict[str, dict[str, Any]]
 LARGEST_ANGLE = 100.0
@@ -81,12 +90,14 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
     spec = read_spec(path, freed)
     try:
         model = spec.compile()
+        require_finite(model)
+        speeds = urdf_speeds(path) if is_urdf(path) else {}
     except ValueError as error:
-        raise RobotError(f"{path}: MuJoCo does not load it: {' '.join(str(error).split())}") from error
+        raise RobotError(f"{path}: MuJoCo does not load it: {one_line(str(error))}") from error
     notes = (*rod_notes(path), *notes)
     if is_urdf(path):
         notes = (*urdf_notes(path), *notes)
-        tables = {**tables, "speed": {**urdf_speeds(path), **tables.get("speed", {})}}
+        tables = {**tables, "speed": {**speeds, **tables.get("speed", {})}}
     return robot_from_model(model, path, path.stem, tables, notes, freed)
 
 

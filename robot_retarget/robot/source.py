@@ -1,5 +1,6 @@
 """Read a robot's file to a specification: MJCF directly, URDF by MuJoCo's reader; add a missing free joint."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,8 @@ URDF_READER = {
     "boundinertia": "1e-9",
 }
 """Options of MuJoCo's URDF reader."""
+URDF_NUMBERS = ("mass", "inertia", "origin", "axis", "limit", "box", "sphere", "cylinder", "capsule")
+"""Elements of a URDF whose attributes are numbers."""
 MESHES = (".stl", ".obj", ".msh")
 """Mesh formats that MuJoCo reads."""
 SHAPES = ("visual", "collision")
@@ -87,6 +90,7 @@ def is_urdf(path: Path) -> bool:
 def urdf_spec(path: Path) -> mujoco.MjSpec:
     """Read a URDF with MuJoCo's reader; find its meshes, and omit those that are absent or not readable."""
     tree = ET.parse(path).getroot()
+    _require_numbers(tree)
     folder = _compiler(tree).attrib.pop("meshdir", "")
     _compiler(tree).attrib.update(URDF_READER)
     for link, _, shape, mesh in _mesh_shapes(tree):
@@ -162,6 +166,35 @@ def set_free(spec: mujoco.MjSpec, turn: Quaternion) -> None:
         qpos = np.array(key.qpos)
         key.qpos = np.concatenate([qpos[:address], model.body_pos[first], quaternion, qpos[address:]])
     body.add_freejoint(name=FREE_JOINT)
+
+
+def _require_numbers(tree: ET.Element) -> None:
+    """Require numbers in a URDF that are finite, limits of joints apart; MuJoCo takes others for 0.
+
+    Raises:
+        ValueError: one is not; names the element and the attribute.
+    """
+    for element in (one for tag in URDF_NUMBERS for one in tree.iter(tag)):
+        for key, text in element.attrib.items():
+            for number in map(float, text.split()):
+                if math.isnan(number) or (math.isinf(number) and element.tag != "limit"):
+                    raise ValueError(f"{key} of <{element.tag}> is not finite: {text!r}")
+
+
+def require_finite(model: mujoco.MjModel) -> None:
+    """Require that a model has no NaN and no infinity, which MuJoCo reads with a warning at most.
+
+    Raises:
+        ValueError: it has; names the part and the array.
+    """
+    parts = {"body": model.body, "jnt": model.joint, "geom": model.geom, "site": model.site, "actuator": model.actuator}
+    for name in dir(model):
+        derived = name.endswith("invweight0")
+        values = getattr(model, name) if name.partition("_")[0] in parts and not derived else None
+        if isinstance(values, np.ndarray) and values.dtype.kind == "f" and not np.isfinite(values).all():
+            kind, _, array = name.partition("_")
+            row = int(np.argwhere(~np.isfinite(values))[0, 0])
+            raise ValueError(f"{array} of {kind} {parts[kind](row).name!r} is not finite: {values[row]}")
 
 
 def _compiler(tree: ET.Element) -> ET.Element:

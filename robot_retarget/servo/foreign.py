@@ -9,6 +9,7 @@ from robot_retarget.actuators.control_tables import CENTRE, MODELS
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, Servo, ServoMap
 from robot_retarget.errors import ServoError, known
 from robot_retarget.untrusted.documents import parse_json, read_text
+from robot_retarget.untrusted.limits import BROKEN
 
 TODDLERBOT = {
     "XM430": "XM430-W210",
@@ -42,10 +43,10 @@ def read_foreign(path: str | Path, offsets: str | Path | None = None, model: str
         for holds, reader in _READERS:
             if holds(table):
                 return reader(table, Path(path).stem, model)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, AttributeError) as error:
         raise ServoError(f"{path}: an entry lacks {error}") from error
-    except ValueError as error:
-        raise ServoError(f"{path}: {error}") from error
+    except BROKEN as error:
+        raise ServoError(f"{path}: an entry cannot be read: {error}") from error
     except ServoError as error:
         raise ServoError(f"{path}: {error}") from None
     raise ServoError(f"{path}: neither OP3.robot nor a JSON file of lerobot, pypot or ToddlerBot")

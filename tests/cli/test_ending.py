@@ -127,3 +127,21 @@ def test_ctrl_c_while_a_command_loads_leaves_no_traceback(after: float, tmp_path
         err = process.stderr.read()
     assert process.returncode in (130, -signal.SIGINT), err
     assert "Traceback" not in err and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("missing", "words", "sentence"),
+    [
+        ("fcntl", f"batch {WAVE.parent} --robot op3 --out out --dry-run", "this command needs Linux: Python has no module 'fcntl'"),
+        ("resource", f"batch {WAVE.parent} --robot op3 --out out", "this command needs Linux: Python has no module 'resource'"),
+        ("termios", "servos scan --port /dev/null", "this command needs Linux: Python has no module 'termios'"),
+        ("pythonosc", f"stream --send {WAVE} --to vmc://127.0.0.1:39539", "--send needs python-osc: pip install"),
+    ],
+)  # fmt: skip
+def test_what_this_system_lacks_is_named(missing: str, words: str, sentence: str, tmp_path: Path) -> None:
+    program = f"import sys; sys.modules[{missing!r}] = None\nfrom robot_retarget.cli import main\nmain()"
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words.split()], capture_output=True, text=True, cwd=tmp_path, env=env
+    )
+    assert done.returncode == 2 and done.stderr.startswith(f"error: {sentence}"), done.stderr

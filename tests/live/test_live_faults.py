@@ -150,6 +150,29 @@ def test_numbers_that_are_none_are_refused(heard: Heard) -> None:
     heard.well(start=6)
 
 
+@pytest.mark.parametrize("length", [0.0, 1e200])
+def test_a_rotation_of_no_length_is_refused(length: float) -> None:
+    faults = FaultCounter()
+    decoder = LineDecoder(faults, SKELETON, True)
+    turns = np.tile([length, 0.0, 0.0, 0.0], (len(SKELETON), 1))
+    decoder.feed(line_of(9.0, np.zeros((len(SKELETON), 3)), turns), 0.0)
+    with pytest.raises(RefusedError, match="has the length"):
+        decoder.newest()
+
+
+@pytest.mark.parametrize("stamp", ["1000000000000000000000", "1" + "0" * 400, "1e999"])
+def test_a_time_of_any_number_of_digits_is_a_time_or_refused(stamp: str) -> None:
+    faults = FaultCounter()
+    decoder = LineDecoder(faults, SKELETON, True)
+    line = line_of(9.0, np.zeros((len(SKELETON), 3))).replace(b"9.0", stamp.encode())
+    assert decoder.feed(line, 0.0) == 1
+    if float(stamp) < float("inf"):
+        assert np.isfinite(decoder.newest().time)
+    else:
+        with pytest.raises(RefusedError):
+            decoder.newest()
+
+
 def test_a_bone_that_nobody_knows_is_counted_and_the_others_are_taken() -> None:
     heard = Heard("vmc")
     heard.well()

@@ -61,6 +61,24 @@ def test_a_limb_that_flies_is_led_across():
     assert any("l_arm jumps at frames 60–62 (2.00–2.07 s)" in note for note in mended.notes)
 
 
+def test_a_head_that_flies_is_led_across():
+    capture, leg = walk()
+    head = [k for k, name in enumerate(capture.skeleton.names) if name.startswith("Head")]
+    x = capture.positions.copy()
+    x[60, head] += 3.0 * leg
+    mended, whole = (upright(replace(capture, positions=p, rotations=None)) for p in (x, capture.positions))
+    assert np.abs(mended.positions - whole.positions).max() < 0.08
+    assert any("head jumps at frame 60" in note for note in mended.notes)
+
+
+@pytest.mark.parametrize("away", [30.0, 1e3, 1e5])
+def test_a_joint_that_is_nowhere_near_the_body_is_said(away):
+    capture, leg = walk()
+    x = capture.positions.copy()
+    x[60, capture.skeleton.names.index("Head_end")] += away * leg
+    assert any("Head_end tears at frame 60" in note for note in upright(replace(capture, positions=x)).notes)
+
+
 def largest_steps(motion) -> np.ndarray:
     """(K,) of every keypoint [m]."""
     x = recognise(motion.skeleton, motion.positions).place(motion.positions)

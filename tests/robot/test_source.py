@@ -149,3 +149,32 @@ def test_keyframes_of_a_robot_that_is_set_free_begin_where_it_stands(tmp_path: P
     path = tmp_path / "bolted.xml"
     path.write_text(spec.to_xml())
     assert load_robot(path).standing()[7:] == pytest.approx(op3.standing()[7:])
+
+
+MJCF = """<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/><geom size=".1"/><body name="leg" pos="0 0 0">
+<joint name="knee" axis="0 1 0" range="-1 1"/><geom name="shin" type="capsule" fromto="0 0 0 0 0 -.4" size=".05"/></body></body>
+</worldbody></mujoco>"""
+URDF = """<robot name="r"><link name="base"/><link name="leg"><inertial><origin xyz="0 0 0"/><mass value="1"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="knee" type="revolute">
+<parent link="base"/><child link="leg"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="5" velocity="3"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "named"),
+    [
+        (MJCF, 'pos="0 0 0"', 'pos="nan 0 0"', "leg"),
+        (MJCF, 'range="-1 1"', 'range="-1 nan"', "knee"),
+        (MJCF, 'axis="0 1 0"', 'axis="0 nan 0"', "knee"),
+        (MJCF, 'size=".05"', 'size="nan"', "shin"),
+        (URDF, 'value="1"', 'value="nan"', "value of <mass>"),
+        (URDF, 'ixx=".1"', 'ixx="inf"', "ixx of <inertia>"),
+        (URDF, 'effort="5"', 'effort="nan"', "effort of <limit>"),
+        (URDF, 'velocity="3"', 'velocity="fast"', "could not convert"),
+    ],
+)
+def test_a_number_that_is_none_is_refused_and_named(text: str, old: str, new: str, named: str, tmp_path: Path) -> None:
+    path = tmp_path / ("r.xml" if text is MJCF else "r.urdf")
+    path.write_text(text.replace(old, new))
+    assert old in text
+    with pytest.raises(RobotError, match=rf"r\.(xml|urdf): .*{named}"):
+        load_robot(path)

@@ -64,6 +64,15 @@ def test_a_fast_sync_read_answers_as_the_manual_s_example() -> None:
     assert answer.data.hex() == "fffffd00fe1900550003a60000008408" + "00071f08000016ca" + "0004ff030000d19e"
 
 
+@pytest.mark.parametrize("kind", [Instruction.FAST_SYNC_READ, Instruction.SYNC_READ])
+def test_a_read_of_more_than_a_status_holds_leaves_the_servos_answering(kind: Instruction) -> None:
+    network, _ = made(2)
+    request = frame(BROADCAST, kind, b"\0\0\xff\xff\1\2")
+    answers = [a for f in Parser().feed(request) for a in network.answer(f)]
+    assert not answers or kind == Instruction.SYNC_READ
+    assert get(network, "id", 2) == 2
+
+
 def test_eeprom_is_locked_while_torque_is_on() -> None:
     network, _ = made()
     assert put(network, "return_delay_time", 10) == 0

@@ -17,7 +17,7 @@ from robot_retarget.formats.pickles.dictionary import array_in, holds
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
-from robot_retarget.untrusted.limits import BROKEN, require_tree
+from robot_retarget.untrusted.limits import BROKEN, one_line, require_tree
 
 NANO = 10**9
 
@@ -58,7 +58,7 @@ def read(source: TrajectorySource) -> Columns:
         points = [(point["positions"], point["time_from_start"]) for point in message["points"]]
         times = [float(stamp["sec"]) + float(stamp.get("nanosec", 0)) / NANO for _, stamp in points]
     except (yaml.YAMLError, *BROKEN) as error:
-        raise TrajectoryError(f"no JointTrajectory: {error}") from error
+        raise TrajectoryError(f"no JointTrajectory: {one_line(str(error))}") from error
     if not points or not holds(message, "joint_names"):
         raise TrajectoryError("no JointTrajectory with joint_names and points")
     angles = array_in({"positions": [angles for angles, _ in points]}, "positions", (len(points), None))

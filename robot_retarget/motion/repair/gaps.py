@@ -17,10 +17,12 @@ STILL = 1e-4
 
 
 def limbs_of(recognition: Recognition) -> dict[str, list[str]]:
-    """The keypoints of every limb that move with it, the one it hangs from left out."""
-    kinds = {"arm": ARM[1:], "leg": LEG[1:]}
+    """The keypoints of every limb and of the head, the first of them the one that it hangs from."""
+    kinds = {"arm": ARM, "leg": LEG}
     limbs = {f"{side}_{kind}": [f"{side}_{part}" for part in parts] for kind, parts in kinds.items() for side in SIDES}
-    return {limb: [k for k in keypoints if k in recognition.marks] for limb, keypoints in limbs.items()}
+    limbs["head"] = ["neck", "head"]
+    there = {limb: [k for k in keypoints if k in recognition.marks] for limb, keypoints in limbs.items()}
+    return {limb: keypoints for limb, keypoints in there.items() if keypoints[:1] == limbs[limb][:1] and keypoints[1:]}
 
 
 def gaps(jumps: Floats, points: Floats, longest: int) -> Iterator[tuple[int, int, float, bool]]:

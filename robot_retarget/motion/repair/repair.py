@@ -15,6 +15,7 @@ from robot_retarget.motion.repair.smoothness import REFUSED, is_smoother
 from robot_retarget.motion.repair.steps import JumpRule, body_jumps, limb_jumps
 
 TRUNK = ("pelvis", "chest", "neck", "l_hip", "r_hip", "l_shoulder", "r_shoulder")
+TORN = "look at it, or cut the clip there (--frames)"
 LEFT = "not repaired (--no-repair)"
 
 
@@ -50,7 +51,21 @@ def repaired(
     capture, body = _rooted(capture, recognition, leg, rule)
     capture, limbs = _limbs(capture, recognition, leg, rule)
     capture, noise = _quiet(capture, recognition, metres, rule)
-    return capture, (*sentences([*body, *limbs], capture.fps), *noise)
+    return capture, (*sentences([*body, *limbs, *_torn(capture, leg)], capture.fps), *noise)
+
+
+def _torn(capture: Capture, leg: float) -> list[Defect]:
+    """Bones that are in some frames longer than all of the body together, those of a root apart."""
+    parents = capture.skeleton.parents
+    inner = np.flatnonzero((parents >= 0) & (parents[parents] >= 0))
+    lengths = np.linalg.norm(capture.positions[:, inner] - capture.positions[:, parents[inner]], axis=2) / leg
+    torn = lengths > np.median(lengths, axis=0).sum()
+    found = []
+    for bone in np.flatnonzero(torn.any(axis=0)):
+        frames, name = np.flatnonzero(torn[:, bone]), capture.skeleton.names[inner[bone]]
+        size = float(lengths[:, bone].max())
+        found.append(replace(_found(f"The bone of {name} tears", int(frames[0]), size, TORN), last=int(frames[-1])))
+    return found
 
 
 def _sparse(capture: Capture) -> tuple[str, ...]:
@@ -94,12 +109,12 @@ def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairR
     jumps[jumps.any(axis=2).mean(axis=1) > rule.pose] = 0.0
     longest, findings = round(rule.longest * capture.fps), []
     for limb, keypoints in limbs_of(recognition).items():
-        columns, root = [at(k) for k in keypoints], at(keypoints[0][:2] + ("shoulder" if "arm" in limb else "hip"))
+        root, *columns = map(at, keypoints)
         inside = points[:, columns] - points[:, [root]]
         worst = columns[int(np.linalg.norm(jumps[:, columns], axis=2).max(axis=0).argmax())]
         for first, last, size, closed in gaps(jumps[:, worst], inside, longest):
             safe = closed and last - first < longest and first > 0 and last + 1 < len(points)
-            done = LEFT if safe else "look at it, or cut the clip there (--frames)"
+            done = LEFT if safe else TORN
             if safe and rule.mend:
                 hub = recognition.marks[recognition.keypoints[root]].joints[0]
                 capture, done = _across(capture, recognition, hub, columns, first, last)

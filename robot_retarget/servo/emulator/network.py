@@ -11,6 +11,8 @@ from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, Dynami
 
 ANSWERED_FROM: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
 """The status return level from which an instruction is answered; all others from 2."""
+LONGEST_STATUS = 0xFFFF
+"""Largest length that a status can state [B]; servos do not answer a fast read of more."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class Network:
             data = data if not error else bytes(length)
             blocks.append((error | devices[0].alert, identity, data))
             delay = delay or devices[0].registers["return_delay_time"] * RETURN_DELAY_UNIT
-        if not blocks:
+        if not blocks or 1 + sum(4 + length for _, _, length in wanted) > LONGEST_STATUS:
             return []
         whole = protocol.fast_status([*blocks, *((0, i, bytes(n)) for i, _, n in wanted[len(blocks) :])])
         sent = 8 + sum(4 + len(data) for _, _, data in blocks)
