@@ -90,7 +90,7 @@ def require_tree(value: Any, elements: int, limit: int = LIMITS.free) -> None:
     Raises:
         ValueError: it has more elements or bytes, is nested too deeply, or holds an integer of more than 64 bits.
     """
-    left = [(value, 0)]
+    left, elements = [(value, 0)], elements + 1
     while left:
         one, depth = left.pop()
         elements -= 1
