@@ -62,7 +62,7 @@ def solve(
     if mode != "off" and progress:
         draft, planting = consecutive(progress, expected_steps(graph))
     solution = solve_graph(graph, options=options, search=search, smoothing=smoothing, progress=draft)
-    doubt = mismatch(graph.motion, graph.robot, graph.match, solution.trajectory.qpos)
+    doubt = mismatch(graph.human, graph.robot, solution.trajectory.qpos, graph.motion.source)
     if doubt and not graph.mapped and (smoothing is None or smoothing.passes):
         raise MatchError(doubt)
     if mode == "off":

@@ -8,7 +8,6 @@ import numpy as np
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import HARD, Track
-from robot_retarget.human.recognition import recognise as recognise_human
 from robot_retarget.human.stature import leg_length, stature
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -29,7 +28,7 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
         "notes": list(motion.notes),
     }
     try:
-        found = recognise_human(motion.skeleton, motion.positions)
+        found = motion.recognition
     except MatchError as error:
         return facts | {"human": False, "reason": str(error)}
     names = motion.skeleton.names

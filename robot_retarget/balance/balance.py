@@ -22,7 +22,7 @@ from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.graph.describe import RobotGraph, graph_from
 from robot_retarget.graph.likeness import likeness_of
-from robot_retarget.human.activity import activity_of, require_own_feet
+from robot_retarget.human.activity import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
@@ -82,7 +82,7 @@ def in_balance(
         return _played_as(ik, draft, "stand", mode, count)
     acceptable = Acceptable() if legs == "auto" else None
     try:
-        require_own_feet(activity_of(graph.motion, graph.match))
+        require_own_feet(graph.human.activity)
         return _played_as(ik, draft, "follow", mode, count, acceptable)
     except BalanceError as error:
         if legs == "follow":

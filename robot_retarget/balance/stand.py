@@ -63,7 +63,6 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
         human,
         positions=np.einsum("tij,tkj->tki", back, centred),
         segments={name: back @ turns for name, turns in human.segments.items()},
-        facing=back @ human.facing,
         contacts={foot: np.ones_like(stands) for foot, stands in human.contacts.items()},
     )
     return standing, slow

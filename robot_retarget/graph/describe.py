@@ -152,7 +152,7 @@ def describe(
     motion = at_rate(as_motion(motion), fps)
     robot = as_robot(robot)
     matched = match(motion, robot, overrides)
-    graph = graph_of(motion, robot, matched, weighed, kinds)
+    graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
 
 
@@ -182,23 +182,25 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 
 def graph_of(
-    motion: Motion, robot: Robot, matched: Match, weights: Weights, kinds: Iterable[MotionKind] = KINDS
+    motion: Motion, human: HumanFeatures, robot: Robot, weights: Weights, kinds: Iterable[MotionKind] = KINDS
 ) -> RobotGraph:
-    """The graph of matched bodies.
+    """Return the graph of a human whose features are known.
 
     Args:
         motion: the human's.
+        human: its features.
         robot: the robot.
-        matched: the matched bodies.
         weights: π of every kind.
         kinds: the kinds of edges that describe the motion.
     """
-    context = RetargetContext(features_of(motion, matched), matched, robot, weights)
+    context = RetargetContext(human, human.calibration.match, robot, weights)
     return _built(motion, context, kinds)
 
 
 def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
-    """The graph with the targets of another human of as many frames; limits, temporal costs and added edges stay.
+    """Return the graph with the targets of another human of as many frames.
+
+    Limits, temporal costs, added edges and the human that the robot is compared with stay.
 
     Args:
         graph: of another human.
@@ -207,7 +209,7 @@ def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
     context = RetargetContext(human, graph.match, graph.robot, graph.weights)
     costs = {track.name for track in graph.costs}
     tracks = tuple(_retargeted(track, context) if track.name in costs else track for track in graph.tracks)
-    return replace(graph, human=human, tracks=tracks, pelvis=pelvis_path(human, graph.match))
+    return replace(graph, tracks=tracks, pelvis=pelvis_path(human, graph.match))
 
 
 def _retargeted(track: Track, context: RetargetContext) -> Track:

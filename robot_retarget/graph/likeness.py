@@ -174,9 +174,8 @@ def likeness_of(
     Args:
         frames: consecutive ones that are compared; all by default.
     """
-    match, performed = graph.match, human_travel(graph.motion, graph.match, frames)
-    moved = robot_travel(qpos[frames], graph.robot, match, graph.fps)
-    graph, qpos = graph.at(frames), qpos[frames]
+    graph, qpos, match = graph.at(frames), qpos[frames], graph.match
+    performed, moved = human_travel(graph.human), robot_travel(qpos, graph.robot, match, graph.fps)
     robot = world_points(graph.robot, match.points, qpos)
     compared = PARTS.keys() - ({"legs"} if legs == "stand" else set())
     angles = bone_angles(graph.human.positions, robot, match.keypoints, match.parents, compared)

@@ -12,11 +12,10 @@ from scipy.ndimage import minimum_filter1d
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.graph.soles import sole_corners
 from robot_retarget.human.activity import ActivityRule
-from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import WINDOW, grounded
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.ground import WINDOW
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import intervals
-from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot, world_points
 
 Frames = slice | Bools
@@ -60,21 +59,15 @@ class Travel:
         return {"distance_m": round(self.distance, 3), "turn_rad": round(self.turn, 3), "steps": self.steps}
 
 
-def human_travel(motion: Motion, match: Match, frames: Frames, rule: StepThresholds | None = None) -> Travel:
-    """Return the travel of the human at some frames of a motion.
-
-    Args:
-        frames: consecutive ones.
-    """
-    clip, span = motion.clip, motion.span
-    x = grounded(match.human_positions(clip), match, clip.fps)
-    steps, chosen = 0, rule or StepThresholds()
-    for side, stands in contact_schedule(x, match, clip.fps, clip.contacts).items():
+def human_travel(human: HumanFeatures, rule: StepThresholds | None = None) -> Travel:
+    """Return the travel of the human."""
+    match, steps, chosen = human.calibration.match, 0, rule or StepThresholds()
+    for side, stands in human.contacts.items():
         foot = next((k for k in (f"{side}_ankle", f"{side}_toe") if k in match.keypoints), None)
         if foot is not None:
-            place, planted = x[span, match.index(foot)] / match.human_leg, np.any(stands, axis=1)[span]
-            steps += _counted(place[frames], ~planted[frames], chosen)
-    return _travel(x[span][frames], match, steps)
+            place = human.positions[:, match.index(foot)] / match.human_leg
+            steps += _counted(place, ~np.any(stands, axis=1), chosen)
+    return _travel(human.positions, match, steps)
 
 
 def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepThresholds | None = None) -> Travel:

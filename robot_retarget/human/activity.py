@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import WINDOW, grounded
+from robot_retarget.human.ground import WINDOW
 from robot_retarget.human.match import Match
-from robot_retarget.human.skeleton import Motion
 from robot_retarget.human.stance import StanceRule, intervals
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
@@ -41,28 +39,23 @@ class Activity:
     """Longest flight or support [s]."""
 
 
-def activity_of(motion: Motion, match: Match, rule: ActivityRule | None = None) -> Activity:
-    """Classify the activity from feet and pelvis; a match without legs is in place.
+def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps: float) -> Activity:
+    """Classify the activity; a body without two feet is in place.
 
     Args:
-        motion: the human.
-        match: keypoints that human and robot share.
-        rule: thresholds.
+        supported: (T,) whether something else than the feet holds the body up.
+        flying: (T,) whether both feet are in the air.
+        contacts: the contact schedule.
     """
-    chosen, fps = rule or ActivityRule(), motion.fps
-    if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
+    brief = ActivityRule().brief
+    if len(contacts) < 2:
         return Activity(IN_PLACE)
-    clip, span = motion.clip, motion.span
-    x = grounded(match.human_positions(clip), match, fps) / match.human_leg
-    held = _held(x, match, chosen)[span]
-    if held.mean() > chosen.brief:
-        return _longest(SUPPORTED, held, fps)
-    flying = _flying(x, match, fps, chosen)[span]
+    if supported.mean() > brief:
+        return _longest(SUPPORTED, supported, fps)
     if any((stop - start) / fps > StanceRule().shortest for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
-    schedule = contact_schedule(x * match.human_leg, match, fps, clip.contacts)
-    planted = [foot[span].any(axis=1) for foot in schedule.values()]
-    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - chosen.brief else STEPPING)
+    planted = [foot.any(axis=1) for foot in contacts.values()]
+    return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - brief else STEPPING)
 
 
 def require_own_feet(activity: Activity) -> None:
@@ -79,17 +72,23 @@ def require_own_feet(activity: Activity) -> None:
         )
 
 
-def _held(x: Floats, match: Match, rule: ActivityRule) -> np.ndarray:
-    """(T,) whether the pelvis is low and far from over the feet."""
+def is_supported(x: Floats, match: Match, rule: ActivityRule) -> Bools:
+    """Return (T,) whether the pelvis of keypoints (T, K, 3) [m] is low and far from over the feet."""
+    if not {"pelvis", "l_ankle", "r_ankle"} <= set(match.keypoints):
+        return np.zeros(len(x), dtype=bool)
+    x = x / match.human_leg
     pelvis, ankles = x[:, match.index("pelvis")], x[:, [match.index(k) for k in ("l_ankle", "r_ankle")]]
     beside = np.linalg.norm(pelvis[:, :2] - ankles.mean(axis=1)[:, :2], axis=1)
     return (pelvis[:, 2] < rule.low * -StanceRule().floor_height(-pelvis[:, 2])) & (beside > rule.seat_offset)
 
 
-def _flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> np.ndarray:
-    """(T,) whether both feet are high; on tiptoe the toes stay low."""
+def is_flying(x: Floats, match: Match, fps: float, rule: ActivityRule) -> Bools:
+    """Return (T,) whether both feet of keypoints (T, K, 3) [m] are high; on tiptoe the toes stay low."""
     parts = [match.index(k) for k in ("l_ankle", "r_ankle", "l_toe", "r_toe") if k in match.keypoints]
-    lowest = (x[:, parts, 2] - StanceRule().floor_height(x[:, parts, 2], axis=0)).min(axis=1)
+    if not parts:
+        return np.zeros(len(x), dtype=bool)
+    height = x[:, parts, 2] / match.human_leg
+    lowest = (height - StanceRule().floor_height(height, axis=0)).min(axis=1)
     return lowest - minimum_filter1d(lowest, 2 * round(WINDOW * fps) + 1, mode="nearest") > rule.high
 
 

@@ -1,18 +1,19 @@
-"""Constants of one performer, which a stream needs beforehand: they are read off calibration frames."""
+"""The constants of one performer: how joints become keypoints over a floor, and axes of segments.
+
+A clip fits them to all its frames, a stream to its calibration frames; both then read frames by the same `Calibration`.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, Ints
-from robot_retarget.human.features import HumanFeatures
-from robot_retarget.human.feet import foot_axes
+from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.human.feet import FEET, untwisted
 from robot_retarget.human.match import Match
-from robot_retarget.human.rotations import TURNED_BY, constant_between, own_joint
-from robot_retarget.human.segments import trunk_frames
-from robot_retarget.human.skeleton import Motion
-from robot_retarget.robot.kinematics import matrices
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.rotations import carrying_joint, matrices_of
+from robot_retarget.human.segments import segment_constants, visible_segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,87 +21,69 @@ class Calibration:
     """Constants of one performer, matched with one robot."""
 
     match: Match
-    features: HumanFeatures
-    """Of the calibration frames."""
-    mean: Floats
-    """(K, J) matrix that maps joints to keypoints."""
+    weights: Floats
+    """(K, J) shares of the joints in the keypoints."""
     floor: float
     """Height of the floor in the source [m]."""
+    segment_names: tuple[str, ...]
+    constants: Floats
+    """(S, 3, 3) from the measured axes of each segment to its forward, left and up."""
     joints: Ints
     """(S,) joint that turns each segment; empty where the source has no rotations."""
-    constants: Floats
-    """(S, 3, 3) from the measured axes of a segment to its forward, left and up."""
-
-    @property
-    def turned(self) -> bool:
-        """Whether the source has rotations."""
-        return len(self.joints) > 0
 
     def keypoints(self, positions: Floats) -> Floats:
         """Return keypoints (K, 3) with the floor at z = 0, from joints (J, 3) [m]."""
-        return self.mean @ positions - [0.0, 0.0, self.floor]
+        x = self.weights @ positions
+        x[:, 2] -= self.floor
+        return x
+
+    @cached_property
+    def _legs(self) -> tuple[list[int], Ints]:
+        """The columns of feet on whole legs among the segments, and of hip, knee and ankle (F, 3) among the keypoints."""
+        known = self.match.keypoints
+        if self.match.recognition.segments:
+            return [], np.zeros((0, 3), dtype=np.int64)
+        legs = {name: [f"{name[0]}_{k}" for k in ("hip", "knee", "ankle")] for name in FEET}
+        whole = [name for name in FEET if name in self.segment_names and set(legs[name]) <= set(known)]
+        columns = [[known.index(k) for k in legs[name]] for name in whole]
+        return [self.segment_names.index(name) for name in whole], np.array(columns, dtype=np.int64)
 
     def segments(self, x: Floats, rotations: Floats | None) -> dict[str, Floats]:
-        """Return the axes (1, 3, 3) of every segment.
+        """Return the axes (T, 3, 3) of every segment.
 
         Args:
-            x: (K, 3) keypoints [m].
-            rotations: (J, 4) of the joints, w x y z, or None.
+            x: (T, K, 3) keypoints [m].
+            rotations: (T, J, 4) of the joints, w x y z, or None.
         """
-        names = tuple(self.features.segments)
-        if self.turned and rotations is not None:
-            measured = matrices(rotations[self.joints])
+        if not self.segment_names:
+            return {}
+        if len(self.joints) and rotations is not None:
+            measured = matrices_of(rotations[:, self.joints])
         else:
-            visible = visible_segments({k: x[None, i] for i, k in enumerate(self.match.keypoints)})
-            measured = np.stack([visible[name][0] for name in names]) if names else np.zeros((0, 3, 3))
-        return dict(zip(names, (measured @ self.constants)[:, None], strict=True))
+            visible = visible_segments(self.match.named(x))
+            measured = np.stack([visible[name] for name in self.segment_names], axis=1)
+        axes = measured @ self.constants
+        feet, legs = self._legs
+        if feet:
+            axes[:, feet] = untwisted(axes[:, feet], x[:, legs])
+        return {name: axes[:, k] for k, name in enumerate(self.segment_names)}
 
 
-def calibrate(motion: Motion, match: Match, features: HumanFeatures) -> Calibration:
-    """Fit the constants of a performer to calibration frames.
+def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]) -> Calibration:
+    """Fit the constants of a performer to a motion.
 
     Args:
-        motion: the calibration frames.
-        features: of the same frames.
+        x: (T, K, 3) keypoints over level ground [m].
+        floor: (T,) its height in the source [m].
+        contacts: the contact schedule.
     """
-    joints = _carrying_joints(motion, match, features)
-    measured = _measured_axes(motion, match, features, joints)
-    constants = [constant_between(measured[name], axes) for name, axes in features.segments.items()]
-    floor = float(np.median((match.human_positions(motion) - features.positions)[:, :, 2]))
-    mean = _keypoint_matrix(match, len(motion.skeleton))
-    return Calibration(match, features, mean, floor, joints, np.array(constants).reshape(-1, 3, 3))
-
-
-def _keypoint_matrix(match: Match, joints: int) -> Floats:
-    """Return the matrix (K, J) that maps joints to keypoints: the mean of the joints that mark each."""
-    mean = np.zeros((len(match.keypoints), joints))
-    for row, keypoint in zip(mean, match.keypoints, strict=True):
-        marked = list(match.recognition.marks[keypoint].joints)
-        row[marked] = 1 / len(marked)
-    return mean
-
-
-def _carrying_joints(motion: Motion, match: Match, features: HumanFeatures) -> Ints:
-    """Return the joint (S,) that turns each segment; empty for a motion without rotations."""
-    if motion.rotations is None:
-        return np.zeros(0, dtype=np.int64)
-    joints = [own_joint(motion, match, TURNED_BY.get(name, name)) for name in features.segments]
-    return np.array(joints, dtype=np.int64)
-
-
-def _measured_axes(motion: Motion, match: Match, features: HumanFeatures, joints: Ints) -> dict[str, Floats]:
-    """Return the axes (T, 3, 3) that the frames show of every segment: of its joint, else of its keypoints."""
-    if motion.rotations is None:
-        return visible_segments({k: features.positions[:, i] for i, k in enumerate(match.keypoints)})
-    turns = [Rotation.from_quat(motion.rotations[:, j], scalar_first=True).as_matrix() for j in joints]
-    return dict(zip(features.segments, turns, strict=True))
-
-
-def visible_segments(x: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the axes (T, 3, 3) of pelvis, chest, head and feet that keypoints (T, 3) show."""
-    frames = trunk_frames(x)
-    for side in "lr":
-        knee, ankle, toe = (x.get(f"{side}_{k}") for k in ("knee", "ankle", "toe"))
-        if knee is not None and ankle is not None and toe is not None:
-            frames[f"{side}_foot"] = foot_axes(knee, ankle, toe)
-    return frames
+    constants = segment_constants(motion, match, x, floor, contacts)
+    turning = () if motion.rotations is None else tuple(carrying_joint(motion, match, name) for name in constants)
+    return Calibration(
+        match,
+        match.weights(len(motion.skeleton)),
+        float(np.median(floor)),
+        tuple(constants),
+        np.array(list(constants.values())).reshape(-1, 3, 3),
+        np.array(turning, dtype=np.int64),
+    )

@@ -3,34 +3,30 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.human.calibration import Calibration
 from robot_retarget.human.contacts import CausalContacts
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.ground import DRIFT, WINDOW
-from robot_retarget.human.normalisation import path_weights
-from robot_retarget.human.segments import facing
 
 LEAP = 12.0
 """A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]."""
 FOLLOWED = 0.5
 """Speed at which a drift of the floor is followed [m/s]."""
+_NOT = np.zeros(1, dtype=bool)
 
 
 class CausalFeatures:
     """Features of one performer."""
 
-    calibration: Calibration
+    known: HumanFeatures
     contacts: CausalContacts
     leg: float
-    per_tau: Floats
     moved: Floats
     leaps: int
 
-    def __init__(self, calibration: Calibration):
-        self.calibration, match = calibration, calibration.match
-        self.contacts, self.leg = CausalContacts(match, calibration.features.positions), match.human_leg
-        tau = path_weights(match.parents, match.human_bones)
-        self.per_tau = np.divide(1.0, tau, out=np.zeros_like(tau), where=tau > 0)
+    def __init__(self, known: HumanFeatures):
+        """Start with the features of calibration frames."""
+        match = known.calibration.match
+        self.known, self.contacts, self.leg = known, CausalContacts(match, known.positions), match.human_leg
         self.moved = np.zeros(3)
         """Correction of every place: leaps taken back, and the drift of the floor [m]."""
         self.leaps = 0
@@ -48,15 +44,13 @@ class CausalFeatures:
             rotations: (J, 4) of the joints, w x y z, or None.
             seconds: since the frame before [s].
         """
-        x = self.calibration.keypoints(positions) + self.moved
+        known, calibration = self.known, self.known.calibration
+        x = calibration.keypoints(positions) + self.moved
         x += self._leap_correction(x, seconds)
         x[:, 2] -= self._drift(float(x[:, 2].min()), seconds)
-        segments = self.calibration.segments(x, rotations)
-        apart = x[:, None] - x[None]
-        distance = np.sqrt(np.einsum("uvk,uvk->uv", apart, apart))
-        contacts, known = self.contacts.step(x, seconds), self.calibration.features
-        closeness = (distance * self.per_tau)[None]
-        return HumanFeatures(x[None], segments, facing(segments), contacts, closeness, known.fps, known.ankle_height)
+        segments = calibration.segments(x[None], None if rotations is None else rotations[None])
+        contacts = self.contacts.step(x, seconds)
+        return HumanFeatures(x[None], segments, contacts, _NOT, _NOT, calibration, known.fps, known.ankle_height)
 
     def _leap_correction(self, x: Floats, seconds: float) -> Floats:
         """Return the shift (3,) along the floor that takes a leap of the body back [m]."""

@@ -6,7 +6,7 @@ shortest stance instead. The ankle represents the heel.
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.arrays import Bools, Floats, lengths
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import StanceRule, standing, without_flicker
 
@@ -50,9 +50,11 @@ class CausalContacts:
 
     rule: StanceRule
     leg: float
-    spots: list[tuple[str, int]]
     points: list[int]
     feet: tuple[str, ...]
+    rows: list[int]
+    columns: list[int]
+    """Of each point, among the feet and `PARTS`."""
     floor: Floats
     stands: Floats
     speed: Floats
@@ -65,12 +67,13 @@ class CausalContacts:
             x: (T, K, 3) keypoints of the calibration over level ground [m].
         """
         self.rule, self.leg = rule or StanceRule(), match.human_leg
-        named = [(side, column, f"{side}_{part}") for column, part in enumerate(PARTS) for side in "lr"]
-        self.spots = [(side, column) for side, column, keypoint in named if keypoint in match.keypoints]
-        self.points = [match.index(keypoint) for *_, keypoint in named if keypoint in match.keypoints]
-        self.feet = tuple(dict.fromkeys(side for side, _ in self.spots))
+        named = [(side, part) for part in PARTS for side in "lr" if f"{side}_{part}" in match.keypoints]
+        self.points = [match.index(f"{side}_{part}") for side, part in named]
+        self.feet = tuple(dict.fromkeys(side for side, _ in named))
+        self.rows = [self.feet.index(side) for side, _ in named]
+        self.columns = [PARTS.index(part) for _, part in named]
         low = {part: [match.index(k) for k in match.keypoints if k[2:] == part] for part in PARTS}
-        self.floor = np.array([self.rule.floor_height(x[:, low[PARTS[column]], 2]) for _, column in self.spots])
+        self.floor = np.array([self.rule.floor_height(x[:, low[part], 2]) for _, part in named])
         self.stands = np.zeros(len(self.points), dtype=bool)
         self.speed, self.since = np.full(len(self.points), np.inf), np.full(len(self.points), np.inf)
         self._before: Floats | None = None
@@ -89,18 +92,17 @@ class CausalContacts:
         self._measure_speed(points, seconds)
         enter, stay = self.rule.triggers(self.speed, (points[:, 2] - self.floor) / self.leg)
         self.since += seconds
-        detected = np.where(self.stands, stay, enter)
-        changed = (detected != self.stands) & (self.since >= self.rule.shortest / 2)
-        self.stands, self.since = self.stands ^ changed, np.where(changed, 0.0, self.since)
-        found = {side: np.zeros((1, 2), dtype=bool) for side in self.feet}
-        for (side, column), stands in zip(self.spots, self.stands, strict=True):
-            found[side][0, column] = stands
-        return found
+        changed = (np.where(self.stands, stay, enter) != self.stands) & (self.since >= self.rule.shortest / 2)
+        self.stands = self.stands ^ changed
+        self.since[changed] = 0.0
+        found = np.zeros((len(self.feet), 1, len(PARTS)), dtype=bool)
+        found[self.rows, 0, self.columns] = self.stands
+        return dict(zip(self.feet, found, strict=True))
 
     def _measure_speed(self, points: Floats, seconds: float) -> None:
         """Update the exponential average of the speeds [leg lengths / s]."""
         if self._before is not None:
-            speed = np.linalg.norm(points - self._before, axis=1) / (seconds * self.leg)
-            known = np.where(np.isfinite(self.speed), self.speed, speed)
-            self.speed = known + (1 - np.exp(-2 * seconds / CAUSAL_AVERAGE)) * (speed - known)
+            speed = lengths(points - self._before) / (seconds * self.leg)
+            share = 1 - np.exp(-2 * seconds / CAUSAL_AVERAGE)
+            self.speed = speed if np.isinf(self.speed[0]) else self.speed + share * (speed - self.speed)
         self._before = points

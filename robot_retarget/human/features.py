@@ -1,16 +1,18 @@
 """Features of a human motion: the input of every kind of edge."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.human.activity import Activity, ActivityRule, activity_of, is_flying, is_supported
+from robot_retarget.human.calibration import Calibration, calibrate
 from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import Match
-from robot_retarget.human.normalisation import normalised_distances
-from robot_retarget.human.segments import facing, human_frames
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.segments import facing
 from robot_retarget.human.stance import StanceRule
 
 
@@ -22,12 +24,14 @@ class HumanFeatures:
     """(T, K, 3) keypoints, the floor under them at z = 0 [m]."""
     segments: dict[str, Floats]
     """Per segment (T, 3, 3): its forward, left and up as columns."""
-    facing: Floats
-    """(T, 3, 3) orientation of the whole body."""
-    contacts: dict[str, np.ndarray]
+    contacts: dict[str, Bools]
     """The contact schedule: per foot (`l`, `r`) (T, 2), whether toe and heel stand."""
-    closeness: Floats
-    """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
+    supported: Bools
+    """(T,) whether something else than the feet holds the body up; a stream does not look."""
+    flying: Bools
+    """(T,) whether both feet are in the air; a stream does not look."""
+    calibration: Calibration
+    """Constants of the performer."""
     fps: float
     ankle_height: float = 0.0
     """Height of the lowest ankle above the floor while it stands [m]."""
@@ -35,38 +39,53 @@ class HumanFeatures:
     def __len__(self) -> int:
         return len(self.positions)
 
+    @cached_property
+    def facing(self) -> Floats:
+        """(T, 3, 3) orientation of the whole body."""
+        return np.broadcast_to(facing(self.segments), (len(self), 3, 3))
+
+    @cached_property
+    def closeness(self) -> Floats:
+        """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
+        apart = self.positions[:, :, None] - self.positions[:, None]
+        return np.linalg.norm(apart, axis=-1) / self.calibration.match.human_paths
+
+    @property
+    def activity(self) -> Activity:
+        """What the feet do in these frames."""
+        return activity_of(self.supported, self.flying, self.contacts, self.fps)
+
     def at(self, frames: slice | np.ndarray) -> "HumanFeatures":
         """Return the features of some of the frames."""
         return replace(
             self,
             positions=self.positions[frames],
             segments={name: turns[frames] for name, turns in self.segments.items()},
-            facing=self.facing[frames],
             contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
-            closeness=self.closeness[frames],
+            supported=self.supported[frames],
+            flying=self.flying[frames],
         )
 
 
 def features_of(motion: Motion, match: Match) -> HumanFeatures:
-    """Return the features of a motion; a part of a clip uses the whole clip for its constants.
-
-    Args:
-        motion: the human.
-        match: keypoints that human and robot share.
-    """
-    clip, span = motion.clip, motion.span
-    x = grounded(match.human_positions(clip), match, clip.fps)
-    segments = human_frames(clip, match)
-    schedule = contact_schedule(x, match, clip.fps, clip.contacts)
-    return HumanFeatures(
-        x[span],
-        {name: turns[span] for name, turns in segments.items()},
-        np.broadcast_to(facing(segments), (len(x), 3, 3))[span],
-        {foot: stands[span] for foot, stands in schedule.items()},
-        normalised_distances(x[span], match.parents, match.human_bones),
-        clip.fps,
+    """Return the features of a motion; a part of a clip uses the whole clip for its constants."""
+    clip, fps, rule = motion.clip, motion.fps, ActivityRule()
+    x = match.human_positions(clip)
+    floor = floor_under(x, match, fps)
+    x = x - floor[:, None, None] * [0.0, 0.0, 1.0]
+    contacts = contact_schedule(x, match, fps, clip.contacts)
+    calibration = calibrate(clip, match, x, floor, contacts)
+    whole = HumanFeatures(
+        x,
+        calibration.segments(x, clip.rotations),
+        contacts,
+        is_supported(x, match, rule),
+        is_flying(x, match, fps, rule),
+        calibration,
+        fps,
         _ankle_height(x, match),
     )
+    return whole.at(motion.span)
 
 
 def _ankle_height(x: Floats, match: Match) -> float:

@@ -7,61 +7,63 @@ makes the foot level in those frames.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, unit
-from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.arrays import Bools, Floats, cross, lengths, unit
 from robot_retarget.human.match import Match
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_rotation
-from robot_retarget.human.skeleton import Motion
 from robot_retarget.robot.axes import BENT
 
+FEET = ("l_foot", "r_foot")
 FLAT_SHARE = 0.1
 """Share of the frames, those with the lowest ankle, in which a standing foot is flat [-]: on tiptoe the ankle is higher."""
 UPRIGHT = 0.9
 """A human is upright while the head is above this share of its largest height [-]."""
 
 
-def feet_frames(motion: Motion, match: Match, x: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the axes (T, 3, 3) of both feet; the flat foot corrects one that is on its toes throughout.
+def foot_constants(
+    motion: Motion, match: Match, x: dict[str, Floats], floor: Floats, contacts: dict[str, Bools]
+) -> dict[str, Floats]:
+    """Return the constant (3, 3) of each foot; the flat foot corrects one that is on its toes throughout.
 
     Args:
-        motion: the human.
-        match: keypoints that human and robot share.
-        x: (T, 3) per keypoint [m].
+        x: (T, 3) per keypoint, over level ground [m].
+        floor: (T,) its height in the source [m].
+        contacts: the contact schedule.
     """
-    level = grounded(match.human_positions(motion), match, motion.fps)
-    top = level[:, match.index(next(k for k in ("head", "chest", *match.keypoints) if k in match.keypoints)), 2]
-    stands, upright = (
-        contact_schedule(level, match, motion.fps, motion.contacts),
-        np.asarray(top >= UPRIGHT * top.max()),
-    )
+    top = x[next(k for k in ("head", "chest", *match.keypoints) if k in x)][:, 2]
+    upright = np.asarray(top >= UPRIGHT * top.max())
     sides = [side for side in "lr" if {f"{side}_{k}" for k in ("knee", "ankle", "toe")} <= x.keys()]
-    toes = {side: stands[side][:, 0] for side in sides}
-    flat = {side: _flat(x[f"{side}_ankle"][:, 2], toes[side], upright) for side in sides}
+    toes = {side: contacts[side][:, 0] for side in sides}
+    flat = {side: _flat(x[f"{side}_ankle"][:, 2] + floor, toes[side], upright) for side in sides}
     drops = {side: _drop((x[f"{side}_toe"] - x[f"{side}_ankle"])[flat[side]]) for side in sides}
     least = min((drops[side] for side in sides if toes[side].any()), default=np.inf)
-    feet = {}
+    found = {}
     for side in sides:
-        knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
-        foot = _foot(motion, match, side, knee, ankle, toe, flat[side])
+        found[side] = _levelled(motion, match, side, x, flat[side])
         if drops[side] - least > BENT:
-            foot = foot @ Rotation.from_euler("y", drops[side] - least).as_matrix()
-        hip = x.get(f"{side}_hip")
-        feet[side] = foot if hip is None else _untwisted(foot, hip, knee, ankle)
-    return feet
+            found[side] = found[side] @ Rotation.from_euler("y", drops[side] - least).as_matrix()
+    return found
 
 
-def _untwisted(foot: Floats, hip: Floats, knee: Floats, ankle: Floats) -> Floats:
-    """Return the axes of a foot, with the axis of the knee as its left where no ankle could turn that far from it.
+def untwisted(feet: Floats, legs: Floats) -> Floats:
+    """Return the axes (T, F, 3, 3) of feet, with the axis of the knee as left where no ankle could turn that far from it.
 
     Captures lose the roll of a foot that points along its shin, and some turn it right over.
+
+    Args:
+        feet: (T, F, 3, 3) axes.
+        legs: (T, F, 3, 3) places of hip, knee and ankle [m].
     """
-    across = np.cross(unit(knee - hip), unit(ankle - knee))
+    thigh, shin = legs[..., 1, :] - legs[..., 0, :], legs[..., 2, :] - legs[..., 1, :]
+    across, size = cross(thigh, shin), lengths(thigh) * lengths(shin)
+    bend = lengths(across)
+    along = np.einsum("...i,...i->...", feet[..., 1], across)
+    turned = (along < np.cos(ARBITRARY) * bend) & (bend > BENT * size)
+    if not turned.any():
+        return feet
     y = unit(across)
-    ahead = foot[:, :, 0] - (foot[:, :, 0] * y).sum(1, keepdims=True) * y
-    along = np.stack([unit(ahead), y, np.cross(unit(ahead), y)], axis=2)
-    turned = (foot[:, :, 1] * y).sum(1) < np.cos(ARBITRARY)
-    return np.where((turned & (np.linalg.norm(across, axis=1) > BENT))[:, None, None], along, foot)
+    ahead = unit(feet[..., 0] - (feet[..., 0] * y).sum(-1, keepdims=True) * y)
+    return np.where(turned[..., None, None], np.stack([ahead, y, cross(ahead, y)], axis=-1), feet)
 
 
 def _flat(height: Floats, stands: np.ndarray, upright: np.ndarray) -> np.ndarray:
@@ -81,16 +83,14 @@ def _drop(along: Floats) -> float:
     return float(np.median(np.arcsin(-unit(along)[:, 2])))
 
 
-def _foot(
-    motion: Motion, match: Match, side: str, knee: Floats, ankle: Floats, toe: Floats, flat: np.ndarray
-) -> Floats:
-    """Return the axes of a foot that is level, with its toes straight ahead, in the frames (T,) in which it is flat."""
-    along = toe - ankle
-    ahead = unit(along[flat] * [1, 1, 0])
+def _levelled(motion: Motion, match: Match, side: str, x: dict[str, Floats], flat: np.ndarray) -> Floats:
+    """Return the constant (3, 3) that makes a foot level, its toes straight ahead, in the frames (T,) in which it is flat."""
+    knee, ankle, toe = (x[f"{side}_{k}"] for k in ("knee", "ankle", "toe"))
+    ahead = unit((toe - ankle)[flat] * [1, 1, 0])
     level = np.stack([ahead, np.cross(UP, ahead), np.broadcast_to(UP, ahead.shape)], axis=2)
-    own = own_rotation(motion, match, f"{side}_ankle")
-    seen = foot_axes(knee, ankle, toe) if own is None else own
-    return seen @ constant_between(seen[flat], level)
+    own = own_rotation(motion, match, f"{side}_foot")
+    measured = foot_axes(knee, ankle, toe) if own is None else own
+    return constant_between(measured[flat], level)
 
 
 def foot_axes(knee: Floats, ankle: Floats, toe: Floats) -> Floats:

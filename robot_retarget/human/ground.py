@@ -13,8 +13,8 @@ DRIFT = 0.1
 """A floor whose height varies by less is level [leg lengths]."""
 
 
-def grounded(positions: Floats, match: Match, fps: float) -> Floats:
-    """Return keypoints (T, K, 3) over a floor at z = 0 [m]; the same where the source knows its floor.
+def floor_under(positions: Floats, match: Match, fps: float) -> Floats:
+    """Return the height (T,) of the floor [m]; 0 where the source knows its floor.
 
     The floor is the lowest foot of the clip. Heights of inertial captures drift: there the floor of each frame is the lowest
     point of the body within `WINDOW` to either side, smoothed. This also removes steps and stairs.
@@ -25,12 +25,10 @@ def grounded(positions: Floats, match: Match, fps: float) -> Floats:
         fps: frames per second [1/s].
     """
     if match.recognition.ankle_height is not None:
-        return positions
+        return np.zeros(len(positions))
     z = positions[:, :, 2]
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
     level = StanceRule().floor_height(z[:, feet].min(axis=1)) if feet else z.min()
     reach = max(1, round(WINDOW * fps))
     floor = uniform_filter1d(minimum_filter1d(z.min(axis=1), 2 * reach + 1, mode="nearest"), reach, mode="nearest")
-    if np.ptp(floor) < DRIFT * match.human_leg:
-        floor = np.full_like(floor, level)
-    return positions - floor[:, None, None] * [0.0, 0.0, 1.0]
+    return np.full_like(floor, level) if np.ptp(floor) < DRIFT * match.human_leg else floor

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import MatchError, known
-from robot_retarget.human.recognition import Recognition, recognise_with
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.normalisation import path_weights
+from robot_retarget.human.recognition import Recognition, apply_override
 from robot_retarget.keypoints import KEYPOINTS, parents_within
-from robot_retarget.robot import Anatomy, Points, Robot, world_points
-from robot_retarget.robot import recognise_with as recognise_robot_with
+from robot_retarget.robot import Anatomy, Points, Robot, recognise_with, world_points
 from robot_retarget.untrusted.documents import read_toml
 
 TABLES = ("human", "robot")
@@ -49,9 +50,23 @@ class Match:
         """Return the index of a keypoint in the arrays."""
         return self.keypoints.index(keypoint)
 
+    def named(self, x: Floats) -> dict[str, Floats]:
+        """Return the keypoints (T, 3) of an array (T, K, 3) by name."""
+        return {keypoint: x[:, k] for k, keypoint in enumerate(self.keypoints)}
+
     def human_positions(self, motion: Motion) -> Floats:
-        """(T, K, 3) of the human's keypoints [m]."""
-        return _keypoint_positions(motion.positions, self.recognition, self.keypoints)
+        """Return (T, K, 3) the human's keypoints [m]."""
+        return self.weights(len(motion.skeleton)) @ motion.positions
+
+    def weights(self, joints: int) -> Floats:
+        """Return (K, J) shares of the human's joints in the keypoints."""
+        return self.recognition.weights(self.keypoints, joints)
+
+    @cached_property
+    def human_paths(self) -> Floats:
+        """(K, K) τ_uv, length of the path of the human's bones between two keypoints [m]; ∞ where it is 0."""
+        tau = path_weights(self.parents, self.human_bones)
+        return np.where(tau > 0, tau, np.inf)
 
     def figure(self, motion: Motion) -> tuple[Floats, Ints]:
         """Return all keypoints of the human (T, H, 3) [m] and the pairs (B, 2) that a bone joins, for drawing."""
@@ -99,9 +114,29 @@ def match(motion: Motion, robot: Robot, overrides: str | Path | None = None) -> 
             body, or the two share too few keypoints.
     """
     tables = read_map(Path(overrides)) if overrides is not None else {}
-    recognition = recognise_with(motion, tables.get("human", {}))
-    anatomy = recognise_robot_with(robot, tables.get("robot", {}))
+    recognition = recognition_with(motion, tables.get("human", {}))
+    anatomy = recognise_with(robot, tables.get("robot", {}))
     return match_bodies(motion, robot, recognition, anatomy)
+
+
+def recognition_with(motion: Motion, table: Mapping[str, Any]) -> Recognition:
+    """Return the keypoints of a motion, given the table `[human]` of a map file.
+
+    A table that names every keypoint is used even without a recognised body.
+
+    Args:
+        table: keypoint → name of a joint, or names whose joints' mean is taken.
+
+    Raises:
+        MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.
+    """
+    try:
+        found = motion.recognition
+    except MatchError as error:
+        if not table.keys() >= set(KEYPOINTS):
+            raise
+        found = Recognition({}, (f"{error}; the map, which names every keypoint, is used",))
+    return apply_override(found, motion.skeleton, table)
 
 
 def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy: Anatomy) -> Match:
@@ -124,8 +159,9 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
             "nothing to retarget"
         )
     parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
-    measured = motion.clip.positions if motion.recognition is None else motion.skeleton.rest()[None]
-    human = _keypoint_positions(measured, recognition, shared)
+    exact = recognition.ankle_height is not None
+    measured = motion.skeleton.rest()[None] if exact else motion.clip.positions
+    human = recognition.weights(shared, len(motion.skeleton)) @ measured
     points = anatomy.points_of(shared)
     rest = world_points(robot, points, robot.neutral()[None])
     source = bone_lengths(human, parents)
@@ -150,11 +186,6 @@ def bone_lengths(positions: Floats, parents: Ints) -> Floats:
     """
     lengths = np.where(parents >= 0, np.linalg.norm(positions - positions[:, parents], axis=2), 0.0)
     return frozen(np.median(lengths, axis=0))
-
-
-def _keypoint_positions(positions: Floats, recognition: Recognition, keypoints: tuple[str, ...]) -> Floats:
-    columns = [recognition.keypoints.index(k) for k in keypoints]
-    return recognition.place(positions)[:, columns]
 
 
 def read_map(path: Path) -> Mapping[str, Mapping[str, Any]]:

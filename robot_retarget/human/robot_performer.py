@@ -4,9 +4,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Bools, Floats
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import Mark, Recognition
 from robot_retarget.human.rotations import TURNED_BY
-from robot_retarget.human.skeleton import Motion, Skeleton
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
 from robot_retarget.keypoints import SIDES, parents_within
@@ -55,7 +56,7 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
         trajectory.notes,
         contacts=contacts,
         start_time=float(trajectory.source_time[0]),
-        recognition=recognition,
+        known=recognition,
     )
 
 
@@ -74,7 +75,7 @@ def _recognition(anatomy: Anatomy) -> Recognition:
         hips = marks["l_hip"].joints + marks["r_hip"].joints
         marks["pelvis"] = Mark(hips, 1.0, "the middle of the hips")
     segments = {segment: TURNED_BY.get(segment, segment) for segment in anatomy.frames}
-    return Recognition(marks, segments=segments, ankle_height=anatomy.ankle_height)
+    return Recognition(marks, segments=segments, ankle_height=anatomy.ankle_height, names=anatomy.names)
 
 
 def _rotations(robot: Robot, anatomy: Anatomy, qpos: Floats) -> Floats:

@@ -11,11 +11,11 @@ is levelled if its neck leans otherwise than the robot's.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, unit
-from robot_retarget.human.feet import feet_frames
+from robot_retarget.arrays import Bools, Floats, unit
+from robot_retarget.human.feet import foot_axes, foot_constants
 from robot_retarget.human.match import Match
-from robot_retarget.human.rotations import ARBITRARY, UP, constant_between, own_joint, own_rotation
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.rotations import ARBITRARY, UP, carrying_joint, constant_between, own_rotation
 from robot_retarget.keypoints import ARM
 from robot_retarget.robot.axes import BENT, snapped_to_axes
 from robot_retarget.robot.hands import hand_frames
@@ -25,38 +25,54 @@ LEVEL = {"trunk": 0.1, "end": 0.6}
 and hands, which clips may show bent throughout [rad]."""
 
 
-def human_frames(motion: Motion, match: Match) -> dict[str, Floats]:
-    """(T, 3, 3) of every segment that both bodies have. [m] does not enter: columns are unit vectors.
+def segment_constants(
+    motion: Motion, match: Match, x: Floats, floor: Floats, contacts: dict[str, Bools]
+) -> dict[str, Floats]:
+    """Return, per segment that both bodies have, the constant (3, 3) from its measured axes to its forward, left and up.
+
+    The measured axes are those of the joint that turns it, else those that its keypoints show (`visible_segments`).
 
     Args:
-        motion: the human.
-        match: keypoints that human and robot share.
+        x: (T, K, 3) keypoints over level ground [m].
+        floor: (T,) its height in the source [m].
+        contacts: the contact schedule.
     """
     if match.recognition.segments:
-        shown = {segment: own_rotation(motion, match, joint) for segment, joint in match.recognition.segments.items()}
-        return {s: frame for s, frame in shown.items() if frame is not None and s in match.anatomy.frames}
-    x = {k: match.human_positions(motion)[:, i] for i, k in enumerate(match.keypoints)}
-    frames, leans = trunk_frames(x), _leans(match)
-    for segment in leans:
-        frames[segment] = _turned(motion, match, segment, frames, leans)
-    feet = feet_frames(motion, match, x)
+        return {segment: np.eye(3) for segment in match.recognition.segments if segment in match.anatomy.frames}
+    points, leans = match.named(x), _leans(match)
+    visible = trunk_frames(points)
+    found = {segment: _trunk_constant(motion, match, segment, visible, leans) for segment in leans}
+    feet = foot_constants(motion, match, points, floor, contacts)
     for side in "lr":
         if side in feet:
-            frames[f"{side}_foot"] = feet[side]
-        if (hand := _hand(motion, match, side, x)) is not None:
-            frames[f"{side}_hand"] = hand
-    return {segment: frame for segment, frame in frames.items() if segment in match.anatomy.frames}
+            found[f"{side}_foot"] = feet[side]
+        if (hand := _hand_constant(motion, match, side, points)) is not None:
+            found[f"{side}_hand"] = hand
+    return {segment: constant for segment, constant in found.items() if segment in match.anatomy.frames}
 
 
-def _turned(motion: Motion, match: Match, segment: str, frames: dict[str, Floats], leans: dict[str, Floats]) -> Floats:
-    """(T, 3, 3) of pelvis, chest or head, from what keypoints show and, where the source has them, rotations."""
-    built, own = frames[segment] @ leans[segment], own_rotation(motion, match, segment)
+def _trunk_constant(
+    motion: Motion, match: Match, segment: str, visible: dict[str, Floats], leans: dict[str, Floats]
+) -> Floats:
+    """Return the constant (3, 3) of pelvis, chest or head."""
+    upright, own = visible[segment] @ leans[segment], own_rotation(motion, match, segment)
     if own is None:
-        return built @ _nod(built, frames["chest"]) if segment == "head" else built
-    constant = constant_between(own, built)
+        level = _nod(upright, visible["chest"] @ leans["chest"]) if segment == "head" else np.eye(3)
+        return leans[segment] @ level
+    constant = constant_between(own, upright)
     if segment == "head":  # at rest it faces as the chest does
         constant = _likelier(constant, _resting(motion, match)["chest"][0] @ leans["chest"])
-    return own @ snapped_to_axes(constant, LEVEL["end" if segment == "head" else "trunk"])
+    return snapped_to_axes(constant, LEVEL["end" if segment == "head" else "trunk"])
+
+
+def visible_segments(x: dict[str, Floats]) -> dict[str, Floats]:
+    """Return the axes (T, 3, 3) of pelvis, chest, head and feet that keypoints (T, 3) show."""
+    frames = trunk_frames(x)
+    for side in "lr":
+        knee, ankle, toe = (x.get(f"{side}_{k}") for k in ("knee", "ankle", "toe"))
+        if knee is not None and ankle is not None and toe is not None:
+            frames[f"{side}_foot"] = foot_axes(knee, ankle, toe)
+    return frames
 
 
 def trunk_frames(x: dict[str, Floats]) -> dict[str, Floats]:
@@ -76,7 +92,7 @@ def _leans(match: Match) -> dict[str, Floats]:
     """(3, 3) that turns a frame built of the robot's keypoints in its reference pose upright: a head may sit before its neck."""
     forward = match.anatomy.forward
     upright = np.stack([forward, np.cross(UP, forward), UP], axis=1)
-    built = trunk_frames({k: match.rest[None, i] for i, k in enumerate(match.keypoints)})
+    built = trunk_frames(match.named(match.rest[None]))
     return {segment: frames[0].T @ upright for segment, frames in built.items()}
 
 
@@ -106,8 +122,11 @@ def _upright(left: Floats, up: Floats) -> Floats:
     return np.stack([np.cross(y, z), y, z], axis=2)
 
 
-def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
-    """A hand's own rotation, turned by a constant: the rest pose's, if bent elbows show on the whole that it may be so."""
+def _hand_constant(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floats | None:
+    """Return the constant (3, 3) of a hand; None where the source has no rotations or the elbow never bends.
+
+    The rest pose gives it, if the frames with a bent elbow agree with that on the whole.
+    """
     arm = [x[f"{side}_{k}"] for k in ARM if f"{side}_{k}" in x]
     own = own_rotation(motion, match, f"{side}_hand") if len(arm) == len(ARM) else None
     if own is None:
@@ -115,16 +134,16 @@ def _hand(motion: Motion, match: Match, side: str, x: dict[str, Floats]) -> Floa
     straight, bend = hand_frames(*arm)
     if bend.max() < BENT:
         return None
-    fingers = motion.skeleton.outward(own_joint(motion, match, f"{side}_hand"))
+    fingers = motion.skeleton.outward(carrying_joint(motion, match, f"{side}_hand"))
     constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
     constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers))
-    return own @ snapped_to_axes(constant, LEVEL["end"])
+    return snapped_to_axes(constant, LEVEL["end"])
 
 
 def _resting(motion: Motion, match: Match) -> dict[str, Floats]:
     """(1, 3, 3) of pelvis, chest and head as the keypoints of the rest pose show them; zeros where the file has none."""
-    rest = match.recognition.place(motion.skeleton.rest()[None])
-    return trunk_frames({k: rest[:, match.recognition.keypoints.index(k)] for k in match.keypoints})
+    rest = match.weights(len(motion.skeleton)) @ motion.skeleton.rest()
+    return trunk_frames(match.named(rest[None]))
 
 
 def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
@@ -137,16 +156,16 @@ def _hand_at_rest(body: Floats, fingers: Floats) -> Floats:
 
 
 def _likelier(fitted: Floats, rest: Floats) -> Floats:
-    """The constant (3, 3) of the rest pose, if there is one and what fits over the clip bears it out, else that."""
+    """Return the constant (3, 3) of the rest pose if it exists and is near to the one fitted to the clip, else the fitted one."""
     if not np.allclose(rest.T @ rest, np.eye(3)):
         return fitted
     return rest if Rotation.from_matrix(fitted.T @ rest).magnitude() < ARBITRARY else fitted
 
 
 def pointed(constant: Floats, fingers: Floats) -> Floats:
-    """A hand's constant (3, 3) with its forward along its fingers (3,), or along the axis that they are near.
+    """Return a hand's constant (3, 3) with its forward along its fingers (3,), or along the axis that they are near.
 
-    How a hand is bent on the whole says little of how it is when straight: a clip may well be all hands on hips.
+    The mean bend of the wrist over a clip is not that of a straight hand: a clip may show hands on hips throughout.
 
     Args:
         constant: (3, 3) forward, left and up of the hand in its joint.

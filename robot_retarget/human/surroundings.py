@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import SceneError, known
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
 from robot_retarget.scene.geoms import SceneModel
 from robot_retarget.scene.scene import RigidBody, Scene, composed, world_corners
 

@@ -1,6 +1,6 @@
 """Motion files: each becomes a `Motion` in metres, z up, without the defects that can be repaired."""
 
-from robot_retarget.human.skeleton import Motion as Motion
+from robot_retarget.human.motion import Motion as Motion
 from robot_retarget.human.skeleton import Skeleton as Skeleton
 
 from .formats.bvh import write_bvh as write_bvh

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.errors import FileError, MotionError, UsageError
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of
 from robot_retarget.motion.upright import upright

@@ -7,8 +7,8 @@ from scipy.constants import centi, deci, inch, milli
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError, MotionError, UsageError, known
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import Recognition, recognise
-from robot_retarget.human.skeleton import Motion
 from robot_retarget.human.stature import LEG, leg_length, stature
 from robot_retarget.motion.calibration import calibration_frames, calibration_pose_notes
 from robot_retarget.motion.capture import Capture

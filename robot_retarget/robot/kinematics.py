@@ -237,14 +237,6 @@ def _matrix(wxyz: tuple[float, ...]) -> Floats:
     return matrix.reshape(3, 3)
 
 
-def matrices(turns: Floats) -> Floats:
-    """(S, 3, 3) of quaternions (S, 4), w x y z of any length: for a few, in a tenth of the time that scipy takes."""
-    found = np.empty((len(turns), 9))
-    for matrix, turn in zip(found, turns, strict=True):
-        mujoco.mju_quat2Mat(matrix, turn / np.sqrt(turn @ turn))
-    return found.reshape(-1, 3, 3)
-
-
 def carrying(model: mujoco.MjModel) -> np.ndarray:
     """(B, nv) whether a dof moves a body."""
     table = np.zeros((model.nbody, model.nv), dtype=bool)

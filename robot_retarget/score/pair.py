@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.human.match import bone_lengths
-from robot_retarget.human.recognition import recognise_with as recognise_human_with
+from robot_retarget.human.match import bone_lengths, recognition_with
 from robot_retarget.keypoints import KEYPOINTS, parents_within
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Anatomy, KeypointSite, Points, Robot, override, recognise_with, world_points
@@ -117,7 +116,7 @@ def pair_of(trajectory: Trajectory, robot: Robot, motion: Motion, body: Body, li
     Raises:
         MatchError: the motion is not human, or a line names a joint that does not exist.
     """
-    found = recognise_human_with(motion, lines)
+    found = recognition_with(motion, lines)
     shared = tuple(k for k in COMPARED if k in found.marks and k in body.sites)
     nearest = np.clip(
         np.round((trajectory.source_time - motion.start_time) * motion.fps).astype(int), 0, len(motion) - 1

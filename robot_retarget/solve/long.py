@@ -11,8 +11,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import MatchError
-from robot_retarget.graph.describe import RobotGraph, at_rate, graph_of
+from robot_retarget.graph.describe import at_rate, graph_of
 from robot_retarget.graph.weights import Weights
+from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -23,8 +24,7 @@ from robot_retarget.solve.windows import ClipPiece, FrameWindow
 from robot_retarget.trajectory import Trajectory
 
 PIECE = 6
-"""Number of windows of a piece. Every piece computes the human's features from the whole clip, so fewer pieces compute
-them less often."""
+"""Number of windows of a piece."""
 
 
 def solve_long(
@@ -46,19 +46,20 @@ def solve_long(
         UsageError: fps out of range.
     """
     motion, smoothly = at_rate(motion, fps), smoothing or Smoothing()
-    matched = match(motion, robot, overrides)
+    human = features_of(motion, match(motion, robot, overrides))
     windows = tuple(smoothly.windows.cut(len(motion), motion.fps))
     qpos, done = np.empty((len(motion), robot.model.nq)), 0
     for own in _pieces(windows):
         first, last, fixed = own[0].first, own[-1].last, own[0].fixed
-        graph = graph_of(motion.frames(first, last), robot, matched, weights or Weights())
-        origin = _origin(graph, motion)
+        piece = human.at(slice(first, last))
+        graph = graph_of(motion.frames(first, last), piece, robot, weights or Weights())
+        origin = _origin(human, first)
         known = _moved(qpos[done - fixed : done], robot, -origin)
         part = ClipPiece(tuple(window.after(first) for window in own), tuple(known))
         solved = solve_graph(graph, smoothing=smoothly, part=part).trajectory.qpos
         qpos[done : own[-1].final] = _moved(solved, robot, origin)
         done = own[-1].final
-    if overrides is None and (doubt := mismatch(motion, robot, matched, qpos)):
+    if overrides is None and (doubt := mismatch(human, robot, qpos, motion.source)):
         raise MatchError(doubt)
     return trajectory_of(motion, robot, qpos)
 
@@ -68,12 +69,12 @@ def _pieces(windows: tuple[FrameWindow, ...]) -> Iterator[tuple[FrameWindow, ...
         yield windows[first : first + PIECE]
 
 
-def _origin(graph: RobotGraph, motion: Motion) -> Floats:
+def _origin(human: HumanFeatures, first: int) -> Floats:
     """Return (2,) the start of a piece's path on the clip's path [m]; each path starts above its own origin."""
-    found, frames = graph.match, (motion.frames(0, 1), graph.motion.frames(0, 1))
-    column = found.index("pelvis") if "pelvis" in found.keypoints else slice(None)
-    start, begun = (found.human_positions(one)[0, column].reshape(-1, 3).mean(axis=0) for one in frames)
-    return (begun - start)[:2] * found.leg_ratio
+    match = human.calibration.match
+    column = match.index("pelvis") if "pelvis" in match.keypoints else slice(None)
+    start, begun = (human.positions[t, column].reshape(-1, 3).mean(axis=0) for t in (0, first))
+    return (begun - start)[:2] * match.leg_ratio
 
 
 def _moved(qpos: Floats, robot: Robot, way: Floats) -> Floats:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
+from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import body_frames, world_points
 
@@ -57,35 +57,32 @@ class PlausibilityCheck:
         return self.frames >= FEWEST and self.shown > SHOWN and self.against > MOST
 
 
-def mismatch(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> str:
+def mismatch(human: HumanFeatures, robot: Robot, qpos: Floats, source: str) -> str:
     """Describe the features in which a robot opposes the human over most of the clip; empty without any.
 
     Args:
-        qpos: (T, nq), a configuration for every frame of the motion.
+        human: features of T frames.
+        qpos: (T, nq) solved configurations.
+        source: name of the motion.
     """
-    wrong = [check for check in plausibility_checks(motion, robot, match, qpos) if check.wrong]
+    wrong = [check for check in plausibility_checks(human, robot, qpos) if check.wrong]
     if not wrong:
         return ""
     seen = "; ".join(f"{g.what} in {g.against:.0%} of the frames that show it" for g in wrong)
-    return f"{robot.name} does not do what {motion.source or 'the human'} shows: {seen}. {wrong[0].cause}"
+    return f"{robot.name} does not do what {source or 'the human'} shows: {seen}. {wrong[0].cause}"
 
 
-def plausibility_checks(motion: Motion, robot: Robot, match: Match, qpos: Floats) -> list[PlausibilityCheck]:
+def plausibility_checks(human: HumanFeatures, robot: Robot, qpos: Floats) -> list[PlausibilityCheck]:
     """Return the checks of the features by which a robot may oppose the human: bends of limbs, head over pelvis, sides.
 
     Args:
-        motion: T frames of the human.
+        human: features of T frames.
         robot: the robot.
-        match: the correspondence of their keypoints.
         qpos: (T, nq) solved configurations.
     """
-    human = _named(match, match.human_positions(motion))
-    own = _named(match, world_points(robot, match.points, qpos))
-    return [*_bends(human, own), *_upright(human, own), *_sides(robot, match, qpos, human, own)]
-
-
-def _named(match: Match, places: Floats) -> dict[str, Floats]:
-    return {keypoint: places[:, k] for k, keypoint in enumerate(match.keypoints)}
+    match = human.calibration.match
+    shown, own = match.named(human.positions), match.named(world_points(robot, match.points, qpos))
+    return [*_bends(shown, own), *_upright(shown, own), *_sides(robot, match, qpos, shown, own)]
 
 
 def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[PlausibilityCheck]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError, MatchError
 from robot_retarget.graph.describe import MOST_FPS
-from robot_retarget.human.activity import activity_of
+from robot_retarget.human.features import features_of
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.stepping import Playback
 
@@ -44,7 +44,7 @@ def judged(clip: Path, robot: rr.Robot, legs: str, count: int, feedback: bool | 
     """Balance, play and judge a clip, in `count` drawn simulations too; `feedback` as in `simulate`."""
     motion = rr.read_motion(clip)
     motion = motion.resample(min(motion.fps, MOST_FPS))
-    head = robot.name, clip.stem, activity_of(motion, rr.match(motion, robot)).kind, legs
+    head = robot.name, clip.stem, features_of(motion, rr.match(motion, robot)).activity.kind, legs
     try:
         result = rr.solve(rr.describe(motion, robot), legs=legs, balance="static")
     except (BalanceError, MatchError) as error:

@@ -6,7 +6,6 @@ import pytest
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.track import HARD
-from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import LEAP, CausalFeatures
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
@@ -24,7 +23,7 @@ def graph(request: pytest.FixtureRequest) -> RobotGraph:
 def asked(graph: RobotGraph) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, E) bounds and π, frame by frame; the robot's soles are where the human's way has them."""
     human, all_targets, motion = (
-        CausalFeatures(calibrate(graph.motion, graph.match, graph.human)),
+        CausalFeatures(graph.human),
         CausalTargets(graph),
         graph.motion,
     )
@@ -70,7 +69,7 @@ def test_a_touch_comes_on_within_its_time_and_no_faster(graph: RobotGraph) -> No
 def test_who_is_put_elsewhere_goes_on_from_where_he_was() -> None:
     graph = describe(read_motion(SAMPLES / "walk.bvh"), load_robot("op3"), fps=30)
     motion = graph.motion
-    still, leaping = (CausalFeatures(calibrate(motion, graph.match, graph.human)) for _ in range(2))
+    still, leaping = (CausalFeatures(graph.human) for _ in range(2))
     for t, positions in enumerate(motion.positions):
         turns = None if motion.rotations is None else motion.rotations[t]
         away = np.array([LEAP, -LEAP, 0.0]) if t >= 40 else np.zeros(3)

@@ -21,9 +21,8 @@ from robot_retarget.graph.footholds import (
 )
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.graph.track import HARD
-from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.features import features_of
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import match
 from robot_retarget.human.stance import intervals
 from robot_retarget.motion import Motion, read_motion
@@ -43,7 +42,7 @@ def walk() -> RobotGraph:
 
 def schedule(motion: Motion) -> dict[str, np.ndarray]:
     matched = match(motion, load_robot("op3"))
-    return contact_schedule(grounded(matched.human_positions(motion), matched, motion.fps), matched, motion.fps)
+    return features_of(motion, matched).contacts
 
 
 def tilted(draw: np.random.Generator, frames: int) -> Floats:
@@ -90,10 +89,14 @@ def test_drifting_heights_are_levelled_and_level_ones_kept() -> None:
     motion = read_motion(SAMPLES / "walk.bvh")
     matched = match(motion, load_robot("op3"))
     x = matched.human_positions(motion)
+
+    def grounded(x: Floats) -> Floats:
+        return x - floor_under(x, matched, motion.fps)[:, None, None] * [0, 0, 1]
+
     feet = [matched.index(k) for k in ("l_toe", "r_toe", "l_ankle", "r_ankle")]
-    level = grounded(x, matched, motion.fps)
+    level = grounded(x)
     rise = np.linspace(0, 1.0, len(x))[:, None, None] * [0, 0, 1]
-    drifted = grounded(x + rise, matched, motion.fps)
+    drifted = grounded(x + rise)
     assert np.ptp(level - x, axis=0).max() < 1e-12
     assert np.abs((drifted - level)[:, feet, 2]).max() < 0.15 and np.allclose(drifted[..., :2], x[..., :2])
 
@@ -222,7 +225,7 @@ def test_read_off_a_human_ankles_stand_where_the_humans_do_scaled_by_the_leg() -
 def test_a_robot_that_is_bolted_to_the_world_has_no_footholds() -> None:
     graph = walk()
     bolted = replace(graph.robot, root_joints=np.zeros(0, dtype=np.int64))
-    assert footholds_of(features_of(graph.motion, graph.match), graph.match, bolted).feet == ()
+    assert footholds_of(graph.human, graph.match, bolted).feet == ()
 
 
 def test_corners_that_stand_are_held_hard_and_feet_in_swing_follow_their_path() -> None:

@@ -37,7 +37,7 @@ def placed(graph: rr.RobotGraph, share: float) -> np.ndarray:
 
 def turned(graph: rr.RobotGraph, share: float) -> np.ndarray:
     """(T, nq) a stiff robot that turns by a share of the human's heading."""
-    heading = human_travel(graph.motion, graph.match, slice(None)).heading
+    heading = human_travel(graph.human).heading
     qpos, root = placed(graph, 1.0), graph.robot.root_address + 3
     spin = Rotation.from_euler("z", share * heading[:, None])
     qpos[:, root : root + 4] = (spin * Rotation.from_quat(qpos[:, root : root + 4], scalar_first=True)).as_quat(
@@ -56,13 +56,13 @@ def test_the_path_is_off_by_the_share_that_is_left_out(walk: rr.RobotGraph, shar
 def test_the_heading_is_off_by_the_share_of_the_turn_that_is_left_out(
     turning_walk: rr.RobotGraph, share: float
 ) -> None:
-    turn = human_travel(turning_walk.motion, turning_walk.match, slice(None)).heading
+    turn = human_travel(turning_walk.human).heading
     found = likeness_of(turning_walk, turned(turning_walk, share))
     assert found.heading_off == pytest.approx((1 - share) * np.quantile(np.abs(turn), 0.9), abs=0.01)
 
 
 def test_steps_of_a_walk_are_counted_on_both_bodies(walk: rr.RobotGraph) -> None:
-    human = human_travel(walk.motion, walk.match, slice(None))
+    human = human_travel(walk.human)
     assert human.steps == 8  # as the clip was made
     followed = rr.solve(walk, balance="off")
     assert likeness_of(walk, followed.trajectory.qpos).steps_lost == pytest.approx(0.0, abs=0.13)  # one of eight

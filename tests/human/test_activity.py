@@ -8,15 +8,20 @@ from shared_files import SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.activity import activity_of
+from robot_retarget.human.activity import Activity
+from robot_retarget.human.features import features_of
 from robot_retarget.shipped import SAMPLES
 
 BVH = SHARED / "motions/bvh"
 OP3 = rr.load_robot("op3")
 
 
+def activity(motion: rr.Motion) -> Activity:
+    return features_of(motion, rr.match(motion, OP3)).activity
+
+
 def kind(motion: rr.Motion) -> str:
-    return activity_of(motion, rr.match(motion, OP3)).kind
+    return activity(motion).kind
 
 
 @pytest.mark.parametrize(("clip", "expected"), [("clap", "in place"), ("squat", "in place"), ("walk", "stepping")])
@@ -43,7 +48,7 @@ def test_a_hop_is_a_flight_at_its_time() -> None:
     time = np.arange(len(motion)) / motion.fps
     hop = 0.5 * np.clip(1 - ((time - 1.0) / 0.2) ** 2, 0, None)
     lifted = replace(motion, positions=motion.positions + hop[:, None, None] * [0.0, 0.0, 1.0])
-    found = activity_of(lifted, rr.match(lifted, OP3))
+    found = activity(lifted)
     assert found.kind == "flight" and 0.7 < found.since < 0.95 < 1.05 < found.until < 1.3
 
 

@@ -6,7 +6,7 @@ from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
 from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.motion import read_motion
 
@@ -17,7 +17,7 @@ NPZ = SHARED / "motions" / "other" / "npz"
 def walk():
     motion = read_motion(ROOT / "samples" / "walk.bvh").resample(30)
     matched = match(motion, rr.load_robot("op3"))
-    return motion, matched, grounded(matched.human_positions(motion), matched, motion.fps)
+    return motion, matched, features_of(motion, matched).positions
 
 
 def test_said_contacts_are_the_stances_side_by_side_and_toe_before_heel(walk):
@@ -42,7 +42,7 @@ def test_a_contact_too_short_to_be_true_is_passed_over(walk):
 def test_heels_are_still_while_a_generated_motion_says_they_stand(name):
     motion = read_motion(NPZ / f"kimodo_soma30_{name}.npz")
     matched = match(motion, rr.load_robot("op3"))
-    x = grounded(matched.human_positions(motion), matched, motion.fps)
+    x = features_of(motion, matched).positions
     said = contact_schedule(x, matched, motion.fps, motion.contacts)
     for side in "lr":
         ankle = x[:, matched.index(f"{side}_ankle")]

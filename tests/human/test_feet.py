@@ -8,10 +8,8 @@ import pytest
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.human.contacts import contact_schedule
-from robot_retarget.human.ground import grounded
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.human.segments import human_frames
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
@@ -25,9 +23,8 @@ def shown(path: str) -> tuple[dict[str, Floats], dict[str, Floats], dict[str, np
     """The frames of segments (T, 3, 3), the keypoints (T, 3) and when feet stand (T, 2), of a clip at 15 frames a second."""
     motion = read_motion(path).resample(15)
     matched = match(motion, load_robot("op3"))
-    x = grounded(matched.human_positions(motion), matched, motion.fps)
-    keypoints = {keypoint: x[:, k] for k, keypoint in enumerate(matched.keypoints)}
-    return human_frames(motion, matched), keypoints, contact_schedule(x, matched, motion.fps)
+    human = features_of(motion, matched)
+    return human.segments, matched.named(human.positions), human.contacts
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave", "squat"])
@@ -50,7 +47,7 @@ def test_it_does_not_matter_how_high_the_floor_of_a_file_is() -> None:
     motion, robot = read_motion(FALL).resample(15), load_robot("op3")
     raised = replace(motion, positions=np.add(motion.positions, [0.0, 0.0, 50.0]))
     for side in "lr":
-        here, there = (human_frames(m, match(m, robot))[f"{side}_foot"] for m in (motion, raised))
+        here, there = (features_of(m, match(m, robot)).segments[f"{side}_foot"] for m in (motion, raised))
         assert np.allclose(here, there, atol=1e-6)
 
 

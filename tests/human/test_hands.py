@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats, unit
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.human.segments import human_frames, pointed
+from robot_retarget.human.segments import pointed
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
@@ -58,7 +59,7 @@ def test_a_wrist_turns_by_as_much_as_the_hand_about_its_forearm() -> None:
 def test_a_hand_points_where_its_fingers_are_whichever_part_of_a_clip_is_seen(clip: str, first: int, last: int) -> None:
     motion = read_motion(SAMPLES / f"{clip}.bvh").frames(first, last)
     matched = match(motion, load_robot(str(SHARED / "robots/unitree_g1/unitree_g1.xml")))
-    frames, names = human_frames(motion, matched), motion.skeleton.names
+    frames, names = features_of(motion, matched).segments, motion.skeleton.names
     for side, wrist in (("l", "LeftWrist"), ("r", "RightWrist")):
         hand, fingers = (motion.positions[:, names.index(name)] for name in (wrist, f"{wrist}_end"))
         assert (np.einsum("ti,ti->t", frames[f"{side}_hand"][:, :, 0], unit(fingers - hand)) > np.cos(0.02)).all()
@@ -69,7 +70,7 @@ def test_a_hand_points_where_its_fingers_are_whichever_part_of_a_clip_is_seen(cl
 def test_part_of_a_clip_tells_the_same_of_hands_as_the_whole(clip: str) -> None:
     motion, robot = read_motion(SAMPLES / f"{clip}.bvh"), load_robot(str(SHARED / "robots/unitree_g1/unitree_g1.xml"))
     part = motion.frames(40, 100)
-    whole, alone = (human_frames(m, match(m, robot)) for m in (motion, part))
+    whole, alone = (features_of(m, match(m, robot)).segments for m in (motion, part))
     for hand in ("l_hand", "r_hand"):
         assert np.allclose(whole[hand][40:100], alone[hand])
 
@@ -84,7 +85,8 @@ def test_a_rest_pose_that_the_motion_contradicts_is_not_believed() -> None:
     rotations[:, wrist] = turned.as_quat(scalar_first=True)
     other = replace(clap, rotations=rotations)
     assert np.allclose(
-        human_frames(clap, match(clap, robot))["l_hand"], human_frames(other, match(other, robot))["l_hand"]
+        features_of(clap, match(clap, robot)).segments["l_hand"],
+        features_of(other, match(other, robot)).segments["l_hand"],
     )
 
 

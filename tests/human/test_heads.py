@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.arrays import Floats
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
-from robot_retarget.human.segments import human_frames
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.robot import load_robot
 from robot_retarget.shipped import SAMPLES
@@ -20,7 +20,7 @@ def own_and_frame(motion: Motion, robot: str = "op3") -> tuple[Rotation, Floats]
     matched = match(motion, load_robot(robot))
     assert motion.rotations is not None
     own = Rotation.from_quat(motion.rotations[:, matched.recognition.marks["head"].joints[0]], scalar_first=True)
-    return own, human_frames(motion, matched)["head"]
+    return own, features_of(motion, matched).segments["head"]
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave", "hips_and_bow"])
@@ -79,6 +79,6 @@ def test_a_head_of_positions_alone_looks_neither_up_nor_down_on_the_whole(clip: 
     """A neck leans as its skeleton is built, and another skeleton's otherwise."""
     motion = replace(read_motion(SHARED / f"motions/bvh/{clip}.bvh"), rotations=None)
     robot = load_robot(name if name == "op3" else str(SHARED / f"robots/{name}/{name}.xml"))
-    frames = human_frames(motion, match(motion, robot))
+    frames = features_of(motion, match(motion, robot)).segments
     nod = np.einsum("ti,ti->t", frames["head"][:, :, 0], frames["chest"][:, :, 2])
     assert abs(np.median(nod)) < 0.25

@@ -25,14 +25,14 @@ def solved(clip: str) -> Result:
 
 
 def wrong(result: Result, qpos: np.ndarray) -> set[str]:
-    return {g.what for g in plausibility_checks(result.motion, result.robot, result.match, qpos) if g.wrong}
+    return {g.what for g in plausibility_checks(result.graph.human, result.robot, qpos) if g.wrong}
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave", "clap", "squat", "hips_and_bow"])
 def test_what_follows_is_not_doubted(clip: str) -> None:
     result = solved(clip)
     assert not result.doubt and not any(
-        g.against > 0.1 for g in plausibility_checks(result.motion, result.robot, result.match, result.trajectory.qpos)
+        g.against > 0.1 for g in plausibility_checks(result.graph.human, result.robot, result.trajectory.qpos)
     )
 
 
@@ -49,7 +49,7 @@ def test_a_robot_that_is_turned_round_or_upside_down_is_seen(axis: str, seen: se
     own = Rotation.from_quat(turned[:, 3:7], scalar_first=True)
     turned[:, 3:7] = (Rotation.from_euler(axis, np.pi) * own).as_quat(scalar_first=True)
     assert seen <= wrong(result, turned)
-    assert "map file" in mismatch(result.motion, result.robot, result.match, turned) or axis == "y"
+    assert "map file" in mismatch(result.graph.human, result.robot, turned, "") or axis == "y"
 
 
 def test_knees_that_bend_the_other_way_are_seen() -> None:

@@ -9,6 +9,7 @@ from robot_retarget.graph.describe import RobotGraph, graph_of
 from robot_retarget.graph.kinds.kind import frame_costs
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
+from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match_bodies
 from robot_retarget.human.recognition.recognise import Mark, Recognition
 from robot_retarget.motion import Motion, Skeleton, read_motion
@@ -79,7 +80,7 @@ def own_motion(frames: int = 40) -> tuple[RobotGraph, np.ndarray]:
     motion = Motion(skeleton, x, None, 30.0, "own")
     marks = {k: Mark((j,), 1.0, "same") for j, k in enumerate(skeleton.names)}
     matched = match_bodies(motion, robot, Recognition(marks), anatomy)
-    return graph_of(motion, robot, matched, Weights()), qpos
+    return graph_of(motion, features_of(motion, matched), robot, Weights()), qpos
 
 
 @pytest.mark.parametrize("smoothing", [Smoothing(passes=0), Smoothing()], ids=["causal", "whole"])

@@ -11,7 +11,6 @@ from PIL import Image
 
 from robot_retarget.errors import OutputError, TrajectoryError, UsageError
 from robot_retarget.human.match import match_bodies
-from robot_retarget.human.recognition import recognise as motion_map
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot, recognise
 from robot_retarget.shipped import SAMPLES
@@ -83,7 +82,7 @@ def test_the_head_of_who_lies_on_the_back_is_the_head_and_no_raised_hand() -> No
 def test_a_robot_without_a_head_leaves_the_human_its_own():
     motion, whole = read_motion(SAMPLES / "wave.bvh"), recognise(OP3)
     headless = replace(whole, sites={k: site for k, site in whole.sites.items() if k not in ("neck", "head")})
-    matched = match_bodies(motion, OP3, motion_map(motion.skeleton, motion.positions), headless)
+    matched = match_bodies(motion, OP3, motion.recognition, headless)
     staging = arrange(OP3, hold(OP3), *matched.figure(motion), np.linspace(0, 1, 3))
     head = matched.recognition.keypoints.index("head")
     assert stick_figure(staging).limbs[-1].tolist() == [head, head]

@@ -4,4 +4,3 @@ from .recognise import Mark as Mark
 from .recognise import Recognition as Recognition
 from .recognise import apply_override as apply_override
 from .recognise import recognise as recognise
-from .recognise import recognise_with as recognise_with

@@ -4,7 +4,7 @@ Legs and arms are found first (`limbs`), then the trunk between them (`trunk`), 
 works in any unit and any axes, on the names of any exporter, and with less certainty on names that mean nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from robot_retarget.human.recognition.human_check import refuse_other_than_human
 from robot_retarget.human.recognition.limbs import LIMBS, Limb, LimbPair, PosedSkeleton, find_limbs
 from robot_retarget.human.recognition.sides import HEEL, SURE, named_leftness, same_side_first, votes
 from robot_retarget.human.recognition.trunk import find_trunk
-from robot_retarget.human.skeleton import Motion, Skeleton
+from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.keypoints import KEYPOINTS, SIDES
 
 _WORD = {"chest": "spine"}
@@ -46,7 +46,9 @@ class Recognition:
     segments: Mapping[str, str] = field(default_factory=dict)
     """Per segment the joint whose rotation is its forward, left and up; empty where rotations have axes of their own."""
     ankle_height: float | None = None
-    """Height of the ankles above level soles at z = 0 [m], where the source knows its floor; else it is estimated."""
+    """Height of the ankles above level soles at z = 0 [m], where the source knows its body and floor."""
+    names: tuple[str, ...] = ()
+    """The joints of the skeleton."""
 
     @property
     def keypoints(self) -> tuple[str, ...]:
@@ -63,9 +65,17 @@ class Recognition:
         """That of the least certain keypoint."""
         return min(mark.confidence for mark in self.marks.values())
 
+    def weights(self, keypoints: Sequence[str], joints: int) -> Floats:
+        """Return (K, J) shares of the joints in keypoints: each is the mean of the joints that mark it."""
+        shares = np.zeros((len(keypoints), joints))
+        for row, keypoint in zip(shares, keypoints, strict=True):
+            marked = list(self.marks[keypoint].joints)
+            row[marked] = 1 / len(marked)
+        return shares
+
     def place(self, positions: Floats) -> Floats:
-        """The keypoints (T, K, 3) of joint positions (T, J, 3), in the order of `keypoints`."""
-        return np.stack([positions[:, list(self.marks[k].joints)].mean(axis=1) for k in self.keypoints], axis=1)
+        """Return the keypoints (T, K, 3) of joint positions (T, J, 3), in the order of `keypoints`."""
+        return self.weights(self.keypoints, positions.shape[1]) @ positions
 
 
 def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
@@ -94,28 +104,7 @@ def recognise(skeleton: Skeleton, positions: Floats) -> Recognition:
         marks |= _limb_marks(body, side, arm, "arm", certainty, arms.lead)
         if sided.toes:
             marks |= _toe_mark(body, side, leg, certainty)
-    return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, sided.notes)
-
-
-def recognise_with(motion: Motion, table: Mapping[str, Any]) -> Recognition:
-    """Find the keypoints of a motion, given the table `[human]` of a map file.
-
-    A table that names every keypoint is used even without a recognised body.
-
-    Args:
-        motion: the motion; keypoints that its source knows are taken.
-        table: keypoints by name, as in a map file.
-
-    Raises:
-        MatchError: Nothing is recognised and the table lacks a keypoint, or it names an unknown joint.
-    """
-    try:
-        found = motion.recognition or recognise(motion.skeleton, motion.clip.positions)
-    except MatchError as error:
-        if not table.keys() >= set(KEYPOINTS):
-            raise
-        found = Recognition({}, (f"{error}; the map, which names every keypoint, is used",))
-    return apply_override(found, motion.skeleton, table)
+    return Recognition({k: marks[k] for k in KEYPOINTS if k in marks}, sided.notes, names=skeleton.names)
 
 
 def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[str, Any]) -> Recognition:

@@ -7,7 +7,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import UsageError
 from robot_retarget.human.kinematics import backward
-from robot_retarget.human.recognition import Recognition, recognise
+from robot_retarget.human.recognition import Recognition
 from robot_retarget.live.protocols.bones import BONES, OPTIONAL, carriers
 from robot_retarget.motion import Motion
 
@@ -38,7 +38,7 @@ def humanoid(motion: Motion) -> HumanoidMotion:
     """
     if motion.rotations is None:
         raise UsageError(f"{motion.source or 'the motion'} has positions only: bones have rotations; send it as json")
-    joints = _joints(recognise(motion.skeleton, motion.positions), motion)
+    joints = _joints(motion.recognition, motion)
     lacking = [bone for bone in BONES if bone not in joints and bone not in OPTIONAL]
     if lacking:
         raise UsageError(f"{motion.source or 'the motion'} has no joint for {lacking[0]}")

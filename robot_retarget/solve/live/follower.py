@@ -15,7 +15,6 @@ from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.status import Status
-from robot_retarget.human.calibration import calibrate
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
@@ -61,7 +60,7 @@ class Follower:
     def __init__(self, graph: RobotGraph, options: RealTime, lag: int, native: bool):
         match = graph.match
         self.graph, self.all_targets = graph, CausalTargets(graph)
-        self.human = CausalFeatures(calibrate(graph.motion, match, graph.human))
+        self.human = CausalFeatures(graph.human)
         self.root_scaling = root_scaling_of(graph.human, match)
         self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
         frames = FrameSolver(self.problem)

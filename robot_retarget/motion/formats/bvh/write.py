@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.files import replacing
 from robot_retarget.human.kinematics import backward
-from robot_retarget.human.skeleton import Motion
+from robot_retarget.human.motion import Motion
 
 _POSITION = ("Xposition", "Yposition", "Zposition")
 _ROTATION = ("Zrotation", "Xrotation", "Yrotation")

@@ -1,0 +1,193 @@
+"""A human motion: a skeleton over time."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robot_retarget.arrays import Bools, Floats, frozen
+from robot_retarget.errors import MotionError, UsageError
+from robot_retarget.human.recognition import Recognition, recognise
+from robot_retarget.human.skeleton import Skeleton
+from robot_retarget.notebook import card, frame
+from robot_retarget.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A skeleton over time, in metres, z up, quaternions w x y z.
+
+    `source` names its file; `notes` are sentences about the defects and repairs of the capture.
+    """
+
+    skeleton: Skeleton
+    positions: Floats
+    """(T, J, 3) of every joint [m]."""
+    rotations: Floats | None
+    """(T, J, 4) of every joint in the world frame, unit w x y z, or None when the source has positions only."""
+    fps: float
+    """Frames per second [1/s]."""
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+    contacts: Bools | None = None
+    """(T, 4) whether left heel, left toe, right heel and right toe stand, where the source says so."""
+    whole: "Motion | None" = field(default=None, repr=False, compare=False)
+    """The clip that contains this part; recognition and floor use the clip. None after a change of the frames."""
+    start: int = field(default=0, compare=False)
+    """Frame of the whole with which it begins."""
+    start_time: float = 0.0
+    """Time in the source file of the first frame [s]."""
+    source_sha256: str = ""
+    """The hash of the source file; empty for a motion made in memory."""
+    known: Recognition | None = field(default=None, repr=False, compare=False)
+    """The keypoints among the joints, where source or reader know them; None after a change of the names."""
+    scene: Scene | None = field(default=None, repr=False, compare=False)
+    """The bodies around the human, with a pose at every frame (`with_scene`)."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions", frozen(self.positions))
+        if self.positions.ndim != 3 or self.positions.shape[1:] != (len(self.skeleton), 3) or not len(self.positions):
+            raise MotionError(
+                f"positions must be (T, {len(self.skeleton)}, 3), got {self.positions.shape}", self.source
+            )
+        if self.rotations is not None:
+            object.__setattr__(self, "rotations", frozen(self.rotations))
+            if self.rotations.shape != (*self.positions.shape[:2], 4):
+                raise MotionError(f"rotations must be (T, J, 4), got {self.rotations.shape}", self.source)
+        for values in (self.positions, self.rotations):
+            if values is not None and not np.isfinite(values).all():
+                frame, joint = np.argwhere(~np.isfinite(values))[0, :2]
+                raise MotionError(f"frame {frame}, joint {self.skeleton.names[joint]!r} is not finite", self.source)
+        if self.contacts is not None:
+            object.__setattr__(self, "contacts", frozen(self.contacts, np.bool_))
+            if self.contacts.shape != (len(self), 4):
+                raise MotionError(f"contacts must be ({len(self)}, 4), got {self.contacts.shape}", self.source)
+        if self.scene is not None and self.scene.frames not in (None, len(self)):
+            raise MotionError(f"the scene has {self.scene.frames} frames, the motion {len(self)}", self.source)
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise MotionError(f"frames per second must be positive, got {self.fps}", self.source)
+        if self.whole is not None and not self._is_part(self.whole):
+            object.__setattr__(self, "whole", None)
+        if self.known is not None and self.known.names != self.skeleton.names:
+            object.__setattr__(self, "known", None)
+
+    def _is_part(self, whole: "Motion") -> bool:
+        same = self.fps == whole.fps and self.skeleton is whole.skeleton
+        turned = (self.rotations is None) == (whole.rotations is None)
+        return same and turned and np.array_equal(self.positions, whole.positions[self.span])
+
+    def __repr__(self) -> str:
+        return f"<Motion {self.source or 'made'}: {', '.join(self._facts().values())}>"
+
+    def _repr_html_(self) -> str:
+        return card(self.source or "Motion", self._facts(), self.notes)
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "length": f"{self.duration:.2f} s",
+            "frames": f"{len(self)} at {self.fps:g}/s",
+            "joints": f"{len(self.skeleton)} joints, {'positions only' if self.rotations is None else 'with rotations'}",
+        }
+
+    def to_frame(self) -> Any:
+        """Positions of the joints [m] as a pandas DataFrame: columns (joint, axis), a row a frame.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        names = [(joint, axis) for joint in self.skeleton.names for axis in "xyz"]
+        columns = dict(zip(names, self.positions.reshape(len(self), -1).T, strict=True))
+        return frame(columns, np.arange(len(self)) / self.fps)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @cached_property
+    def recognition(self) -> Recognition:
+        """The keypoints among the joints: those that are known, else those that the whole clip shows.
+
+        Raises:
+            MatchError: the body is not human.
+        """
+        if self.whole is not None:
+            return self.whole.recognition
+        return self.known or recognise(self.skeleton, self.positions)
+
+    @property
+    def clip(self) -> "Motion":
+        """What this is a part of: `whole`, or itself."""
+        return self.whole or self
+
+    @property
+    def span(self) -> slice:
+        """Its frames among those of `clip`."""
+        first = self.start if self.whole is not None else 0
+        return slice(first, first + len(self))
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last [s]."""
+        return (len(self) - 1) / self.fps
+
+    @property
+    def source_time(self) -> Floats:
+        """(T,) time in the source file of every frame [s]."""
+        return self.start_time + np.arange(len(self)) / self.fps
+
+    def at_source_time(self, times: Floats, fps: float) -> "Motion":
+        """Return the motion at times (T,) in the source file [s], played at `fps`; times beyond it take its ends.
+
+        Args:
+            times: (N,) [s].
+            fps: frames per second [1/s].
+        """
+        from robot_retarget.human.resample import at_frames
+
+        return at_frames(self, (times - self.start_time) * self.fps, fps)
+
+    def frames(self, start: int = 0, stop: int | None = None) -> "Motion":
+        """The frames start … stop − 1, a part that keeps the clip's map, floor and contacts.
+
+        Args:
+            start: first frame.
+            stop: frame after the last; by default the end.
+
+        Raises:
+            UsageError: the range is empty or leaves the clip.
+        """
+        stop = len(self) if stop is None else stop
+        if not 0 <= start < stop <= len(self):
+            raise UsageError(f"frames {start}:{stop} are not within the clip's 0:{len(self)}")
+        rotations = None if self.rotations is None else self.rotations[start:stop]
+        contacts = None if self.contacts is None else self.contacts[start:stop]
+        return replace(
+            self,
+            positions=self.positions[start:stop],
+            rotations=rotations,
+            contacts=contacts,
+            whole=self.clip,
+            start=self.span.start + start,
+            start_time=self.start_time + start / self.fps,
+            scene=None if self.scene is None else self.scene.at(slice(start, stop)),
+        )
+
+    def with_scene(self, scene: Scene) -> "Motion":
+        """Return the motion with bodies around it; see `surroundings.with_scene`.
+
+        Raises:
+            SceneError: a body does not fit the motion.
+        """
+        from robot_retarget.human.surroundings import with_scene
+
+        return with_scene(self, scene)
+
+    def resample(self, fps: float) -> "Motion":
+        """The same motion at another frame rate, from 1 to 1000 [1/s]; see `resample.resample`.
+
+        Raises:
+            UsageError: `fps` is out of range.
+        """
+        from robot_retarget.human.resample import resample
+
+        return resample(self, fps)
