@@ -104,5 +104,5 @@ class CausalContacts:
         if self._before is not None:
             speed = lengths(points - self._before) / (seconds * self.leg)
             share = 1 - np.exp(-2 * seconds / CAUSAL_AVERAGE)
-            self.speed = speed if np.isinf(self.speed[0]) else self.speed + share * (speed - self.speed)
+            self.speed = speed if np.isinf(self.speed).any() else self.speed + share * (speed - self.speed)
         self._before = points
