@@ -60,7 +60,8 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     notes = (*others, *axis_notes, *broken, *feet, *recognition.notes, *calibration, *ends, unit_note)
     if axis != "+z":
         notes = (*notes, f"The file has {axis} up; it was turned to z up.")
-    return replace(_motion(capture, metres, axis, notes), start_time=proper.start / capture.fps)
+    upright = _motion(capture, metres, axis, notes)
+    return replace(upright, start_time=proper.start / capture.fps, known=recognition)
 
 
 def signed_axis(name: str) -> str:

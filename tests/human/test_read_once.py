@@ -1,0 +1,37 @@
+"""The human of a retargeting is recognised, placed and described once."""
+
+import cProfile
+import pstats
+from collections import Counter
+
+import pytest
+from shared_files import ROOT
+
+import robot_retarget as rr
+from robot_retarget.shipped import SAMPLES
+
+MOST = {
+    "recognition/recognise.py:recognise": 1,
+    "match.py:human_positions": 2,
+    "ground.py:floor_under": 1,
+    "contacts.py:contact_schedule": 1,
+    "calibration.py:calibrate": 1,
+    "recognition/recognise.py:place": 8,
+}
+"""Calls from file to likeness; the reader places keypoints again after each repair."""
+
+
+@pytest.mark.parametrize("balance", ["off", "static"])
+def test_the_human_of_a_retargeting_is_read_once(balance: str) -> None:
+    profile = cProfile.Profile()
+    profile.runcall(_retargeted, balance)
+    home, calls = str(ROOT / "robot_retarget/human") + "/", Counter[str]()
+    for (file, _, name), (_, count, *_) in vars(pstats.Stats(profile))["stats"].items():
+        if file.startswith(home):
+            calls[f"{file.removeprefix(home)}:{name}"] += count
+    assert {name: calls[name] for name in MOST if not 0 < calls[name] <= MOST[name]} == {}
+
+
+def _retargeted(balance: str) -> float:
+    motion = rr.read_motion(SAMPLES / "clap.bvh").frames(0, 20)
+    return rr.retarget(motion, rr.load_robot("op3"), balance=balance).likeness.path_off
