@@ -265,7 +265,7 @@ def load_map(name: str | Path, bare: bool = False) -> ServoMap:
     Raises:
         ServoError: the file is missing, has no servos, or has an unknown key or an invalid value.
     """
-    path = shipped_maps().get(str(name), Path(name))
+    path = _map_file(name)
     try:
         text = read_text(path, ServoError)
     except ServoError as error:
@@ -281,6 +281,23 @@ def load_map(name: str | Path, bare: bool = False) -> ServoMap:
         raise ServoError(f"{path}:{line}: {error}" if line else f"{path}: {error}") from None
     except ServoError as error:
         raise ServoError(f"{path}: {error}") from None
+
+
+def _map_file(name: str | Path) -> Path:
+    """Return the file of a shipped robot's map, or of a path."""
+    return shipped_maps().get(str(name).lower(), Path(name))
+
+
+def with_zeros(name: str | Path, servo_map: ServoMap) -> str:
+    """Return the text of a map's file with the zeros of `servo_map`; its comments and order stay."""
+    import tomlkit
+
+    document = tomlkit.parse(read_text(_map_file(name), ServoError))
+    tables: Any = document["servo"]
+    for before, servo in zip(load_map(name).servos, servo_map.servos, strict=True):
+        if servo.zero != before.zero:
+            tables[servo.joint]["zero"] = servo.zero
+    return tomlkit.dumps(document)
 
 
 def dump_map(servo_map: ServoMap) -> str:

@@ -38,7 +38,6 @@ app: typer.Typer = typer.Typer(
     cls=Interruptible,
     context_settings={"help_option_names": ["-h", "--help"]},
     invoke_without_command=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",

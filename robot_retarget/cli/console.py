@@ -165,9 +165,12 @@ def show_report(report: "Report") -> None:
     say(headline(report))
     for reason in (*report.reasons, *report.unlike):
         say(f"  {reason}")
-    judged = [("yes" if line.held else "NO", *line[1:]) for line in judged_lines(report)]
-    table("\nJudged", ("good", "what", "is", "at most"), judged)
-    table("More figures", ("what", "value", "meaning"), facts(report.figures))
+    lines = judged_lines(report)
+    broken = [line[1:] for line in lines if not line.held]
+    if broken:
+        table("\nExceeded", ("what", "is", "at most"), broken)
+    say(f"{len(lines) - len(broken)} of {len(lines)} limits kept")
+    table("\nFigures", ("what", "value", "meaning"), facts(report.figures))
     for sentence in report.figures["notes"]:
         note(sentence)
 

@@ -154,12 +154,15 @@ def filling(place: Path) -> Iterator[Filled]:
     """
     made = [folder_ for folder_ in (place, *place.parents) if not folder_.exists()]
     folder(place)
+    earlier = [name for name in RESULTS if (place / name).exists()]
     for left in place.glob(f"{UNFINISHED}*"):
         rmtree(left)
     filled = Filled(Path(tempfile.mkdtemp(dir=place, prefix=UNFINISHED)), place)
     try:
         yield filled
         _put(filled)
+        if earlier:
+            console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
     except KeyboardInterrupt as stopped:
         said = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
         _put(filled)

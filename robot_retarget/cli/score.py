@@ -1,7 +1,7 @@
 """`score`: the figures by which retargeters are compared."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,6 +9,11 @@ from robot_retarget.cli import console
 from robot_retarget.cli.formats import FileFormat, Joints, MotionOfRobot, Quaternion, SourceRate, options_of
 from robot_retarget.cli.options import BodyModel, Frames, Json, Limits, Overrides, Quiet, RobotName, Up
 from robot_retarget.cli.stages import load, read_clip
+from robot_retarget.errors import TrajectoryError
+
+if TYPE_CHECKING:
+    from robot_retarget.motion import Motion
+    from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()
 
@@ -47,6 +52,8 @@ def score(
     model = load(robot, limits)
     played = import_motion(trajectory, model, format, options_of(joints, None, None, rate, quaternion))
     human = None if motion is None else read_clip(motion, frames, motion_fps, body_model, up, repair=False)
+    if human is not None and played.source != str(trajectory):  # other tools' files name no motion
+        _note_source(played, human)
     found = measure(played, model, human, overrides=map_file)
     if output is not None:
         with replacing(output) as scratch:
@@ -55,3 +62,11 @@ def score(
         console.dump(found.contract())
     else:
         console.show_score(found)
+
+
+def _note_source(played: "Trajectory", human: "Motion") -> None:
+    """Say that a trajectory names another motion as its source than the one it is compared with."""
+    try:
+        played.require_source(human.source, human.source_sha256)
+    except TrajectoryError as error:
+        console.note(f"{error}; the figures compare them all the same")

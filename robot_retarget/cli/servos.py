@@ -153,14 +153,14 @@ def calibrate(
     quiet: Quiet = False,
 ) -> None:
     """Record where the servos are now as the zero pose: bring the robot there by hand first, torque off."""
-    from robot_retarget.actuators.map import dump_map, load_map
+    from robot_retarget.actuators.map import load_map, with_zeros
     from robot_retarget.servo.bus import Bus
     from robot_retarget.servo.calibrate import record_zeros
 
     servo_map = load_map(map_name)
     with Bus(port, baud or servo_map.baud) as bus:
         new = record_zeros(bus, servo_map, joint or servo_map.joints)
-    _write(output, dump_map(new))
+    _write(output, with_zeros(map_name, new))
     moved = {b.joint: [a.zero, b.zero] for a, b in zip(servo_map.servos, new.servos, strict=True) if a.zero != b.zero}
     lines = [f"{name}: zero {before} -> {now}" for name, (before, now) in moved.items()]
     console.show_result({"output": str(output), "zeros": moved}, "\n".join([*lines, f"wrote {output}"]), json)

@@ -362,7 +362,11 @@ def is_robot_name(name: str) -> bool:
     from robot_retarget.robot.catalog import MODEL_FILES
 
     path = Path(name)
-    return path.suffix.lower() in MODEL_FILES or name in shipped_robots() or (not path.suffix and not path.exists())
+    return (
+        path.suffix.lower() in MODEL_FILES
+        or name.lower() in shipped_robots()
+        or (not path.suffix and not path.exists())
+    )
 
 
 def shipped_clip(name: str) -> Path:

@@ -173,8 +173,8 @@ def _is_limit(table: str, value: Any) -> bool:
 def _find(name: str | Path) -> Path:
     shipped = shipped_robots()
     path = Path(name)
-    if str(name) in shipped:
-        return shipped[str(name)]
+    if str(name).lower() in shipped:
+        return shipped[str(name).lower()]
     if path.suffix.lower() in MODEL_FILES:
         if not path.is_file():
             raise RobotError(f"there is no file {path}")

@@ -293,7 +293,7 @@ def play(
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings.
-        log: where `play.npz` goes; written however playing ends.
+        log: where `play.npz` goes; written however playing ends, unless it was refused.
         say: receives progress messages.
 
     Raises:
@@ -321,7 +321,7 @@ def perform(
     say: Callable[[str], None],
     act: Callable[[Player], PlaybackOutcome],
 ) -> PlaybackOutcome:
-    """Open the bus, let a player act on it at `rate` ticks a second, and write the log in any case.
+    """Open the bus, let a player act on it at `rate` ticks a second, and write the log of what moved.
 
     Raises:
         ServoError: as `play`.
@@ -336,7 +336,7 @@ def perform(
         with Bus(port, servo_map.baud) as bus:
             return act(Player(bus, servo_map, options, record, say))
     finally:
-        if log is not None:
+        if log is not None and len(record):
             record.save(log)
 
 
