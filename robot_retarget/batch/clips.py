@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -28,6 +29,13 @@ class MotionFile:
     """Its path below its folder, without the suffix: the name of its outputs."""
     licence: str = ""
     source: str = ""
+    beside: tuple[Path, ...] = ()
+    """Other files that its reader opens."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that it is read from."""
+        return self.path, *self.beside
 
 
 def find_clips(
@@ -49,13 +57,23 @@ def find_clips(
     for folder in folders:
         if not folder.exists():
             raise UsageError(f"no folder {folder}")
-        files = [folder] if folder.is_file() else sorted(path for path in folder.rglob("*") if path.is_file())
+        files = [folder] if folder.is_file() else sorted(_files_below(folder))
         root = folder.parent if folder.is_file() else folder
         found += [(root, path) for path in files if _wanted(path, root, include, exclude, out) and _is_motion(path)]
     if not found:
         listed = ", ".join(sorted({suffix for one in FORMATS for suffix in one.suffixes}))
         raise UsageError(f"no motion files below {', '.join(map(str, folders))}; known: {listed}")
     return sorted(_named(found), key=lambda clip: clip.name)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """All files below a folder, through links too; a folder that is reached twice counts once."""
+    seen = set[Path]()
+    for name, inner, names in os.walk(folder, followlinks=True):
+        place = Path(name)
+        inner[:] = [one for one in sorted(inner) if (place / one).resolve() not in seen]
+        seen |= {(place / one).resolve() for one in inner} | {place.resolve()}
+        yield from (place / one for one in names if (place / one).is_file())
 
 
 def _named(found: list[tuple[Path, Path]]) -> Iterator[MotionFile]:
@@ -72,7 +90,7 @@ def _named(found: list[tuple[Path, Path]]) -> Iterator[MotionFile]:
             )
         taken[name] = path
         licence, source = _side_file(path) or tables[root].get(path.relative_to(root).as_posix(), ("", ""))
-        yield MotionFile(path, name, licence, source)
+        yield MotionFile(path, name, licence, source, format_of(path).beside(path))
 
 
 def _name(root: Path, path: Path) -> str:

@@ -43,9 +43,9 @@ def _drive(
 ) -> None:
     """Hand a task to every processor until none is left; tasks in flight are finished when it is to stop."""
     flying: dict[Any, tuple[Task, float]] = {}
-    while (waiting and not stopping()) or flying:
+    while (not (stopped := stopping()) and waiting) or flying:
         processors = max(1, int(ray.cluster_resources().get("CPU", 1)))
-        while waiting and len(flying) < processors and not stopping():
+        while waiting and len(flying) < processors and not stopped:
             task = waiting.popleft()
             flying[remote.remote(task)] = task, time.monotonic()
         ready, _ = ray.wait([*flying], timeout=POLL, fetch_local=True)

@@ -39,9 +39,9 @@ def run_local(tasks: Sequence[Task], allowance: Allowance, report: Report, stopp
     waiting, attempts = deque(tasks), dict.fromkeys(tasks, 0)
     workers = [_Worker() for _ in range(min(jobs, len(tasks)))]
     try:
-        while (waiting and not stopping()) or any(worker.task for worker in workers):
+        while (not (stopped := stopping()) and waiting) or any(worker.task for worker in workers):
             for worker in workers:
-                if worker.task is None and waiting and not stopping():
+                if worker.task is None and waiting and not stopped:
                     worker.begin(waiting.popleft())
             wait([worker.pipe for worker in workers if worker.task], POLL)
             for worker in [worker for worker in workers if worker.task]:

@@ -12,10 +12,11 @@ from pathlib import Path
 from robot_retarget.batch.clips import MotionFile, find_clips
 from robot_retarget.batch.manifest import NAME, Manifest, Row
 from robot_retarget.batch.pool import Report, Stopping
-from robot_retarget.batch.settings import Allowance, Job, sha256_of
-from robot_retarget.batch.task import DONE, UNWRITABLE, Task, TaskResult, robot_of
+from robot_retarget.batch.settings import Allowance, Job, Settings, sha256_of
+from robot_retarget.batch.task import DONE, MIRROR, UNWRITABLE, Task, TaskResult, robot_of
 from robot_retarget.errors import OutputError, UsageError
 from robot_retarget.files import folder
+from robot_retarget.robot.digest import robot_sha256
 
 Engine = Callable[[Sequence[Task], Allowance, Report, Stopping], None]
 """Performs tasks and reports each outcome: `pool.run_local`, `cluster.run_ray`."""
@@ -31,15 +32,30 @@ class RunPlan:
     tasks: tuple[Task, ...]
     clips: dict[str, MotionFile]
     """By name."""
-    kept: int
-    """Finished rows of the run."""
+    digests: dict[tuple[str, str], str]
+    """Of what every clip of the folders is made from, by robot and clip."""
     outdated: int
-    """Rows whose clip, robot file or settings have changed; they are repeated."""
+    """Rows whose clip, robot or settings have changed; they are repeated."""
+
+    @property
+    def keys(self) -> set[tuple[str, str]]:
+        """Robot and clip of everything that this run is to do or has done."""
+        return {key for key in self.digests if key[1] in self.clips}
 
     @property
     def total(self) -> int:
         """Clips × robots."""
-        return len(self.tasks) + self.kept
+        return len(self.keys)
+
+    @property
+    def kept(self) -> int:
+        """Finished rows of the run."""
+        return self.total - len(self.tasks)
+
+    def is_current(self, row: Row) -> bool:
+        """Whether a row is of a clip that is there, made from what is there now with the settings of this run."""
+        known = self.digests.get(row.key)
+        return Path(row.path).exists() if known is None else known == row.digest
 
 
 @dataclass(frozen=True)
@@ -82,26 +98,31 @@ def plan_of(job: Job, manifest: Manifest) -> RunPlan:
         UsageError: no clip is found, or two robots have one name.
         RobotError: a robot cannot be loaded.
     """
-    clips = [
-        clip for k, clip in enumerate(find_clips(job.folders, job.include, job.exclude, job.out)) if k in job.shard
-    ]
+    clips = find_clips(job.folders, job.include, job.exclude, job.out)
+    _require_distinct_images(clips, job.settings)
+    own = {clip.name: clip for k, clip in enumerate(clips) if k in job.shard}
     robots = {robot_of(name, job.settings.limits).name: name for name in job.robots}
     if len(robots) < len(job.robots):
         raise UsageError(f"two of the robots {', '.join(job.robots)} have one name")
-    made_by = {robot: job.settings.digest(robot_of(name, job.settings.limits).path) for robot, name in robots.items()}
+    made_by = {
+        robot: job.settings.digest(robot_sha256(robot_of(name, job.settings.limits))) for robot, name in robots.items()
+    }
     there = {row.key: row for row in manifest.rows()}
-    tasks, outdated = list[Task](), 0
+    digests, tasks, outdated = dict[tuple[str, str], str](), list[Task](), 0
     for clip in clips:
-        content = _hashed(clip.path, manifest)
+        content = " ".join(_hashed(path, manifest) for path in clip.files)
         for robot, name in robots.items():
             digest = sha256(f"{content} {made_by[robot]}".encode()).hexdigest()
+            digests[robot, clip.name] = digest
             task = Task(str(clip.path), clip.name, name, robot, digest, str(job.out), job.settings)
             row = there.get((robot, clip.name))
-            if row is None or row.digest != digest or _again(row, task, job.retry):
-                tasks.append(task)
-                outdated += row is not None and row.digest != digest
-    total = len(clips) * len(robots)
-    return RunPlan(tuple(tasks), {clip.name: clip for clip in clips}, total - len(tasks), outdated)
+            if clip.name not in own or (
+                row and row.digest == digest and _is_kept(row, clip, task, job.retry, manifest)
+            ):
+                continue
+            tasks.append(task)
+            outdated += row is not None and row.digest != digest
+    return RunPlan(tuple(tasks), own, digests, outdated)
 
 
 def perform_all(
@@ -127,10 +148,19 @@ def perform_all(
     if trouble:
         raise OutputError(f"{trouble[0]}; finished clips are kept: run it again to continue")
     manifest.save_index()
-    keys = {(robot_of(name, job.settings.limits).name, clip) for clip in plan.clips for name in job.robots}
-    rows = [row for row in manifest.rows() if row.key in keys]
+    rows = [row for row in manifest.rows() if row.key in plan.keys and plan.is_current(row)]
     failures = tuple(row for row in rows if row.state != DONE)
-    return RunSummary(Counter(row.state for row in rows), failures, len(rows) < len(keys))
+    return RunSummary(Counter(row.state for row in rows), failures, len(rows) < plan.total)
+
+
+def _require_distinct_images(clips: Sequence[MotionFile], settings: Settings) -> None:
+    """Refuse a clip that has the name of another's mirror image."""
+    names = {clip.name for clip in clips} if settings.mirror else set[str]()
+    for name in sorted(names):
+        if f"{name}{MIRROR}" in names:
+            raise UsageError(
+                f"the mirror image of {name} would overwrite {name}{MIRROR}: rename it or leave it out (exclude), or do without mirror"
+            )
 
 
 def _hashed(path: Path, manifest: Manifest) -> str:
@@ -144,9 +174,19 @@ def _hashed(path: Path, manifest: Manifest) -> str:
     return known
 
 
-def _again(row: Row, task: Task, retry: tuple[str, ...]) -> bool:
-    """Whether a row is made again: its output is gone, or its failure is to be retried."""
-    return row.state in retry if row.state != DONE else not task.output.is_file()
+def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], manifest: Manifest) -> bool:
+    """Whether a row stays: a failure that is not retried, or an output that is as it was written.
+
+    The facts of the clip that do not change its output, licence, source and place, are brought up to date.
+    """
+    if row.state != DONE:
+        return row.state not in retry
+    if not task.output.is_file() or _hashed(task.output, manifest) != row.output_sha256:
+        return False
+    now = replace(row, path=str(clip.path), licence=clip.licence, source=clip.source)
+    if now != row:
+        manifest.put(now)
+    return True
 
 
 def _row(outcome: TaskResult, clip: MotionFile) -> Row:

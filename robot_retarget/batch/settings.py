@@ -26,12 +26,13 @@ class Settings:
     map_file: str | None = None
     limits: str | None = None
 
-    def digest(self, robot: Path) -> str:
-        """The sha256 of the settings, of the files they name, of the robot's file and of this package's version."""
-        named = [path for path in (self.map_file, self.limits) if path]
+    def digest(self, robot_sha256: str) -> str:
+        """The sha256 of the settings, of the keypoint map, of the robot (`robot.digest`) and of this package's version."""
         values = asdict(self) | {name: None for name in ("map_file", "limits")}
-        files = [sha256_of(Path(path)) for path in (robot, *named)]
-        return hashlib.sha256(json.dumps([values, files, __version__], sort_keys=True).encode()).hexdigest()
+        named = sha256_of(Path(self.map_file)) if self.map_file else ""
+        return hashlib.sha256(
+            json.dumps([values, named, robot_sha256, __version__], sort_keys=True).encode()
+        ).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,12 @@ def _run(
 
         with interrupts.listening(), tally(len(plan.tasks), stopping) as told:
             ended = perform_all(plan, manifest, job, engine, lambda outcome: told(outcome.state == "done"), stopping)
-        rows = list(manifest.rows())
+        every = list(manifest.rows())
+        rows = [row for row in every if plan.is_current(row)]
+        if len(rows) < len(every):
+            console.note(
+                f"{len(every) - len(rows)} rows are not in the lists: their clips are gone, or they were made with other options"
+            )
         chosen = write_reports(rows, filters, job, 0 if ended.stopped else extremes)
         for format in pack:
             console.note(f"packed {pack_all(rows, job, format)}")

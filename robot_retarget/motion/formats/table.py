@@ -35,11 +35,13 @@ class MotionFormat:
     read: Callable[[Path, Request], Capture]
     takes: frozenset[str] = frozenset()
     """Fields of a request that the reader uses in addition to `fps`."""
+    beside: Callable[[Path], tuple[Path, ...]] = lambda path: ()
+    """Other files that the reader opens."""
 
 
 FORMATS = (
     MotionFormat("BVH", (".bvh",), bvh.matches_format, bvh.read),
-    MotionFormat("ASF/AMC", (".amc",), amc.matches_format, amc.read),
+    MotionFormat("ASF/AMC", (".amc",), amc.matches_format, amc.read, beside=amc.beside),
     MotionFormat("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
     MotionFormat("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),
     MotionFormat("DeepMimic", (), deepmimic.matches_format, deepmimic.read),

@@ -28,8 +28,8 @@ def read(path: Path, request: Request) -> Capture:
     Raises:
         MotionError: the folder has no skeleton, or one of both files is broken; names the line and the expected content.
     """
-    beside = skeleton_beside(path)
-    asf = parse_asf(beside.read_text(encoding="utf-8", errors="replace"), beside)
+    asf_file = skeleton_beside(path)
+    asf = parse_asf(asf_file.read_text(encoding="utf-8", errors="replace"), asf_file)
     values = _frames(path.read_text(encoding="utf-8", errors="replace"), path, asf)
     skeleton = asf.skeleton()
     translations = np.tile(skeleton.offsets, (len(values["root"]), 1, 1))
@@ -39,7 +39,17 @@ def read(path: Path, request: Request) -> Capture:
         turns[:, joint] = _turned(bone, values[bone.name], asf.degrees)
     positions, rotations = forward(skeleton.parents, translations, turns)
     fps, notes = request.rate(usual=FPS)
-    return Capture(skeleton, positions, rotations, fps, str(path), (f"The skeleton is that of {beside.name}.", *notes))
+    return Capture(
+        skeleton, positions, rotations, fps, str(path), (f"The skeleton is that of {asf_file.name}.", *notes)
+    )
+
+
+def beside(path: Path) -> tuple[Path, ...]:
+    """Return the ASF of an AMC; none where it is missing."""
+    try:
+        return (skeleton_beside(path),)
+    except MotionError:
+        return ()
 
 
 def skeleton_beside(path: Path) -> Path:
