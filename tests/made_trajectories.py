@@ -1,5 +1,6 @@
 """Trajectories made from formulas, for tests of the stages that read them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -14,6 +15,13 @@ def hold(robot: Robot, seconds: float = 1.0, fps: float = 50.0, qpos: np.ndarray
     """One pose, the standing one unless another is given, for a while."""
     pose = robot.standing() if qpos is None else qpos
     return Trajectory(np.tile(pose, (round(seconds * fps) + 1, 1)), fps, robot.joint_names, robot.name, "hold")
+
+
+def lifted(trajectory: Trajectory, height: np.ndarray | float) -> Trajectory:
+    """A trajectory higher by a height, or by (T,) heights [m]."""
+    qpos = trajectory.qpos.copy()
+    qpos[:, 2] += height
+    return replace(trajectory, qpos=qpos)
 
 
 def swing(robot: Robot, joint: str, amplitude: float, hertz: float, seconds: float, fps: float = 100.0) -> Trajectory:

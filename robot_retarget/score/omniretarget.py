@@ -1,10 +1,14 @@
-"""OmniRetarget's penetration and skating, by the definitions of its `eval_retargeting.py` [arXiv 2509.26633, Table II].
+"""OmniRetarget's penetration and skating, as `eval_retargeting.py` of holosoma (fc600e7) computes them for clips on a floor.
 
-    penetration: a frame counts where any geom is more than 1 cm under the floor; depth = mean over all frames of the deepest
-    skating: stance where the human's toe moves at most 1 cm along the floor in a frame; skating where the robot's toe moves more
+    penetration: share of frames whose deepest geom is over 1 cm under the floor, and its depth, mean over those frames
+    stance: a foot of the human, scaled to the robot, whose toe moves at most 1 cm along the floor since the last frame
+    skating: frames in which a toe of the robot in stance moves more, over frames with a foot in stance, and the faster
+             of both toes, mean over the skating frames [arXiv 2509.26633, Table II]
 
-Units: % of frames, cm, % of stance, cm/frame. Range: 0 to 100 %; 0 and more. Thresholds are per frame, so the skating figures depend on the
-frame rate; the paper's are at 30 frames/s. Objects and contact preservation are not measured: clips here hold none.
+Units: % of frames, cm, % of frames, cm/frame. Range: 0 to 100 %; 0 and more. Thresholds are per frame, so skating depends on the frame rate; the paper's is 30/s. The
+human is scaled by the robot's leg over the human's; holosoma takes the height, or .747 for LAFAN1. The robot's toe is the keypoint at
+the front of the sole: (.142, 0, −.030) m in the G1's ankle roll link, where holosoma has (.14, 0, −.03). A foot that stands on its
+heel moves its toe: `skate_cm_s` is the speed of the slowest point of the sole. Contact preservation needs the pose of an object.
 """
 
 import mujoco
@@ -23,23 +27,26 @@ TOES = ("l_toe", "r_toe")
 
 
 def penetration(subject: Subject) -> tuple[Value, ...]:
-    """The share of frames, and the mean of the frames' deepest geom."""
+    """The share of frames that penetrate, and the mean depth of their deepest geom."""
     depth = _depths(subject)
-    return 100 * np.mean(depth > DEEP), 100 * depth.mean()
+    deep = depth > DEEP
+    return 100 * deep.mean(), 100 * depth[deep].mean() if deep.any() else 0.0
 
 
 def skating(subject: Subject) -> tuple[Value, ...]:
-    """The share of stance frames that skate, and the fastest of them."""
+    """The share of frames in stance that skate, and the mean slide of their faster toe."""
     pair = subject.pair
     assert pair is not None
     if not pair.has(*TOES):
         return None, None
-    toes = [pair.index(toe) for toe in TOES]
+    toes, (human_leg, robot_leg) = [pair.index(toe) for toe in TOES], pair.legs
     human, robot = (np.linalg.norm(np.diff(x[:, toes, :2], axis=0), axis=2) for x in (pair.human, pair.robot))
-    stance = human <= STEP
-    sliding = stance & (robot > STEP)
-    share = 100 * sliding.sum() / stance.sum() if stance.any() else 0.0
-    return share, 100 * robot[sliding].max(initial=0.0)
+    stance = human * robot_leg / human_leg <= STEP
+    slide = np.where(stance & (robot > STEP), robot, 0.0).max(axis=1)
+    skates, stands = slide > 0, stance.any(axis=1)
+    if not skates.any():
+        return 0.0, 0.0
+    return 100 * skates.sum() / stands.sum(), 100 * slide[skates].mean()
 
 
 def _depths(subject: Subject) -> Floats:
@@ -56,14 +63,14 @@ def _depths(subject: Subject) -> Floats:
 PENETRATION = Measure(
     (
         Figure("omni_pen_pct", "%", 2, "frames with a geom over 1 cm under the floor (OmniRetarget)", most=100.0),
-        Figure("omni_pen_cm", "cm", 2, "depth of the deepest geom, mean over frames (OmniRetarget)"),
+        Figure("omni_pen_cm", "cm", 2, "depth of the deepest geom, mean over those frames (OmniRetarget)"),
     ),
     penetration,
 )
 SKATING = Measure(
     (
-        Figure("omni_skate_pct", "%", 2, "stance frames in which a toe slides over 1 cm (OmniRetarget)", most=100.0),
-        Figure("omni_skate_cm", "cm/frame", 2, "fastest slide of a toe in stance (OmniRetarget)"),
+        Figure("omni_skate_pct", "%", 2, "frames in stance in which a toe slides over 1 cm (OmniRetarget)", most=100.0),
+        Figure("omni_skate_cm", "cm/frame", 2, "slide of the faster toe, mean over those frames (OmniRetarget)"),
     ),
     skating,
     human=True,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from judged_files import numbers
-from made_trajectories import hold, robot_of, swing
+from made_trajectories import hold, lifted, robot_of, swing
 from shared_files import ROOT
 
 import robot_retarget as rr
@@ -20,12 +20,6 @@ from robot_retarget.score.table import FIGURES, MEASURES
 @pytest.fixture(scope="module")
 def robot() -> rr.Robot:
     return rr.load_robot("op3")
-
-
-def lifted(trajectory: rr.Trajectory, height: np.ndarray | float) -> rr.Trajectory:
-    qpos = trajectory.qpos.copy()
-    qpos[:, 2] += height
-    return replace(trajectory, qpos=qpos)
 
 
 def test_a_robot_that_stands_still_has_no_defect(robot: rr.Robot) -> None:
