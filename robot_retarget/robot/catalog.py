@@ -18,9 +18,9 @@ from robot_retarget.robot.servos import with_servos
 from robot_retarget.robot.source import (
     Quaternion,
     is_urdf,
+    omission_notes,
     read_spec,
     require_finite,
-    rod_notes,
     urdf_notes,
     urdf_speeds,
 )
@@ -94,7 +94,7 @@ def _loaded(path: Path, tables: Limits, notes: tuple[str, ...] = (), freed: Quat
         speeds = urdf_speeds(path) if is_urdf(path) else {}
     except ValueError as error:
         raise RobotError(f"{path}: MuJoCo does not load it: {one_line(str(error))}") from error
-    notes = (*rod_notes(path), *notes)
+    notes = (*omission_notes(path), *notes)
     if is_urdf(path):
         notes = (*urdf_notes(path), *notes)
         tables = {**tables, "speed": {**speeds, **tables.get("speed", {})}}

@@ -45,8 +45,8 @@ def read_spec(path: Path, freed: Quaternion | None = None) -> mujoco.MjSpec:
     """
     try:
         spec = urdf_spec(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
-        for rod in rods(spec):
-            spec.delete(rod)
+        for part in (*rods(spec), *scene_pairs(spec)):
+            spec.delete(part)
         if freed is not None:
             set_free(spec, freed)
     except (ValueError, OSError, ET.ParseError) as error:
@@ -65,10 +65,22 @@ def rods(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
     return [rod for rod in found if rod.id not in inside]
 
 
-def rod_notes(path: Path) -> tuple[str, ...]:
-    """Describe the omitted rods of an MJCF."""
-    names = [] if is_urdf(path) else [rod.name for rod in rods(mujoco.MjSpec.from_file(str(path)))]
-    return (f"rods on ball joints left out, with the loops they close: {_some(names)}",) if names else ()
+def scene_pairs(spec: mujoco.MjSpec) -> list[mujoco.MjsPair]:
+    """Return contact pairs of which a geom is in another file, such as the floor of the scene."""
+    geoms = {geom.name for geom in spec.geoms}
+    return [pair for pair in spec.pairs if not {pair.geomname1, pair.geomname2} <= geoms]
+
+
+def omission_notes(path: Path) -> tuple[str, ...]:
+    """Describe the omitted rods and contact pairs of an MJCF."""
+    if is_urdf(path):
+        return ()
+    spec = mujoco.MjSpec.from_file(str(path))
+    omitted = {
+        "rods on ball joints left out, with the loops they close": [rod.name for rod in rods(spec)],
+        "contact pairs left out, with a geom that the file lacks": [pair.name for pair in scene_pairs(spec)],
+    }
+    return tuple(f"{what}: {_some(names)}" for what, names in omitted.items() if names)
 
 
 def _some(names: list[str]) -> str:

@@ -399,3 +399,16 @@ def test_of_swapped_legs_and_right_arms_the_legs_alone_are_named():
     swapped = replace(skeleton, names=tuple(map(swap, skeleton.names)))
     assert "Names of left and right legs are swapped" in " ".join(recognise(swapped, pose).notes)
     assert joints_of(recognise(swapped, pose), swapped)["l_hand"] == ("left_hand",)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_whose_bones_change_their_length_as_a_depth_camera_sees_them_is_recognised(seed: int) -> None:
+    """Every bone of a standing body varies by a fifth of its length from frame to frame."""
+    skeleton, still, _ = body(*BODIES["Vicon, two wrappers"])
+    rigid = recognise(skeleton, still)
+    scale = 1 + 0.2 * np.random.default_rng(seed).standard_normal((60, len(skeleton), 1))
+    x = np.repeat(still, 60, axis=0)
+    for joint in np.flatnonzero(skeleton.parents >= 0):
+        parent = skeleton.parents[joint]
+        x[:, joint] = x[:, parent] + scale[:, joint] * (still[:, joint] - still[:, parent])
+    assert joints_of(recognise(skeleton, x), skeleton) == joints_of(rigid, skeleton)

@@ -48,6 +48,8 @@ class PosedSkeleton:
     children: tuple[tuple[int, ...], ...]
     bones: Floats
     """(J,) median distance from the parent, 0 at a root."""
+    stretch: float
+    """Deviations of the lengths of bones over the sum of these lengths: 0 for a rigid skeleton, 0.05 from a depth camera [-]."""
     reach: Floats
     """(J,) longest path of bones below a joint."""
     evidence: tuple[NameEvidence, ...]
@@ -57,8 +59,9 @@ class PosedSkeleton:
         picked = np.unique(np.linspace(0, len(positions) - 1, FRAMES).round().astype(int))
         poses = np.asarray(positions, dtype=float)[picked]
         parents = skeleton.parents
-        bones = np.median(np.linalg.norm(poses - poses[:, np.maximum(parents, 0)], axis=2), axis=0)
-        bones[parents < 0] = 0
+        apart = np.linalg.norm(poses - poses[:, np.maximum(parents, 0)], axis=2)
+        bones = np.where(parents < 0, 0.0, np.median(apart, axis=0))
+        stretch = float(apart.std(axis=0)[parents >= 0].sum() / max(bones.sum(), 1e-12))
         children: list[list[int]] = [[] for _ in parents]
         reach = np.zeros(len(parents))
         for joint in range(len(parents) - 1, -1, -1):
@@ -66,7 +69,13 @@ class PosedSkeleton:
                 children[parent].insert(0, joint)
                 reach[parent] = max(reach[parent], bones[joint] + reach[joint])
         return cls(
-            skeleton, poses, tuple(map(tuple, children)), bones, reach, tuple(map(name_evidence, skeleton.names))
+            skeleton,
+            poses,
+            tuple(map(tuple, children)),
+            bones,
+            stretch,
+            reach,
+            tuple(map(name_evidence, skeleton.names)),
         )
 
     def branch(self, joint: int) -> float:
@@ -248,7 +257,7 @@ class _Sizes:
     apart: Floats
     """(N, N) mean distances of joints."""
     spread: Floats
-    """(N, N) deviations of these distances over the frames."""
+    """(N, N) deviations of these distances over the frames, beyond those of the body's bones on the whole."""
     bulges: Floats
     """(N, N) how far the joints between two others stand off their line, over its length."""
     below: Floats
@@ -265,7 +274,8 @@ class _Sizes:
         across = np.linalg.norm(points[:, :, None] - body.positions[:, None, list(other)], axis=3)
         below = np.append(np.cumsum(body.bones[list(chain)][:0:-1])[::-1], 0.0)
         mean, total = apart.mean(axis=0), min(below[0], body.branch(other[0]))
-        return cls(mean, apart.std(axis=0), _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
+        spread = np.maximum(apart.std(axis=0) - body.stretch * mean, 0.0)
+        return cls(mean, spread, _bulges(mean), below, across.mean(axis=0).min(axis=1), float(total))
 
     def score(self, places: tuple[int, int, int], kind: str, agreement: float) -> float:
         """Score two rigid straight bones of the usual ratio, from a joint off the other chain to a hand or foot on this one."""
