@@ -9,7 +9,7 @@ demo: $(VENV)/.ready
 	$(BIN)/robot-retarget demo --out demo
 
 test: $(VENV)/.ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile -rs
 
 check: $(VENV)/.ready
 	$(BIN)/ruff check .

@@ -31,6 +31,21 @@ def test_models_and_samples_are_inside(wheel: Path) -> None:
     assert len(shipped) >= 4 and shipped <= {*inside}
 
 
+def test_the_licences_of_the_scripts_inside_stand_in_the_metadata(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        metadata = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        stated = [
+            line.removeprefix("License-File: ")
+            for line in archive.read(metadata).decode().splitlines()
+            if line.startswith("License-File")
+        ]
+        texts = [archive.read(metadata.replace("METADATA", f"licenses/{name}")).decode() for name in stated]
+    assert any("Apache License" in text for text in texts)
+    assert any(
+        "three.js" in text and "uPlot" in text and text.count("Permission is hereby granted") == 2 for text in texts
+    )
+
+
 def test_an_environment_without_the_checkout_retargets_with_it(wheel: Path, tmp_path: Path) -> None:
     """It shares the dependencies of this one; `scripts/tools/check_release.py` installs them anew."""
     venv.create(tmp_path / "venv")
