@@ -10,8 +10,11 @@ from robot_retarget.formats.options import SKIPPED, FormatOptions
 from robot_retarget.robot.model import Robot
 from robot_retarget.trajectory import Trajectory
 
-UNIT = 0.01
-"""Largest deviation of a quaternion's norm from one; beyond it the columns are out of order. Single precision strays by 1e-7."""
+UNIT = 0.05
+"""Largest deviation of a quaternion's norm from one; beyond it the columns are out of order. Straight interpolation between
+two rotations 36° apart strays by it."""
+NOTED = 1e-3
+"""Norms that deviate further are normalised with a note; single precision strays by 1e-7."""
 ROUNDED = 1e-6
 """Norms nearer to one are not normalised, so that exact numbers stay exact."""
 SUFFIXES = ("_dof", "_joint")
@@ -64,7 +67,8 @@ def assembled(columns: Columns, robot: Robot, options: FormatOptions, fps: float
     qpos, notes = _placed(columns, robot, options) if columns.qpos is None else _whole(columns.qpos, robot, options)
     if robot.floating:
         turn = slice(robot.root_address + 3, robot.root_address + 7)
-        qpos[:, turn] = _unit(qpos[:, turn])
+        qpos[:, turn], off = _unit(qpos[:, turn])
+        notes = (*notes, *off)
     return Trajectory(qpos, rate, robot.joint_names, robot.name, columns.source, (*columns.notes, *notes))
 
 
@@ -143,7 +147,8 @@ def _bare(name: str) -> str:
     return name
 
 
-def _unit(quaternion: Floats) -> Floats:
+def _unit(quaternion: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """(T, 4) normalised, with a note where that changes more than rounding."""
     norms = np.linalg.norm(quaternion, axis=1, keepdims=True)
     off = np.abs(norms[:, 0] - 1.0)
     if off.max(initial=0.0) > UNIT:
@@ -151,4 +156,6 @@ def _unit(quaternion: Floats) -> Floats:
         raise TrajectoryError(
             f"frame {frame}: the root's quaternion has the norm {norms[frame, 0]:.4g}; are the columns in another order?"
         )
-    return np.where(off.max(initial=0.0) > ROUNDED, quaternion / norms, quaternion)
+    frames = int((off > NOTED).sum())
+    note = f"The root's quaternion is normalised: its norm is from {norms.min():.4g} to {norms.max():.4g}, off by over {NOTED:g} in {frames} frames."
+    return np.where(off.max(initial=0.0) > ROUNDED, quaternion / norms, quaternion), (note,) if frames else ()

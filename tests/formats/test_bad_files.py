@@ -207,6 +207,15 @@ def test_wrong_shapes_say_which(op3, tmp_path) -> None:
         import_motion(path, op3)
 
 
+def test_a_quaternion_that_is_nearly_unit_is_normalised_and_said(op3, tmp_path) -> None:
+    table = gmr_table(op3)
+    turns = np.array(table["root_rot"])
+    turns[1] *= 0.9895
+    read = import_motion(saved(tmp_path / "a.pkl", table | {"root_rot": turns}), op3)
+    np.testing.assert_allclose(np.linalg.norm(read.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)
+    assert any("0.9895" in note and "1 frames" in note for note in read.notes)
+
+
 @pytest.mark.parametrize(("content", "sentence"), [
     ({"rigid_body_pos": np.zeros((3, 24, 3)), "fps": 30}, "a motion of ProtoMotions"),
     ({"action_traj": np.zeros((3, 30)), "time": np.zeros(3)}, "motor positions only"),
