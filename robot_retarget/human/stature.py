@@ -1,6 +1,7 @@
 """The stature of a recognised body, in the unit of its positions."""
 
 from itertools import pairwise
+from math import fsum
 
 import numpy as np
 
@@ -46,4 +47,4 @@ def _length(recognition: Recognition, positions: Floats, *path: str) -> float:
     """Median length of a path over keypoints."""
     points = [positions[:, list(recognition.marks[keypoint].joints)].mean(axis=1) for keypoint in path]
     steps = [np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)]
-    return float(sum(np.median(step) for step in steps))
+    return fsum(np.median(step) for step in steps)  # `sum` rounds otherwise from Python 3.12 on

@@ -6,6 +6,7 @@ A link is a body together with everything welded to it. All positions are in the
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import fsum
 
 import mujoco
 import numpy as np
@@ -59,8 +60,8 @@ class Axis:
 def _nearest_on(axis: Axis, others: list[Axis]) -> Floats:
     """The point of an axis nearest to other lines in the least squares."""
     across = [np.eye(3) - np.outer(a.direction, a.direction) for a in others]
-    pull = sum(float(axis.direction @ p @ (a.anchor - axis.anchor)) for p, a in zip(across, others, strict=True))
-    return axis.anchor + axis.direction * (pull / sum(float(axis.direction @ p @ axis.direction) for p in across))
+    pull = fsum(float(axis.direction @ p @ (a.anchor - axis.anchor)) for p, a in zip(across, others, strict=True))
+    return axis.anchor + axis.direction * (pull / fsum(float(axis.direction @ p @ axis.direction) for p in across))
 
 
 def meeting_point(axes: list[Axis], near: Floats) -> Floats:
