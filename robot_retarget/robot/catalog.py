@@ -29,12 +29,12 @@ from robot_retarget.untrusted.documents import read_toml
 from robot_retarget.untrusted.limits import one_line
 
 Limits = dict[str, dict[str, Any]]
-LARGEST_ANGLE = 100.0
-"""A range beyond this, sixteen turns either way, is a mistake [rad]."""
+LARGEST_ANGLE = 2 * np.pi
+"""A range beyond a turn either way is a mistake, most often of the unit [rad]."""
 FASTEST = 1000.0
 """A faster joint is a mistake [rad/s]."""
 LIMIT_TABLES = {
-    "range": ("[lower, upper]", f"within ±{LARGEST_ANGLE:g} rad"),
+    "range": ("[lower, upper]", f"radians within ±{LARGEST_ANGLE:.2f}; more looks like degrees"),
     "speed": ("a number", f"over 0, at most {FASTEST:g} rad/s"),
     "torque": ("a number", "over 0 N m; inf for no limit"),
 }

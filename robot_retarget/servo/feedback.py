@@ -92,7 +92,7 @@ class Balancer(FallGuard):
         """
         faults = test.faults()
         if faults:
-            raise FaultError(f"{'; '.join(faults)}: check the axes of [imu]")
+            raise FaultError(f"{'; '.join(faults)}: check the axes of [imu], and the signs of the legs' servos")
 
     def goal(self, row: int, plan: Floats) -> Floats:
         """Return the goals (n,) of a tick [rad].

@@ -92,6 +92,7 @@ def test_a_side_file_fills_missing_ranges(tmp_path: Path) -> None:
         ),
         ("[range]\nshoulder = 1", r"\[range\] shoulder must be \[lower, upper\], got 1"),
         ("[range]\nshoulder = [1, 0]", "lower above upper"),
+        ("[range]\nshoulder = [-20, 90]", r"got \[-20, 90\] \(radians within ±6\.28; more looks like degrees\)"),
         ("[range", "not TOML"),
     ],
 )
