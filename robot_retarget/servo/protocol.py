@@ -16,8 +16,6 @@ LONGEST = 4096
 """A frame that claims more bytes than this after its length field is noise."""
 
 CLEAR_MULTI_TURN = b"\x01\x44\x58\x4c\x22"
-CLEAR_ERROR = b"\x02\x45\x52\x43\x4c"
-BACKUP_KEY = b"\x43\x54\x52\x4c"
 
 
 class Instruction(IntEnum):
@@ -26,19 +24,13 @@ class Instruction(IntEnum):
     PING = 0x01
     READ = 0x02
     WRITE = 0x03
-    REG_WRITE = 0x04
-    ACTION = 0x05
     FACTORY_RESET = 0x06
     REBOOT = 0x08
     CLEAR = 0x10
-    BACKUP = 0x20
     STATUS = 0x55
     SYNC_READ = 0x82
     SYNC_WRITE = 0x83
     FAST_SYNC_READ = 0x8A
-    BULK_READ = 0x92
-    BULK_WRITE = 0x93
-    FAST_BULK_READ = 0x9A
 
 
 class Error(IntEnum):

@@ -26,27 +26,13 @@ GOLDEN = {
     "read status": (status(1, 0, bytes.fromhex("A6000000")), "01 08 00 55 00 A6 00 00 00 8C C0"),
     "write": (protocol.write(1, 116, bytes.fromhex("00020000")), "01 09 00 03 74 00 00 02 00 00 CA 89"),
     "write status": (status(1), "01 04 00 55 00 A1 0C"),
-    "reg write": (
-        frame(1, Instruction.REG_WRITE, bytes.fromhex("6800C8000000")),
-        "01 09 00 04 68 00 C8 00 00 00 AE 8E",
-    ),
-    "action": (frame(1, Instruction.ACTION), "01 03 00 05 02 CE"),
     "factory reset": (frame(1, Instruction.FACTORY_RESET, b"\x01"), "01 04 00 06 01 A1 E6"),
     "reboot": (frame(1, Instruction.REBOOT), "01 03 00 08 2F 4E"),
     "clear": (frame(1, Instruction.CLEAR, protocol.CLEAR_MULTI_TURN), "01 08 00 10 01 44 58 4C 22 B1 DC"),
-    "backup": (frame(1, Instruction.BACKUP, b"\x01" + protocol.BACKUP_KEY), "01 08 00 20 01 43 54 52 4C 16 F5"),
     "sync read": (protocol.sync_read(132, 4, (1, 2)), "FE 09 00 82 84 00 04 00 01 02 CE FA"),
     "sync write": (
         protocol.sync_write(116, 4, ((1, bytes((150, 0, 0, 0))), (2, bytes((170, 0, 0, 0))))),
         "FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
-    ),
-    "bulk read": (
-        frame(0xFE, Instruction.BULK_READ, bytes.fromhex("01900002000292000100")),
-        "FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
-    ),
-    "bulk write": (
-        frame(0xFE, Instruction.BULK_WRITE, bytes.fromhex("0120000200A000021F00010050")),
-        "FE 10 00 93 01 20 00 02 00 A0 00 02 1F 00 01 00 50 B7 68",
     ),
     "fast sync read": (protocol.sync_read(132, 4, (3, 7, 4), fast=True), "FE 0A 00 8A 84 00 04 00 03 07 04 20 F2"),
     "fast status": (

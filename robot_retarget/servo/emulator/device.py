@@ -47,7 +47,6 @@ class Device:
         self.expired = False
         """The bus watchdog has stopped it."""
         self._fed = self._booted = 0.0
-        self._pending: tuple[int, bytes] | None = None
         self.boot()
 
     @property
@@ -78,11 +77,10 @@ class Device:
         """Power up: RAM defaults, present position folded to one turn, goal at the present position."""
         registers = self.registers
         registers.reset_ram()
-        registers["backup_ready"] = registers.backup is not None
         for goal, limit in LIMITED.items():
             if goal in registers and goal != "goal_velocity":
                 registers[goal] = registers[limit]
-        self.expired, self._pending, self._booted, self._fed = False, None, self.now, self.now
+        self.expired, self._booted, self._fed = False, self.now, self.now
         self.motor.switch_off()
         self._rebase()
         if registers["startup_configuration"] & 1:
@@ -107,7 +105,7 @@ class Device:
         self.now, self.voltage = now, voltage
         self._watch()
         if self.torque:
-            drive(self.mode, self.registers, self.shaft, now, dt, self.expired)
+            drive(self.mode, self.registers, self.shaft, now, dt)
         else:
             self.motor.duty = 0.0
 
@@ -164,20 +162,6 @@ class Device:
         self.writes.settled = self.now
         return Error.NONE
 
-    def register(self, address: int, data: bytes) -> int:
-        """Keep a write for `act`."""
-        if not self.registers.exists(address, max(len(data), 1)):
-            return Error.ACCESS
-        self._pending = (address, data)
-        self.registers["registered_instruction"] = 1
-        return Error.NONE
-
-    def act(self) -> int:
-        """Execute the registered write."""
-        pending, self._pending = self._pending, None
-        self.registers["registered_instruction"] = 0
-        return self.write(*pending) if pending else Error.NONE
-
     def clear(self, params: bytes) -> int:
         """Forget full turns; not while moving."""
         if params != CLEAR_MULTI_TURN:
@@ -194,19 +178,6 @@ class Device:
             return Error.DATA_RANGE
         self.registers.reset(keep)
         self.boot()
-        return Error.NONE
-
-    def store_backup(self, kind: int) -> int:
-        """Copy the EEPROM away (1) or bring it back (2); torque must be off."""
-        if self.torque or kind not in (1, 2):
-            return Error.RESULT_FAIL
-        if kind == 1:
-            self.registers.save_backup()
-            self.registers["backup_ready"] = 1
-        elif self.registers.restore_backup():
-            self.boot()
-        else:
-            return Error.RESULT_FAIL
         return Error.NONE
 
     # Effects of written registers

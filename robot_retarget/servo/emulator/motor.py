@@ -1,4 +1,4 @@
-"""What turns inside a servo: the position, velocity, current and PWM controllers, and a plain motor on a load."""
+"""What turns inside a servo: the position controller, and a plain motor on a load."""
 
 from dataclasses import dataclass, field
 from math import exp, sin, tau
@@ -109,20 +109,6 @@ class EmulatedMotor:
         ahead = motor.duty_per_error(p) * error + motor.duty_per_speed(d) * (speed - self.velocity)
         raw = RADIANS * ahead + self.integral
         self.duty = max(-limit, min(limit, raw))
-
-    def run(self, speed: float, gains: tuple[int, int], limit: float, dt: float) -> None:
-        """PI on the velocity [ticks/s], with the back-EMF fed forward."""
-        p, i = gains
-        unit = 0.229 * TICKS_PER_TURN / 60
-        error = (speed - self.velocity) / unit
-        self.integral = max(-1.0, min(1.0, self.integral + i / 65536 * error * dt * 1000 / FULL_PWM))
-        ahead = speed * RADIANS / self.model.motor.no_load_speed
-        self.duty = max(-limit, min(limit, p / 128 * error / FULL_PWM * 10 + self.integral + ahead))
-
-    def control_current(self, current: float, limit: float) -> None:
-        """Current control [A]: the duty that gives it at this speed."""
-        back = self.velocity * RADIANS / self.model.motor.no_load_speed
-        self.duty = max(-limit, min(limit, current / self.model.motor.stall_current + back))
 
     def switch_off(self) -> None:
         """Torque off."""

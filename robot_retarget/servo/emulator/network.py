@@ -3,11 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from robot_retarget.actuators.control_tables import EEPROM_END, RETURN_DELAY_UNIT
+from robot_retarget.actuators.control_tables import RETURN_DELAY_UNIT, TABLE_END
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.opencr import Board
-from robot_retarget.servo.protocol import BACKUP_KEY, BROADCAST, LAST_ID, DynamixelPacket, Error, Instruction
+from robot_retarget.servo.protocol import BROADCAST, DynamixelPacket, Error, Instruction
 
 ANSWERED_FROM: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
 """The status return level from which an instruction is answered; all others from 2."""
@@ -61,7 +61,6 @@ class Network:
         if group is not None:
             return group(self, frame.params) if frame.id == BROADCAST else []
         if frame.id != BROADCAST:
-            self._by_second_name(frame)
             return self._merged([a for d in self.at(frame.id) if (a := self._single(d, frame))])
         answers = [self._single(device, frame) for device in sorted(self.listening(), key=lambda d: d.id)]
         return [a for a in answers if a] if frame.instruction == Instruction.PING else []
@@ -97,23 +96,16 @@ class Network:
         address, length = _words(params)
         return [a for identity in params[4:] for a in self._read(identity, address, length)]
 
-    def _bulk_read(self, params: bytes) -> list[Answer]:
-        return [a for identity, address, length in _triples(params) for a in self._read(identity, address, length)]
-
     def _fast_sync_read(self, params: bytes) -> list[Answer]:
+        """One answer of all; the first servo announces its whole length, each adds its block to what came before."""
         if len(params) < 5:
             return []
         address, length = _words(params)
-        return self._chain([(identity, address, length) for identity in params[4:]])
-
-    def _fast_bulk_read(self, params: bytes) -> list[Answer]:
-        return self._chain(_triples(params))
-
-    def _chain(self, wanted: list[tuple[int, int, int]]) -> list[Answer]:
-        """One answer of all; the first servo announces its whole length, each adds its block to what came before."""
+        if length > TABLE_END:
+            return []
         blocks: list[tuple[int, int, bytes]] = []
         delay = 0.0
-        for identity, address, length in wanted:
+        for identity in params[4:]:
             devices = [d for d in self.at(identity) if _fast(d)]
             if not devices:
                 break
@@ -123,7 +115,7 @@ class Network:
             delay = delay or devices[0].registers["return_delay_time"] * RETURN_DELAY_UNIT
         if not blocks or 1 + sum(4 + length for _, _, length in wanted) > LONGEST_STATUS:
             return []
-        whole = protocol.fast_status([*blocks, *((0, i, bytes(n)) for i, _, n in wanted[len(blocks) :])])
+        whole = protocol.fast_status([*blocks, *((0, i, bytes(length)) for i in params[4 + len(blocks) :])])
         sent = 8 + sum(4 + len(data) for _, _, data in blocks)
         return [Answer(whole[:sent], delay, len(blocks))]
 
@@ -132,31 +124,9 @@ class Network:
             return []
         address, length = _words(params)
         for k in range(4, len(params) - length, length + 1):
-            self._write(params[k], address, params[k + 1 : k + 1 + length])
+            for device in self.at(params[k]):
+                device.write(address, params[k + 1 : k + 1 + length])
         return []
-
-    def _bulk_write(self, params: bytes) -> list[Answer]:
-        k = 0
-        while k + 5 <= len(params):
-            address, length = _words(params[k + 1 :])
-            if k + 5 + length <= len(params):
-                self._write(params[k], address, params[k + 5 : k + 5 + length])
-            k += 5 + length
-        return []
-
-    def _write(self, identity: int, address: int, data: bytes) -> None:
-        for device in self.at(identity):
-            device.write(address, data)
-        self._by_second_name(DynamixelPacket(identity, Instruction.WRITE, protocol.word(address) + data))
-
-    def _by_second_name(self, frame: DynamixelPacket) -> None:
-        """A secondary id takes writes to RAM, and never answers."""
-        address = int.from_bytes(frame.params[:2], "little")
-        if frame.instruction != Instruction.WRITE or frame.id > LAST_ID or address < EEPROM_END:
-            return
-        for device in self.listening():
-            if device.registers["secondary_id"] == frame.id != device.id:
-                device.write(address, frame.params[2:])
 
 
 def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
@@ -166,19 +136,16 @@ def _perform(device: Device, frame: DynamixelPacket) -> tuple[int, bytes]:
         return 0, protocol.word(device.registers["model_number"]) + bytes((device.registers["firmware_version"],))
     if kind == Instruction.READ:
         return device.read(*_words(params)) if len(params) == 4 else (Error.DATA_LENGTH, b"")
-    if kind in (Instruction.WRITE, Instruction.REG_WRITE):
+    if kind == Instruction.WRITE:
         if len(params) < 3:
             return Error.DATA_LENGTH, b""
-        action = device.write if kind == Instruction.WRITE else device.register
-        return action(int.from_bytes(params[:2], "little"), params[2:]), b""
+        return device.write(int.from_bytes(params[:2], "little"), params[2:]), b""
     return _manage(device, frame, params), b""
 
 
 def _manage(device: Device, frame: DynamixelPacket, params: bytes) -> int:
     """Instructions that are neither ping nor read nor write."""
     kind = frame.instruction
-    if kind == Instruction.ACTION:
-        return device.act()
     if kind == Instruction.REBOOT:
         device.boot()
         return Error.NONE
@@ -187,8 +154,6 @@ def _manage(device: Device, frame: DynamixelPacket, params: bytes) -> int:
     if kind == Instruction.FACTORY_RESET:
         everything = params[:1] == b"\xff" and frame.id == BROADCAST
         return Error.NONE if everything else device.factory_reset(params[0] if params else 0)
-    if kind == Instruction.BACKUP:
-        return device.store_backup(params[0]) if params[1:] == BACKUP_KEY else Error.DATA_RANGE
     return Error.INSTRUCTION
 
 
@@ -202,15 +167,8 @@ def _words(params: bytes) -> tuple[int, int]:
     return int.from_bytes(params[:2], "little"), int.from_bytes(params[2:4], "little")
 
 
-def _triples(params: bytes) -> list[tuple[int, int, int]]:
-    return [(params[k], *_words(params[k + 1 :])) for k in range(0, len(params) - 4, 5)]
-
-
 _GROUPS: dict[int, Callable[[Network, bytes], list[Answer]]] = {
     Instruction.SYNC_READ: Network._sync_read,
     Instruction.SYNC_WRITE: Network._sync_write,
     Instruction.FAST_SYNC_READ: Network._fast_sync_read,
-    Instruction.BULK_READ: Network._bulk_read,
-    Instruction.BULK_WRITE: Network._bulk_write,
-    Instruction.FAST_BULK_READ: Network._fast_bulk_read,
 }

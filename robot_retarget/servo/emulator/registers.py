@@ -1,4 +1,4 @@
-"""The memory of one servo: bytes by address, names on top, indirect addresses, EEPROM defaults and backup."""
+"""The memory of one servo: bytes by address, names on top, indirect addresses and EEPROM defaults."""
 
 from robot_retarget.actuators.control_tables import EEPROM_END, INDIRECT, TABLE_END, Model, Register
 
@@ -16,7 +16,6 @@ class Registers:
         self.model = model
         self.by_name = model.registers
         self.at = {register.address: (name, register) for name, register in self.by_name.items()}
-        self.backup: bytes | None = None
         self._bytes = bytearray(TABLE_END)
         self._values: dict[str, int] = {}
         self._exists = bytearray(TABLE_END)
@@ -94,15 +93,3 @@ class Registers:
     def covering(self, address: int) -> tuple[str, Register] | None:
         """The register that starts at an address."""
         return self.at.get(address)
-
-    def save_backup(self) -> None:
-        """Keep a copy of the EEPROM."""
-        self.backup = bytes(self._bytes[:EEPROM_END])
-
-    def restore_backup(self) -> bool:
-        """Restore the EEPROM registers from the backup. Returns False without a backup."""
-        if self.backup is not None:
-            for name, register in self.by_name.items():
-                if register.address < EEPROM_END:
-                    self[name] = register.decode(self.backup[register.address :])
-        return self.backup is not None
