@@ -20,6 +20,10 @@ HELD = 0.2
 """A lean is held for this time, in which the accelerometer is averaged [s]."""
 PART = 0.5
 """A lean is measured from this part of it on; more about the other axis is a fault. Fewer readings than this are silence."""
+LATE = 0.12
+"""Readings later than this after the goals, besides the sensor's own delay, are a fault [s]: servos lag by 0.05 to 0.07 s."""
+LONGEST_LAG = 0.3
+"""Lags up to this are looked for [s]."""
 AXES = ("roll", "pitch")
 
 
@@ -30,19 +34,21 @@ class LeanTest:
         first: (n,) the first pose [rad].
         lean: (n, 2) change of the joints per roll and pitch of the root body [-].
         rate: ticks a second [1/s].
+        delay: of the sensor, as its data sheet states it [s].
     """
 
     goals: Floats
     possible: bool
 
-    def __init__(self, first: Floats, lean: Floats, rate: float) -> None:
+    def __init__(self, first: Floats, lean: Floats, rate: float, delay: float = 0.0) -> None:
         shape, self._rest = _there_and_back(rate), round(REST * rate)
         leans = np.concatenate([LEAN * shape[:, None] * lean[:, axis] for axis in range(2)])
         self.goals = first + np.concatenate([np.zeros((self._rest, len(first))), leans])
         """(N, n) goals [rad]."""
         self.possible = bool(lean.any())
         """Whether the feet are known."""
-        self._rate, self._top = rate, np.flatnonzero(shape == 1.0)
+        self._rate, self._top, self._delay = rate, np.flatnonzero(shape == 1.0), delay
+        self._spin = LEAN * np.gradient(shape) * rate
         self._readings = np.full((len(self.goals), 2, 3), np.nan)
 
     def note(self, tick: int, reading: Reading | None) -> None:
@@ -61,7 +67,19 @@ class LeanTest:
             tilt = tilt_of(np.nanmean(readings[self._top, 1], axis=0)) - tilt_of(force)
             turned = np.nancumsum(readings[:, 0, :2] - spin[:2], axis=0)[self._top[len(self._top) // 2]] / self._rate
             found += _faults("accelerometer", axis, tilt) + _faults("gyroscope", axis, turned)
+        late = self._lag(leans, spin) - self._delay
+        if not found and late > LATE:
+            found.append(
+                f"the inertial sensor measures the test lean {late:.2f} s late: its delay is not that of [imu]"
+            )
         return found
+
+    def _lag(self, leans: Floats, spin: Floats) -> float:
+        """Return the lag [s] at which the gyroscope agrees best with the planned speeds of both leans."""
+        measured = np.concatenate([part[:, 0, axis] - spin[axis] for axis, part in enumerate(np.split(leans, 2))])
+        planned, heard = np.tile(self._spin, 2), np.nan_to_num(measured)
+        lags = range(round(LONGEST_LAG * self._rate) + 1)
+        return float(np.argmax([heard[k:] @ planned[: len(planned) - k] for k in lags])) / self._rate
 
 
 def _there_and_back(rate: float) -> Floats:

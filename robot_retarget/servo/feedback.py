@@ -78,7 +78,7 @@ class Balancer(FallGuard):
 
     def test(self, first: Floats) -> LeanTest:
         """Return the test lean from the first pose (n,) [rad]."""
-        return LeanTest(first, self.law.feedback.lean, self._rate)
+        return LeanTest(first, self.law.feedback.lean, self._rate, self._imu.delay)
 
     def lean(self, test: LeanTest, tick: int) -> None:
         """Take the reading of a tick of the test lean."""

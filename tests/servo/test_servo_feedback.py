@@ -157,6 +157,15 @@ def test_a_test_lean_names_sensor_and_axis(wrong: Callable[[Reading], Reading], 
     assert all(re.search(message, "; ".join(found)) for message in messages), found
 
 
+@pytest.mark.parametrize(("more", "late"), [(0.0, False), (0.03, False), (0.092, True)])
+def test_a_test_lean_finds_a_sensor_that_is_100_ms_late(more: float, late: bool) -> None:
+    found = leant(
+        LeanTest(np.zeros(2), np.eye(2), 1 / DT, IMU.delay), lambda r: r, replace(IMU, delay=IMU.delay + more)
+    )
+    assert bool(found) == late
+    assert all(re.search(r"0\.1\d s late: its delay is not that of \[imu\]", fault) for fault in found)
+
+
 FAULTS = {
     "dead": ([], "does not answer"),
     "frozen": ([LEVEL] * 50, "frozen"),
