@@ -2,6 +2,7 @@
 
     python scripts/bench/bench_feedback.py pushes walk.npz --worlds 20     # impulse that 19 of 20 worlds survive, without and with feedback
     python scripts/bench/bench_feedback.py falls walk.npz --worlds 20      # falls in hard worlds: tilt, mass, delay, friction, backlash
+    python scripts/bench/bench_feedback.py both walk.npz --worlds 10       # falls caused and prevented in two simulations that differ in contacts and servos
     python scripts/bench/bench_feedback.py faults walk.npz                 # each fault of the sensor on the emulated robot
     python scripts/bench/bench_feedback.py lag walk.npz                    # lag of the fused tilt, and the loop on the emulated bus
     python scripts/bench/bench_feedback.py film walk.npz -o push.gif       # one push, without and with feedback
@@ -11,6 +12,7 @@ A push lasts 0.1 s and acts on the trunk in the middle of the motion; it is surv
 """
 
 import argparse
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -46,6 +48,8 @@ HARD = Spread(
     mass=(0.8, 1.2), friction=(0.4, 0.4), delay=(0.04, 0.04), tilt=(-np.pi / 60, np.pi / 60), backlash=(1.0, 1.0)
 )
 """Worlds at the bounds: mass ± 20 %, friction 0.4, delay 40 ms, floor tilted by up to 3° about both axes, all of the backlash."""
+VARIED = HARD._replace(friction=(0.4, 1.0), delay=(0.0, 0.04))
+"""Worlds up to those bounds, for two simulations."""
 BACKLASH = np.pi / 720
 """Backlash of the joints in hard worlds, either way: 0.25° [rad]."""
 LATER = 9.0
@@ -125,9 +129,41 @@ def falls(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
     row("all", *total)
 
 
-def fell(plant: Plant, motion: Trajectory, goals: Goals, worlds: int) -> Bools:
-    """Whether the robot falls in each hard world (worlds,)."""
-    found = rollouts(plant, motion, draws(worlds, spread=HARD), command=goals)
+def both(plant: Plant, motions: Mapping[str, Trajectory], worlds: int) -> None:
+    """Falls in varied worlds of two simulations without and with feedback, and those that feedback prevents and causes."""
+    row = table("simulation", "motion", "falls without", "falls with", "prevented", "caused")
+    loose = plant_of(plant.robot, "free", backlash=BACKLASH)
+    for simulation, world in (("own", loose), ("second", second_simulation(loose))):
+        total = np.zeros(4, dtype=int)
+        for name, motion in motions.items():
+            goals = compensated(plant, motion, "free")
+            tried = (goals, with_feedback(plant, motion, goals))
+            without, fed = (fell(world, motion, g, worlds, VARIED) for g in tried)
+            counts = np.array([without.sum(), fed.sum(), (without & ~fed).sum(), (fed & ~without).sum()])
+            total += counts
+            row(simulation, name, *counts)
+        row(simulation, "all", *total)
+
+
+def second_simulation(plant: Plant) -> Plant:
+    """Return the OP3 with other contacts and servos: elliptic cones, MuJoCo's soft default contacts, spinning friction; a plain
+    position actuator with the gain of MuJoCo Menagerie and ToddlerBot's gears.
+    """
+    model, dofs = copy.copy(plant.model), plant.dofs
+    model.opt.cone, model.opt.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 5
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+    model.geom_solref[:], model.geom_solimp[:] = (0.02, 1), (0.9, 0.95, 0.001, 0.5, 2)
+    model.geom_condim[:], model.geom_friction[:, 1] = 4, 0.005
+    model.dof_damping[dofs], model.dof_frictionloss[dofs], model.dof_armature[dofs] = 0.93, 0.134, 0.0012
+    model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1], model.actuator_biasprm[:, 2] = 21.1, -21.1, 0
+    model.actuator_forcerange[:] = -5, 5
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(plant, model=model)
+
+
+def fell(plant: Plant, motion: Trajectory, goals: Goals, worlds: int, spread: Spread = HARD) -> Bools:
+    """Whether the robot falls in each drawn world (worlds,)."""
+    found = rollouts(plant, motion, draws(worlds, spread=spread), command=goals)
     falls = [fall_figures(world, plant.robot, motion)["fall_s"] for world in found]
     return np.array([r.unstable is not None or at is not None for r, at in zip(found, falls, strict=True)])
 
@@ -219,7 +255,7 @@ def pictures(plant: Plant, stand: Trajectory, impulse: Floats, feedback: bool) -
 
 def main() -> None:
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("what", choices=("pushes", "falls", "faults", "lag", "film"))
+    ap.add_argument("what", choices=("pushes", "falls", "both", "faults", "lag", "film"))
     ap.add_argument("clips", nargs="+", type=Path, help="trajectories of a robot with a sensor, from `run`")
     ap.add_argument("--robot", default="op3")
     ap.add_argument("--servos", help="the servo map, with [imu] and [balance]; by default that beside the MJCF")
@@ -232,6 +268,8 @@ def main() -> None:
     first = next(iter(motions.values()))
     if arg.what in ("faults", "lag"):
         {"faults": faults, "lag": lag}[arg.what](plant, standing(first, HELD))
+    elif arg.what == "both":
+        both(plant, motions, arg.worlds)
     elif arg.what == "film":
         film(plant, standing(first), np.array([*arg.impulse, 0.0]), arg.out)
     else:
