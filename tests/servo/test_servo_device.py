@@ -265,7 +265,7 @@ def test_instructions_that_no_client_here_sends_are_refused_or_ignored(kind: int
     assert get(network, "led") == 0
 
 
-def test_a_fast_read_beyond_any_table_is_ignored() -> None:
+def test_a_fast_read_longer_than_a_status_is_ignored() -> None:
     network, _ = made(2)
     assert ask(network, protocol.sync_read(0, 65_535, (1, 2), fast=True)) == []
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from robot_retarget.actuators.control_tables import RETURN_DELAY_UNIT, TABLE_END
+from robot_retarget.actuators.control_tables import RETURN_DELAY_UNIT
 from robot_retarget.servo import protocol
 from robot_retarget.servo.emulator.device import Device
 from robot_retarget.servo.emulator.opencr import Board
@@ -101,8 +101,6 @@ class Network:
         if len(params) < 5:
             return []
         address, length = _words(params)
-        if length > TABLE_END:
-            return []
         blocks: list[tuple[int, int, bytes]] = []
         delay = 0.0
         for identity in params[4:]:
@@ -113,7 +111,7 @@ class Network:
             data = data if not error else bytes(length)
             blocks.append((error | devices[0].alert, identity, data))
             delay = delay or devices[0].registers["return_delay_time"] * RETURN_DELAY_UNIT
-        if not blocks or 1 + sum(4 + length for _, _, length in wanted) > LONGEST_STATUS:
+        if not blocks or 1 + (4 + length) * len(params[4:]) > LONGEST_STATUS:
             return []
         whole = protocol.fast_status([*blocks, *((0, i, bytes(length)) for i in params[4 + len(blocks) :])])
         sent = 8 + sum(4 + len(data) for _, _, data in blocks)
