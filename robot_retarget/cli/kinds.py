@@ -6,7 +6,7 @@ from robot_retarget.errors import UsageError
 from robot_retarget.untrusted.unpack import zip_names
 
 MODELS = (".xml", ".mjcf", ".urdf")
-MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".glb", ".gltf", ".vrma", ".fbx")
+MOTIONS = (".bvh", ".amc", ".asf", ".c3d", ".mvnx", ".trc", ".glb", ".gltf", ".vrma", ".fbx")
 TRAJECTORY_MEMBERS = {"qpos.npy", "joint_names.npy", "format_version.npy"}
 STDIN = "-"
 TAKEN_BY = {

@@ -62,7 +62,7 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     rotations = file.rotations(positions)
     rate, rate_notes = request.rate(rate_of(file.arrays), joints.fps if joints else USUAL_FPS)
     positions, rotations = positions[:, order], None if rotations is None else rotations[:, order]
-    skeleton = Skeleton(tuple(called[k] for k in order), parents, _offsets(parents, positions, rotations))
+    skeleton = Skeleton(tuple(called[k] for k in order), parents, first_offsets(parents, positions, rotations))
     contacts = file.contacts(len(positions))
     if contacts is not None:
         rate_notes = (*rate_notes, "The file says when the feet stand: its contacts are taken.")
@@ -154,8 +154,14 @@ def _known_set(file: _File, names: tuple[str, ...], count: int) -> JointSet | No
     raise MotionError(f"{count} joints without names are no known set; {known(sets)}", file.path)
 
 
-def _offsets(parents: Ints, positions: Floats, rotations: Floats | None) -> Floats:
-    """(J, 3) each joint's place in its parent in the first frame; 0 at a root."""
+def first_offsets(parents: Ints, positions: Floats, rotations: Floats | None) -> Floats:
+    """(J, 3) each joint's place in its parent in the first frame; 0 at a root.
+
+    Args:
+        parents: (J,) index of each joint's parent, −1 at a root.
+        positions: (T, J, 3) [any unit].
+        rotations: (T, J, 4) w x y z, or None for a world frame at every joint.
+    """
     identity = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(parents), 1))
     offsets, _ = backward(parents, positions[:1], identity if rotations is None else rotations[:1])
     return np.where(parents[:, None] < 0, 0.0, offsets[0])

@@ -32,10 +32,6 @@ def _blender(step: str) -> str:
     return f"blender --background --python-expr \"import bpy; {empty}; {step}(filepath='{{path}}'); {save}\""
 
 
-def _starts(*beginnings: str) -> Callable[[FileHeader], bool]:
-    return lambda header: header.text.lstrip().lower().startswith(beginnings)
-
-
 def _is_mot(header: FileHeader) -> bool:
     """Whether a text has the header of OpenSim's storage files."""
     return "endheader" in header.text.lower() and "indegrees" in header.text.lower()
@@ -64,19 +60,6 @@ REFUSALS = (
         (".usd", ".usda", ".usdc", ".usdz"),
         _is_usd,
         f"USD is not read. Convert it, and give {{stem}}.glb: {_blender('bpy.ops.wm.usd_import')}",
-    ),
-    Refusal(
-        "MVNX",
-        (".mvnx",),
-        lambda header: "<mvnx" in header.text.lower(),
-        "MVNX of Xsens is not read. Export the recording as BVH (MVN Analyze or Animate: File, Export, BVH), and give that",
-    ),
-    Refusal(
-        "TRC",
-        (".trc",),
-        _starts("pathfiletype"),
-        "TRC is a table of markers of OpenSim and is not read. Save the capture as C3D with labelled markers, or the "
-        "joint centres as .npz with positions (T, J, 3) [m], names, parents and fps",
     ),
     Refusal(
         "OpenSim MOT or STO",

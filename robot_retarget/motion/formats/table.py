@@ -14,9 +14,13 @@ from robot_retarget.motion.formats import (
     gltf,
     humanml3d,
     landmarks,
+    mvnx,
+    optitrack_csv,
     positions,
     refused,
     smpl,
+    trc,
+    vicon_csv,
     zipped,
 )
 from robot_retarget.motion.formats.file_header import FileHeader
@@ -44,9 +48,14 @@ FORMATS = (
     MotionFormat("ASF/AMC", (".amc",), amc.matches_format, amc.read, beside=amc.beside),
     MotionFormat("C3D", (".c3d",), c3d.matches_format, c3d.read, frozenset({"clip"})),
     MotionFormat("glTF, GLB, VRMA", (".glb", ".gltf", ".vrma"), gltf.matches_format, gltf.read, frozenset({"clip"})),
+    MotionFormat("MVNX", (".mvnx",), mvnx.matches_format, mvnx.read, frozenset({"clip"})),
+    MotionFormat("TRC", (".trc",), trc.matches_format, trc.read, frozenset({"clip"})),
+    MotionFormat("CSV of OptiTrack", (), optitrack_csv.matches_format, optitrack_csv.read, frozenset({"clip"})),
+    MotionFormat("CSV of Vicon", (), vicon_csv.matches_format, vicon_csv.read, frozenset({"clip"})),
     MotionFormat("DeepMimic", (), deepmimic.matches_format, deepmimic.read),
     MotionFormat("HumanML3D features", (), humanml3d.matches_format, humanml3d.read),
     MotionFormat("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
+    MotionFormat("Motion-X", (), smpl.motion_x.matches_format, smpl.motion_x.read, frozenset({"body_model"})),
     MotionFormat("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
     MotionFormat(
         "SMPL parameters in a pickle",

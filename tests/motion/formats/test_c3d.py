@@ -15,7 +15,7 @@ from robot_retarget.human.recognition import recognise
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats import c3d
-from robot_retarget.motion.formats.c3d.markers import Markers, chord, hip_centres
+from robot_retarget.motion.formats.markers.regressions import Markers, chord, hip_centres
 from robot_retarget.motion.formats.request import Request
 
 FOLDER = SHARED / "motions" / "other" / "c3d"
@@ -161,7 +161,9 @@ def test_lost_markers_are_bridged_cut_off_or_refused(tmp_path):
 def test_a_missing_marker_a_strange_unit_and_a_cut_file_are_named(tmp_path):
     markers = adult()
     del markers["RELB"]
-    with pytest.raises(MotionError, match=r"Missing: right outer elbow \(RELB or R_HLE\)\. Its labels: LASI"):
+    with pytest.raises(
+        MotionError, match=r"Missing: right outer elbow \(RELB or R_HLE or RELBOWOUT\)\. Its labels: LASI"
+    ):
         read_motion(written(tmp_path / "a.c3d", markers))
     with pytest.raises(MotionError, match=r"POINT:UNITS: expected one of mm, cm, m, in, found furlong"):
         read_motion(written(tmp_path / "a.c3d", adult(), unit="furlong"))

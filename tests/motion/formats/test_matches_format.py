@@ -162,13 +162,11 @@ def test_a_head_that_states_another_size_than_the_file_has_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
-        ("a.trc", b"PathFileType\t4\t(X/Y/Z)\ta.trc\n", "TRC is a table of markers of OpenSim"),
         (
             "a.mot",
             b"Coordinates\nversion=1\nnRows=2\ninDegrees=yes\nendheader\ntime\n",
             "MOT and STO hold joint angles",
         ),
-        ("a.mvnx", b"<?xml version='1.0'?>\n<mvnx version='4'>", "Export the recording as BVH"),
         ("a.usda", b"#usda 1.0\n(\n)", "blender --background .*usd_import.*a.glb"),
         ("a.usdc", b"PXR-USDC" + bytes(80), "blender --background .*usd_import.*a.glb"),
     ],

@@ -133,3 +133,20 @@ def test_pickles_without_a_body_and_cut_ones_are_refused(tmp_path, monkeypatch):
         archive.writestr("results/data/0", bytes(40))
     with pytest.raises(MotionError, match=r"c\.pt: not a readable file of PyTorch"):
         read_motion(path)
+
+
+def test_aist_pickles_are_scaled_bodies_at_sixty_frames_a_second(tmp_path, expected):
+    poses = np.concatenate([ROOT, BODY, np.zeros((T, 6), "f4")], axis=1)
+    content = {"smpl_poses": poses, "smpl_trans": 93.8 * PLACE, "smpl_scaling": np.array([93.8]), "smpl_loss": 0.1}
+    (tmp_path / "gBR.pkl").write_bytes(pickle.dumps(content))
+    motion = read_motion(tmp_path / "gBR.pkl")
+    assert motion.fps == 60
+    assert motion.positions == pytest.approx(expected, abs=1e-5)
+
+
+def test_rows_of_motion_x_are_the_parameters_side_by_side(tmp_path, expected):
+    rows = np.concatenate([ROOT, BODY, np.full((T, 243), 9.0), PLACE, BETAS], axis=1)
+    np.save(tmp_path / "clip.npy", rows)
+    motion = read_motion(tmp_path / "clip.npy")
+    assert motion.fps == 30
+    assert motion.positions == pytest.approx(expected, abs=1e-6)

@@ -13,15 +13,13 @@ import numpy as np
 from robot_retarget.errors import MotionError, install_line
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.c3d import child
-from robot_retarget.motion.formats.c3d.markers import SETS, Markers, joint_centres
 from robot_retarget.motion.formats.file_header import FileHeader
-from robot_retarget.motion.formats.points import bridged, of_points
+from robot_retarget.motion.formats.markers.labelled import UNITS, LabelledPoints, captured, title_of
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.untrusted.arrays import load_npz
 
 _BIG_ENDIAN = 86
 """The kind of processor whose numbers begin with their highest byte."""
-UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254}
 
 
 def matches_format(header: FileHeader) -> bool:
@@ -37,21 +35,10 @@ def read(path: Path, request: Request) -> Capture:
             which are missing.
     """
     titles, points, stored = _points(path)
-    subjects = sorted({subject for subject, _ in titles if subject}) or [""]
-    which, others = request.choose(subjects, path)
-    labels = [label if subject in ("", subjects[which]) else "" for subject, label in titles]
-    markers = Markers({label: points[:, k] for k, label in enumerate(labels) if label})
-    if missing := markers.missing():
-        raise MotionError(_refusal(labels, missing), path)
+    capture = captured(LabelledPoints(titles, points, stored), path, request)
     if (announced := _announced(path)) > len(points):
         raise MotionError(f"truncated: {len(points)} of {announced} frames are present", path)
-    fps, said = request.rate(stored)
-    used = markers.used()
-    paths, _, notes = bridged(np.stack([markers.paths[label] for label in used], axis=1), used, fps, str(path))
-    markers = Markers({label: paths[:, k] for k, label in enumerate(used)})
-    body = joint_centres(markers)
-    title = f"Joints were computed from {len(used)} of {len(labels)} markers."
-    return of_points(body, fps, str(path), (*others, title, *markers.notes, *notes, *said))
+    return capture
 
 
 def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
@@ -61,7 +48,7 @@ def _points(path: Path) -> tuple[list[tuple[str, str]], Any, float | None]:
     if not points.size:
         raise MotionError("POINT: it holds no points over time", path)
     points[(points == 0).all(axis=2)] = np.nan
-    titles = [_parts(label) for label in stated["labels"].tolist()]
+    titles = [title_of(label) for label in stated["labels"].tolist()]
     titles = [*titles, *[("", "")] * points.shape[1]][: points.shape[1]]
     rate = stated["rate"][stated["rate"] > 0]
     return titles, points * _unit(stated["units"].tolist(), path), float(rate[0]) if rate.size else None
@@ -94,27 +81,8 @@ def _announced(path: Path) -> int:
     return last - first + 1
 
 
-def _parts(label: str) -> tuple[str, str]:
-    """`Anna:LKNE` as subject and label."""
-    subject, _, bare = label.rpartition(":")
-    return subject.strip(), bare.strip().upper()
-
-
 def _unit(stated: list[str], path: Path) -> float:
     units = {unit.strip().lower() for unit in stated} - {""} or {"mm"}
     if len(units) > 1 or not units <= UNITS.keys():
         raise MotionError(f"POINT:UNITS: expected one of {', '.join(UNITS)}, found {', '.join(sorted(units))}", path)
     return UNITS[units.pop()]
-
-
-def _refusal(labels: list[str], missing: list[str]) -> str:
-    named = [label for label in labels if label]
-    return (
-        f"joints cannot be computed from its markers: they must be labelled as {SETS}. Missing: {_some(missing, 6)}. "
-        f"Its labels: {_some(named, 30) or 'none'}. Label them in the capture software, or give joint positions as .npz"
-    )
-
-
-def _some(words: list[str], most: int) -> str:
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more

@@ -12,16 +12,20 @@ from robot_retarget.errors import MotionError
 from robot_retarget.human.kinematics import forward
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.file_header import FileHeader
-from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.request import USUAL_FPS, Request
 from robot_retarget.motion.formats.smpl.body import JOINTS, mean_skeleton, model_skeleton
 from robot_retarget.untrusted.arrays import load_arrays
 from robot_retarget.untrusted.fields import rate_of
 
-WHOLE = ("pose_world", "poses", "pose", "full_pose", "fullpose")
+WHOLE = ("pose_world", "poses", "pose", "full_pose", "fullpose", "smpl_poses")
 """The turns of root and joints together (T, 3 n), n at least 22; those in the world before those in a camera."""
 ROOT = ("root_orient", "global_orient")
 BODY = ("pose_body", "body_pose")
-PLACE = ("trans_world", "trans", "transl", "translation")
+PLACE = ("trans_world", "trans", "transl", "translation", "smpl_trans")
+SCALE = "smpl_scaling"
+"""Of AIST++: places are in metres times this number."""
+AIST_FPS = 60.0
+"""Of the motions of AIST++ [1/s]."""
 MOST_TURNED = 1000.0
 """Of a vector of rotation; more is another unit or damage [rad]."""
 _PREFIXES = ("", "smpl_params_global/", "smpl_params_global.", "smpl_params_global_")
@@ -57,7 +61,7 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     translations = np.tile(skeleton.offsets, (len(turns), 1, 1))
     translations[:, 0] += place
     positions, rotations = forward(skeleton.parents, translations, local)
-    fps, said = request.rate(rate_of(arrays))
+    fps, said = request.rate(rate_of(arrays), AIST_FPS if SCALE in arrays else USUAL_FPS)
     return Capture(skeleton, positions, rotations, fps, str(path), (note, *notes, *said))
 
 
@@ -124,7 +128,10 @@ def _place(arrays: Mapping[str, Any], frames: int, path: Path) -> tuple[Floats, 
     values = np.asarray(values)
     if values.size != 3 * frames or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
         raise MotionError(f"{key}: expected finite numbers ({frames}, 3), got {values.dtype} {values.shape}", path)
-    return values.astype(float).reshape(frames, 3), ()
+    scale = np.asarray(arrays.get(SCALE, 1.0), dtype=float)
+    if scale.size != 1 or not 0 < scale.item() < np.inf:
+        raise MotionError(f"{SCALE}: expected one positive number, got {scale}", path)
+    return values.astype(float).reshape(frames, 3) / scale.item(), ()
 
 
 def _betas(arrays: Mapping[str, Any], path: Path) -> Floats | None:

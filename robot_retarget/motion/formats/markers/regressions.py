@@ -12,30 +12,33 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, unit
 
-SETS = "Plug-in-Gait (LASI, LKNE, …) or van Sint Jan's (L_IAS, L_FLE, …)"
-# What markers are called in either set, the side's letter in braces.
+SETS = (
+    "Plug-in-Gait (LASI, LKNE, …), van Sint Jan's (L_IAS, L_FLE, …), CMU's (LFWT, LKNE, …) or OptiTrack's Baseline "
+    "(WaistLFront, LKneeOut, …)"
+)
+# What markers are called in these sets, the side's letter in braces.
 LABELS: dict[str, tuple[str, ...]] = {
-    "front of the pelvis": ("{}ASI", "{}_IAS", "{}ASIS"),
-    "back of the pelvis": ("{}PSI", "{}_IPS", "{}PSIS", "SACR"),
-    "outer knee": ("{}KNE", "{}_FLE"),
-    "inner knee": ("{}KNM", "{}MKNE", "{}KNEM", "{}_FME"),
-    "thigh": ("{}THI",),
-    "outer ankle": ("{}ANK", "{}_FAL"),
-    "inner ankle": ("{}MED", "{}MANK", "{}ANKM", "{}_TAM"),
-    "shin": ("{}TIB",),
-    "toes": ("{}TOE",),
+    "front of the pelvis": ("{}ASI", "{}_IAS", "{}ASIS", "WAIST{}FRONT", "{}FWT"),
+    "back of the pelvis": ("{}PSI", "{}_IPS", "{}PSIS", "WAIST{}BACK", "{}BWT", "SACR"),
+    "outer knee": ("{}KNE", "{}_FLE", "{}KNEEOUT"),
+    "inner knee": ("{}KNM", "{}MKNE", "{}KNEM", "{}_FME", "{}KNEEIN"),
+    "thigh": ("{}THI", "{}THIGH"),
+    "outer ankle": ("{}ANK", "{}_FAL", "{}ANKLEOUT"),
+    "inner ankle": ("{}MED", "{}MANK", "{}ANKM", "{}_TAM", "{}ANKLEIN"),
+    "shin": ("{}TIB", "{}SHIN"),
+    "toes": ("{}TOE", "{}TOETIP"),
     "first toe": ("{}MT1", "{}_FM1"),
     "fifth toe": ("{}MT5", "{}_FM5"),
-    "acromion": ("{}SHO", "{}_SAJ", "{}ACR"),
-    "outer elbow": ("{}ELB", "{}_HLE"),
-    "inner elbow": ("{}ELBM", "{}MELB", "{}_HME"),
-    "thumb's side of the wrist": ("{}WRA", "{}_RSP"),
-    "little finger's side of the wrist": ("{}WRB", "{}_UHE", "{}_USP"),
-    "front of the head": ("{}FHD", "{}_HDF"),
-    "back of the head": ("{}BHD", "{}_HDB"),
-    "breastbone's top": ("CLAV", "SNJ"),
+    "acromion": ("{}SHO", "{}_SAJ", "{}ACR", "{}SHOULDERTOP"),
+    "outer elbow": ("{}ELB", "{}_HLE", "{}ELBOWOUT"),
+    "inner elbow": ("{}ELBM", "{}MELB", "{}_HME", "{}ELBOWIN"),
+    "thumb's side of the wrist": ("{}WRA", "{}_RSP", "{}WRISTIN"),
+    "little finger's side of the wrist": ("{}WRB", "{}_UHE", "{}_USP", "{}WRISTOUT"),
+    "front of the head": ("{}FHD", "{}_HDF", "HEADFRONT"),
+    "back of the head": ("{}BHD", "{}_HDB", "HEADSIDE"),
+    "breastbone's top": ("CLAV", "SNJ", "CHEST"),
     "breastbone's end": ("STRN", "SXS"),
-    "neck's lowest vertebra": ("C7", "CV7"),
+    "neck's lowest vertebra": ("C7", "CV7", "BACKTOP"),
     "back": ("T10", "TV8"),
 }
 REQUIRED = (
