@@ -148,7 +148,7 @@ def recognised(source: TrajectorySource) -> TrajectoryFormat:
 
 def _format(name: str) -> TrajectoryFormat:
     if name not in FORMATS:
-        raise UsageError(f"unknown format {name!r}; {known(FORMATS, typed=name)}")
+        raise UsageError(f"unknown format {name!r}; {known(FORMATS, len(FORMATS), typed=name)}")
     return FORMATS[name]
 
 

@@ -1,9 +1,11 @@
 """The one table of formats; a new format is a file in one of the folders here and a line in this table."""
 
+from robot_retarget.formats.binary import op3_action
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.npz import (
     beyondmimic,
     core,
+    isaaclab_amp,
     locomujoco,
     mjlab,
     native,
@@ -12,7 +14,7 @@ from robot_retarget.formats.npz import (
     pyroki,
 )
 from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
-from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, scene, skeleton
+from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, scene, skeleton, sonic
 from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
 
 FORMATS: dict[str, TrajectoryFormat] = {
@@ -41,5 +43,8 @@ FORMATS: dict[str, TrajectoryFormat] = {
         bag,
         skeleton,
         servo_ticks,
+        op3_action,
+        isaaclab_amp,
+        sonic,
     )
 }

@@ -334,6 +334,31 @@ def bvh(path, model) -> Pose:
     return Pose(np.empty((0, 3)), np.empty((0, 4)), {}, fps, {name: np.array(p) for name, p in places.items()})
 
 
+def isaaclab_amp(path, model) -> Pose:
+    """Isaac Lab's MotionLoader: joints and bodies by the names in the file, quaternions w x y z."""
+    data = np.load(path)
+    bodies = dict(zip(data["body_names"].tolist(), data["body_positions"].swapaxes(0, 1), strict=True))
+    root = data["body_positions"][:, 0], data["body_rotations"][:, 0]
+    return Pose(*root, named(data["dof_names"].tolist(), data["dof_positions"]), 1 / (1 / float(data["fps"])), bodies)
+
+
+def sonic(path, model) -> Pose:
+    """SONIC's MotionDataReader: the first row of a table is a header, rows are steps of 0.02 s, joints in Isaac Lab's order."""
+    tables = {
+        name: pandas.read_csv(path / f"{name}.csv").to_numpy()
+        for name in ("joint_pos", "joint_vel", "body_pos", "body_quat")
+    }
+    text = (path / "metadata.txt").read_text().splitlines()
+    indices = [int(k) for k in text[text.index("Body part indexes:") + 1].strip("[]").split()]
+    order = level_order(model)
+    places = tables["body_pos"].reshape(len(tables["body_pos"]), -1, 3)
+    bodies = {order[index]: places[:, k] for k, index in enumerate(indices)}
+    hinges = [model.joint(j).name for body in order for j in range(model.njnt)
+              if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and model.body(model.jnt_bodyid[j]).name == body]  # fmt: skip
+    assert tables["joint_vel"].shape == tables["joint_pos"].shape
+    return Pose(places[:, 0], tables["body_quat"][:, :4], named(hinges, tables["joint_pos"]), 50.0, bodies)
+
+
 READERS = {
     "csv": csv,
     "unitree": unitree,
@@ -356,4 +381,6 @@ READERS = {
     "ros-joint-trajectory": joint_trajectory,
     "mcap": bag,
     "bvh": bvh,
+    "isaaclab-amp": isaaclab_amp,
+    "sonic": sonic,
 }

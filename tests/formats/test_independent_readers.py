@@ -58,7 +58,18 @@ def in_root(model: mujoco.MjModel, pose: Pose, places: np.ndarray) -> np.ndarray
 
 @pytest.mark.parametrize("name", THERE)
 @pytest.mark.parametrize(
-    "format", ["gmr", "beyondmimic", "mjlab", "omniretarget-training", "locomujoco", "keyframe-kit", "mcap"]
+    "format",
+    [
+        "gmr",
+        "beyondmimic",
+        "mjlab",
+        "omniretarget-training",
+        "locomujoco",
+        "keyframe-kit",
+        "mcap",
+        "isaaclab-amp",
+        "sonic",
+    ],
 )
 def test_bodies_in_a_file_stand_where_the_joints_put_them(format: str, name: str, tmp_path) -> None:
     robot, fps = robot_called(name), FORMATS[format].fps or 50.0

@@ -29,7 +29,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     Raises:
         UsageError: no servo map is known for the robot.
     """
-    servos, place = _map(motion.robot, motion.options), motion.robot.joint_names
+    servos, place = servo_map_of(motion.robot, motion.options), motion.robot.joint_names
     joints = [joint for joint in servos.joints if joint in place]
     ticks = [[servos[j].ticks(q[motion.robot.qpos_index[place.index(j)]]) for j in joints] for q in motion.qpos]
     with path.open("w", newline="", encoding="utf-8") as stream:
@@ -44,7 +44,7 @@ def read(source: TrajectorySource) -> Columns:
     joints = [name.removesuffix(TICK) for name in names if name.endswith(TICK)]
     if TIME not in names or not joints:
         raise TrajectoryError(f"no {TIME!r} and NAME{TICK} among {', '.join(names[:8])}")
-    servos = _map(source.robot, source.options)
+    servos = servo_map_of(source.robot, source.options)
     called = [joint_called(joint, source.robot) for joint in joints]
     missing = [joint for joint in called if joint not in servos.joints]
     if missing:
@@ -54,7 +54,12 @@ def read(source: TrajectorySource) -> Columns:
     return Columns(np.array(columns).T, tuple(called), fps=rate(rows[:, names.index(TIME)]))
 
 
-def _map(robot: Robot, options: FormatOptions) -> ServoMap:
+def servo_map_of(robot: Robot, options: FormatOptions) -> ServoMap:
+    """Return the servo map of the options, or the one that ships with the robot.
+
+    Raises:
+        UsageError: neither is known.
+    """
     if options.servos is None and robot.name not in shipped_maps():
         raise UsageError(f"no servo map for {robot.name!r}: give one with --servos; {known(shipped_maps())}")
     return load_map(options.servos or robot.name)

@@ -1,0 +1,1 @@
+"""Formats of bytes at fixed places."""
