@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT
 
 from robot_retarget.errors import MotionError
+from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition import recognise
-from robot_retarget.human.skeleton import Motion
 from robot_retarget.keypoints import KEYPOINTS
 from robot_retarget.motion import read_motion
 from robot_retarget.motion.formats.optitrack_csv import PARENTS
