@@ -12,7 +12,6 @@ from robot_retarget.balance.zmp import support
 from robot_retarget.graph.soles import flattened, lengths
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.segments import heading
 
 SETTLE = 1.0
 """Slower turns of a human are part of walking; faster turns happen over standing feet [s]."""
@@ -53,7 +52,7 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
     All directions turn back about the vertical by the smoothed heading of the human. The pelvis stays over the origin,
     and both feet stand throughout.
     """
-    ahead = heading(human.facing)
+    ahead = human.heading
     turning = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
     slow = gaussian_filter1d(turning, SETTLE * human.fps, mode="nearest")
     back = Rotation.from_euler("z", -slow[:, None]).as_matrix()

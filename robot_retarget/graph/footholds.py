@@ -14,7 +14,6 @@ from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.segments import heading
 from robot_retarget.human.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
 
@@ -75,7 +74,7 @@ class Sole:
     def places(self, human: HumanFeatures) -> Floats:
         """Return (T, 4, 3) corners with the rotation of the human's foot [m]."""
         left, right, ankle = (human.positions[:, k] for k in (*self.hips, self.ankle))
-        outward = leftward(heading(human.facing)) * (1 if self.foot == "l" else -1)
+        outward = leftward(human.heading) * (1 if self.foot == "l" else -1)
         places = self.root_scaling.path(human) + self.root_scaling.ratio * (ankle - (left + right) / 2)
         places[:, :2] += self.wider * outward
         turn = human.segments.get(f"{self.foot}_foot", human.facing)

@@ -12,7 +12,7 @@ from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.ground import floor_under
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
-from robot_retarget.human.segments import facing
+from robot_retarget.human.segments import facing, heading
 from robot_retarget.human.stance import StanceRule
 
 
@@ -42,13 +42,19 @@ class HumanFeatures:
     @cached_property
     def facing(self) -> Floats:
         """(T, 3, 3) orientation of the whole body."""
-        return np.broadcast_to(facing(self.segments), (len(self), 3, 3))
+        return facing(self.segments, len(self))
+
+    @cached_property
+    def heading(self) -> Floats:
+        """(T, 2) unit vectors along the floor in which the body faces."""
+        return heading(self.facing)
 
     @cached_property
     def closeness(self) -> Floats:
         """(T, K, K) D̄ = ‖x_u − x_v‖/τ_uv, distances over the length of the path between [Mucherino2017]."""
         apart = self.positions[:, :, None] - self.positions[:, None]
-        return np.linalg.norm(apart, axis=-1) / self.calibration.match.human_paths
+        apart *= apart
+        return np.sqrt(apart[..., 0] + apart[..., 1] + apart[..., 2]) / self.calibration.match.human_paths
 
     @property
     def activity(self) -> Activity:

@@ -54,11 +54,10 @@ def untwisted(feet: Floats, legs: Floats) -> Floats:
         feet: (T, F, 3, 3) axes.
         legs: (T, F, 3, 3) places of hip, knee and ankle [m].
     """
-    thigh, shin = legs[..., 1, :] - legs[..., 0, :], legs[..., 2, :] - legs[..., 1, :]
-    across, size = cross(thigh, shin), lengths(thigh) * lengths(shin)
-    bend = lengths(across)
-    along = np.einsum("...i,...i->...", feet[..., 1], across)
-    turned = (along < np.cos(ARBITRARY) * bend) & (bend > BENT * size)
+    bones = legs[..., 1:, :] - legs[..., :-1, :]
+    across, size = cross(bones[..., 0, :], bones[..., 1, :]), lengths(bones)
+    bend, along = lengths(across), np.einsum("...i,...i->...", feet[..., 1], across)
+    turned = (along < np.cos(ARBITRARY) * bend) & (bend > BENT * size[..., 0] * size[..., 1])
     if not turned.any():
         return feet
     y = unit(across)

@@ -102,12 +102,12 @@ def _nod(head: Floats, chest: Floats) -> Floats:
     return constant if Rotation.from_matrix(constant).magnitude() > BENT else np.eye(3)
 
 
-def facing(frames: dict[str, Floats]) -> Floats:
-    """(T, 3, 3) by which the whole body is turned: the pelvis, else the chest, else nothing."""
+def facing(frames: dict[str, Floats], count: int) -> Floats:
+    """Return the orientation (T, 3, 3) of the body in `count` frames: its pelvis, else its chest, else no rotation."""
     for segment in ("pelvis", "chest"):
         if segment in frames:
             return frames[segment]
-    return np.eye(3)[None]
+    return np.broadcast_to(np.eye(3), (count, 3, 3))
 
 
 def heading(frames: Floats) -> Floats:
@@ -136,7 +136,7 @@ def _hand_constant(motion: Motion, match: Match, side: str, x: dict[str, Floats]
         return None
     fingers = motion.skeleton.outward(carrying_joint(motion, match, f"{side}_hand"))
     constant = pointed(constant_between(own * bend[:, None, None] ** 2, straight), fingers)
-    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match))[0], fingers))
+    constant = _likelier(constant, _hand_at_rest(facing(_resting(motion, match), 1)[0], fingers))
     return snapped_to_axes(constant, LEVEL["end"])
 
 
