@@ -26,9 +26,10 @@ class Bound:
         value = row.figures.get(self.figure)
         if value is None or self.least <= value <= self.most:
             return None
-        unit = FIGURES[self.figure].unit
+        unit, cause = FIGURES[self.figure].unit, FIGURES[self.figure].cause
         side, bound = ("below", self.least) if value < self.least else ("above", self.most)
-        return f"{self.figure} {value:g} {unit} is {side} {bound:g}".replace("  ", " ")
+        said = f"{self.figure} {value:g} {unit} is {side} {bound:g}".replace("  ", " ")
+        return f"{said} ({cause})" if cause else said
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ class Settings:
     preset: str = "balanced"
     legs: str = "auto"
     balance: str = "off"
+    frames: str | None = None
+    """The part of every clip that is used, `START:STOP` (`motion.span.part_of`)."""
     up: str | None = None
     repair: bool = True
     formats: tuple[str, ...] = ()

@@ -97,10 +97,11 @@ def peak_memory() -> float:
 def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
     from robot_retarget.motion import read_motion
+    from robot_retarget.motion.span import part_of
     from robot_retarget.score.score import score
 
     settings, robot = task.settings, robot_of(task.robot, task.settings.limits)
-    motion = read_motion(task.path, up=settings.up, repair=settings.repair)
+    motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
     trajectory, notes = _retargeted(motion, robot, settings)
     found = score(trajectory, robot, motion, overrides=settings.map_file)
     write(task, trajectory, robot)

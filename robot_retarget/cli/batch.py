@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Balance, Fps, Json, Legs, Limits, Overrides, Preset, Quiet, Repair, Up
+from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, Overrides, Preset, Quiet, Repair, Up
 from robot_retarget.errors import OutputError, UsageError, known
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def batch(
         Path | None, typer.Option("--filter", help="TOML file of thresholds; by default the shipped ones.")
     ] = None,
     extremes: Annotated[int, typer.Option(min=0, help="Number of worst and of best clips to draw.")] = 2,
+    frames: Frames = None,
     fps: Fps = None,
     up: Up = None,
     repair: Repair = True,
@@ -82,7 +83,7 @@ def batch(
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
     _require(format, pack, retry)
     settings = Settings(
-        fps, preset, legs, balance, up, repair, tuple(format or ()), mirror, _text(map_file), _text(limits)
+        fps, preset, legs, balance, frames, up, repair, tuple(format or ()), mirror, _text(map_file), _text(limits)
     )
     job = Job(
         tuple(folders), tuple(robot), out, settings, Allowance(timeout, memory), tuple(include or ()), tuple(exclude or ()),

@@ -311,27 +311,10 @@ def read_clip(
 ) -> "Motion":
     """The motion of a file, or the part of it that `START:STOP` names."""
     from robot_retarget.motion import read_motion
+    from robot_retarget.motion.span import part_of
 
     motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair)
-    return motion if frames is None else motion.frames(*span_of(frames, len(motion), motion.fps))
-
-
-def span_of(text: str, count: int, fps: float) -> tuple[int, int]:
-    """The frames `START:STOP` of a clip; each end is a frame (`30`) or a time (`1.5s`), one frame alone is a span of one.
-
-    Raises:
-        UsageError: The text is not of this form.
-    """
-
-    def frame(end: str) -> int:
-        return round(float(end[:-1]) * fps) if end.endswith("s") else int(end)
-
-    start, colon, stop = (part.strip() for part in text.partition(":"))
-    try:
-        first = frame(start) if start else 0
-        return first, frame(stop) if stop else count if colon else first + 1
-    except (ValueError, OverflowError):
-        raise UsageError(f"--frames takes START:STOP in frames (30:90) or seconds (1s:3s), got {text!r}") from None
+    return part_of(motion, frames)
 
 
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:

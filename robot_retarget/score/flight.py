@@ -20,7 +20,7 @@ def measure(subject: Subject) -> tuple[Value, ...]:
 
 MEASURE = Measure(
     (
-        Figure("flight_pct", "%", 2, "frames with no foot on the floor", "neither", 100.0),
+        Figure("flight_pct", "%", 2, "frames with no foot on the floor", "neither", 100.0, "a jump"),
         Figure("feet_travel_m", "m", 3, "farthest that a foot goes from its first place", "neither"),
     ),
     measure,

@@ -21,10 +21,10 @@ def measure(subject: Subject) -> tuple[Value, ...]:
     place = subject.root
     third = np.linalg.norm(np.diff(place, 3, axis=0), axis=1) * subject.fps**3
     travel = np.linalg.norm(place[:, :2] - place[0, :2], axis=1).max()
-    return (third.mean() if third.size else None), place[:, 2].min() / _standing(subject), travel
+    return (third.mean() if third.size else None), place[:, 2].min() / standing_height(subject), travel
 
 
-def _standing(subject: Subject) -> float:
+def standing_height(subject: Subject) -> float:
     """Height of the root over the lowest sole point in the reference pose [m]."""
     pose = subject.robot.neutral()[None]
     floor = subject.floor_of(pose) if subject.soles else 0.0
@@ -34,7 +34,14 @@ def _standing(subject: Subject) -> float:
 MEASURE = Measure(
     (
         Figure("root_jerk", "m/s^3", 2, "jerk of the root, mean"),
-        Figure("root_height_min", "", 3, "lowest root, over its standing height", "neither"),
+        Figure(
+            "root_height_min",
+            "",
+            3,
+            "lowest root, over its standing height",
+            "neither",
+            cause="a squat, a fall or lying",
+        ),
         Figure("travel_m", "m", 3, "farthest that the root goes from its first place", "neither"),
     ),
     measure,

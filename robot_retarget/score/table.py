@@ -6,6 +6,7 @@ from robot_retarget.score import (
     distances,
     flight,
     ground,
+    held,
     jerk,
     limbs,
     limits,
@@ -45,6 +46,8 @@ MEASURES: tuple[Measure, ...] = (
     wrench.MEASURE,
     torque.MEASURE,
     zmp.MEASURE,
+    held.HELD,
+    held.EXTENT,
     physics.MEASURE,
 )
 FIGURES: dict[str, Figure] = {figure.name: figure for measure in MEASURES for figure in measure.figures}

@@ -29,7 +29,7 @@ def test_a_rejected_clip_has_a_reason_for_every_bound_it_misses() -> None:
     chosen = choose([*rows, replace(rows[0], clip="bad", state="failed", message="broken")], one)
     assert [r.clip for r in chosen.passed] == ["still"]
     reasons = {r.clip: why for r, why in chosen.rejected}
-    assert reasons["walk"] == ("flight_pct 3 % is above 2", "travel_m 2 m is above 0.3")
+    assert reasons["walk"] == ("flight_pct 3 % is above 2 (a jump)", "travel_m 2 m is above 0.3")
     assert reasons["bad"] == ("failed: broken",)
 
 
@@ -39,6 +39,25 @@ def test_the_shipped_filters_name_known_figures() -> None:
     assert all(
         bound.figure in FIGURES and bound.least <= bound.most for one in filters.values() for bound in one.bounds
     )
+
+
+TRACKABLE = {"duration_s": 4.0, "moves_deg": 60.0, "held_pct": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("figures", "cause"),
+    [
+        ({}, ""),
+        ({"duration_s": 0.033}, "too few frames"),
+        ({"moves_deg": 0.2}, "T-pose"),
+        ({"held_pct": 70.0}, "a seat"),
+    ],
+)
+def test_stills_snippets_and_seats_are_not_trackable_and_the_cause_is_named(
+    figures: dict[str, float], cause: str
+) -> None:
+    reasons = read_filters()["trackable"].reasons(row("clip", **TRACKABLE | figures))
+    assert [cause in reason for reason in reasons] == ([True] if cause else [])
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from shared_files import ROOT
 
 from robot_retarget.cli import app
 from robot_retarget.cli.kinds import kind_of
-from robot_retarget.cli.stages import span_of
 from robot_retarget.doctor import examine, ports
 from robot_retarget.errors import UsageError, known
+from robot_retarget.motion.span import span_of
 from robot_retarget.robot import load_robot
 from robot_retarget.robot.rendering import unusable
 
