@@ -239,7 +239,7 @@ def dance(
     frames = np.round((given.start + np.arange(round(DANCE * FPS)) / FPS) * result.motion.fps).astype(int)
     human = points[np.clip(frames, 0, len(points) - 1)].copy()
     human[..., :2] += [0.0, slots[0]] - human[..., :2].mean(axis=(0, 1))
-    human[..., 2] -= human[..., 2].min() - 0.04
+    human[..., 2] -= np.median(human[..., 2].min(axis=1)) - 0.04
     shot = Shot(np.array([0.0, 0.0, 0.9]), 4.8, 180.0, -6.0)
     width = 2 * shot.distance * np.tan(np.radians(FOV / 2)) * WIDTH / HEIGHT
     texts = [(0.5 + slot / width, text) for slot, text in zip(slots, ["human", *given.labels], strict=True)]

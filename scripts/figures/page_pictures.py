@@ -20,6 +20,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
+import robot_retarget as rr
 from robot_retarget.files import folder, replacing
 from robot_retarget.shipped import SAMPLES
 
@@ -45,6 +46,19 @@ PICTURES = {
     "compare": ("two.html", (1200, 1140), "viewer.player.seek(2.5); viewer.panel.toggle('near')"),
 }
 """Page, width and height of the window [pixels], and what happens on the page before the picture."""
+STILLS = {
+    "still_report": ("walk/report.html", (1000, 700), ""),
+    "still_touchup": ("touchup.html", (1000, 700), "viewer.player.seek(2.2); viewer.touch.toggle()"),
+    "still_graph": (
+        "clap/viewer.html",
+        (1000, 700),
+        "viewer.player.seek(2.2); viewer.panel.toggle('keypoints'); viewer.panel.toggle('edges')",
+    ),
+    "still_batch": ("set/summary.html", (1000, 700), ""),
+}
+"""The same for the small pictures of the README."""
+SMALL = (480, 336)
+"""Their size [pixels]."""
 
 
 def main() -> None:
@@ -55,21 +69,24 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch, _browser() as browser:
         pages = Path(scratch)
         _pages(pages)
-        for name, (page, size, script) in PICTURES.items():
+        for name, (page, size, script) in {**PICTURES, **STILLS}.items():
             browser.set_window_size(*size)
             browser.get((pages / page).as_uri())
             time.sleep(DRAWN)
             browser.execute_script(script)
             time.sleep(DRAWN)
-            _save(browser.get_screenshot_as_png(), target / f"{name}.png")
+            _save(browser.get_screenshot_as_png(), target / f"{name}.png", SMALL if name in STILLS else None)
 
 
 def _pages(pages: Path) -> None:
-    """A report, a viewer, and two trajectories on one page."""
-    for clip in ("walk", "wave"):
+    """Make reports, viewers, two trajectories on one page, a page for corrections, and a folder of clips."""
+    for clip in ("walk", "wave", "clap"):
         _command("run", SAMPLES / f"{clip}.bvh", "--robot", "op3", "--out", pages / clip)
     takes = [shutil.copy(pages / clip / "trajectory.npz", pages / f"{clip}.npz") for clip in ("walk", "wave")]
     _command("view", *takes, "--robot", "op3", "--static", pages / "two.html")
+    result = rr.retarget(SAMPLES / "wave.bvh", "op3", balance="off")
+    (pages / "touchup.html").write_text(rr.view(result).page_with(touchable=True), encoding="utf-8")
+    _command("batch", SAMPLES, "--robot", "op3", "--out", pages / "set")
 
 
 def _command(*words: str | Path) -> None:
@@ -89,10 +106,11 @@ def _browser() -> Iterator[Any]:
         driver.quit()
 
 
-def _save(picture: bytes, path: Path) -> None:
+def _save(picture: bytes, path: Path, size: tuple[int, int] | None) -> None:
+    image = Image.open(io.BytesIO(picture)).convert("RGB")
+    image = image.resize(size, Image.Resampling.LANCZOS) if size else image
     with replacing(path) as scratch:
-        image = Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
-        image.save(scratch, format="PNG", optimize=True)
+        image.quantize(COLOURS, dither=Image.Dither.NONE).save(scratch, format="PNG", optimize=True)
     print(f"wrote {path}")
 
 
