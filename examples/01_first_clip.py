@@ -12,6 +12,6 @@ result = rr.retarget(motion, robot)
 report = rr.simulate(result)
 
 out = Path(mkdtemp()) / "wave.npz"
-report.trajectory.save(out)
+result.trajectory.save(out)
 print(result.likeness.sentence)
 print(f"{report.badge.text}: {out}")

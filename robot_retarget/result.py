@@ -57,7 +57,7 @@ class Result:
             *self.likeness.notes,
         )
 
-    @cached_property
+    @property
     def trajectory(self) -> Trajectory:
         """The robot's configurations over time, with their likeness to the human's."""
         return replace(self.solution.trajectory, likeness=self.likeness.figures())

@@ -208,7 +208,7 @@ def playback(run: Path) -> dict[str, Floats]:
 def pictures(given: argparse.Namespace, scratch: Path) -> Iterator[Image.Image]:
     """Yield the frames of the film."""
     motion = rr.read_motion(given.dance)
-    slots = SPACING * (np.arange(4) - 1.5)
+    slots: Floats = SPACING * (np.arange(4.0) - 1.5)
     cast = [
         performer(label, name, motion, given.start, slot)
         for label, name, slot in zip(given.labels, given.robots, slots[1:], strict=True)

@@ -176,8 +176,8 @@ def format_target(folder: Path, more: list[Path]) -> Target:
     moved = Trajectory(qpos, 30.0, robot.joint_names, "op3", "wave.bvh")
     for name, kind in FORMATS.items():
         path = export(moved, robot, name, folder / f"{name}{kind.suffix}", FormatOptions(fps=kind.fps))
-        if path.is_dir():
-            (path / "keys.xml").exists() and os.replace(path / "keys.xml", folder / "keys.xml")
+        if (path / "keys.xml").exists():
+            os.replace(path / "keys.xml", folder / "keys.xml")
     seeds = tuple(path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.endswith(".json"))
     given = FormatOptions(source_fps=30.0)
     return Target(lambda path: import_motion(path, robot, path.stem if path.stem in FORMATS else None, given), seeds)

@@ -53,10 +53,10 @@ def test_the_emulator_carries_a_pendulum_and_the_supply_is_accounted_for(tmp_pat
     with emulated(tmp_path, BENCH, "--pendulum", "0.3,0.1", "--lockstep", "125", *fault) as emulator:
         found = identify(BENCH, "j1", PENDULUM, emulator.port, tmp_path / "play.npz", PlaybackOptions(lockstep=True))
     true, servo = IDENTIFIED["XM430-W350"], found.servo
-    back_emf, near = MOTORS["XM430-W350"].back_emf, {"rel": 0.05}
-    assert servo.damping + back_emf == pytest.approx(true.damping + back_emf, **near)
-    assert [servo.armature, servo.friction] == [pytest.approx(x, **near) for x in (true.armature, true.friction)]
-    assert servo.gain == pytest.approx(1.0, **near) and found.weight == pytest.approx(1.0, rel=0.1)
+    back_emf, near = MOTORS["XM430-W350"].back_emf, 0.05
+    assert servo.damping + back_emf == pytest.approx(true.damping + back_emf, rel=near)
+    assert [servo.armature, servo.friction] == [pytest.approx(x, rel=near) for x in (true.armature, true.friction)]
+    assert servo.gain == pytest.approx(1.0, rel=near) and found.weight == pytest.approx(1.0, rel=0.1)
     assert found.voltage == pytest.approx(supply or 12.0, abs=0.2)
     for name in ("friction", "armature", "gain"):
         assert 0 < found.spread[name] < 0.05 * getattr(servo, name)
