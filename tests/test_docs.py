@@ -108,3 +108,20 @@ def test_blocks_of_a_page_run_from_top_to_bottom(page: str, tmp_path: Path) -> N
             command = ["bash", "-e", "-c", alias + re.sub(r"^robot-retarget view.*$", "", text, flags=re.MULTILINE)]
         ran = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=600)
         assert ran.returncode == 0, f"{text}\n{ran.stdout}\n{ran.stderr}"
+
+
+def test_the_table_of_tested_robots_is_the_recorded_one() -> None:
+    script = [sys.executable, str(ROOT / "scripts" / "tools" / "readme_table.py"), "--check"]
+    checked = subprocess.run(script, capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_both_readmes_have_the_same_sections_commands_and_figures() -> None:
+    english, chinese = (ROOT / name for name in ("README.md", "README.zh.md"))
+    for pattern in (r"^## ", r"^!\[", r"^\d\. \*\*"):
+        assert len(re.findall(pattern, english.read_text("utf-8"), re.M)) == len(
+            re.findall(pattern, chinese.read_text("utf-8"), re.M)
+        )
+    assert blocks(english, "sh", "python", "text") == blocks(chinese, "sh", "python", "text")
+    numbers = [sorted(re.findall(r"\d+\.\d+", page.read_text("utf-8"))) for page in (english, chinese)]
+    assert numbers[0] == numbers[1]
