@@ -13,15 +13,15 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.kind import Nearby, PlaybackKind, PlaybackTargets, StandKind
 from robot_retarget.graph.kinds.mass import MassKind
-from robot_retarget.graph.role import Role
+from robot_retarget.graph.phase import Playback, Stand
+from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
-from robot_retarget.solve.clip import measured_by
+from robot_retarget.solve.clip import measured_by, renewed
 from robot_retarget.solve.compiled import dense_function
 from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.sqp import FrameSolver
@@ -99,29 +99,22 @@ class BalancedIk:
         """Indices in qpos of the hinges between pelvis and soles."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
-    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackTargets:
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> Playback:
         """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
-        grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
-        own = self.options
-        return PlaybackTargets(share, places.reshape(len(places), -1), grip, own.standing, own.upright, own.height)
+        return Playback(share, *self._soles(places, planted), *self._pulls)
 
     def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
         """Return (nq,) the standing pose in balance: soles at places (F, 4, 3), mass over a point (2,)."""
-        playback = self.playback(np.zeros((1, 1)), places[None], np.ones((1, len(self.feet)), bool))
-        measured, tracks = measured_by(self.solver.problem, self.graph, start[None]), []
-        for track in self.graph.tracks:
-            one = track.at([0])
-            if isinstance(track.kind, StandKind):
-                one = track.kind.stood(one, measured[track.name], playback)
-            elif track.role is Role.COST:
-                one = one.weighed(0.0)
-            tracks.append(one)
-        all_targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)])
-        pose = self.solver.solve_frame(start, all_targets.at(0), iterations=60, tolerance=1e-7)
-        return self.solver.raise_above_floor(pose).qpos
+        both = np.ones((1, len(self.feet)), bool)
+        stand = Stand(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
+        measured = measured_by(self.solver.problem, self.graph, start[None])
+        tracks = renewed([track.at([0]) for track in self.graph.tracks], measured, stand)
+        targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)]).at(0)
+        pose = self.solver.solve_frame(start, targets, iterations=60, tolerance=1e-7)
+        return self.solver.raise_above_floor(pose, targets).qpos
 
     def targets(
-        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackTargets, centre: Floats
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
     ) -> list[Track]:
         """Return the tracks of a playback.
 
@@ -132,17 +125,19 @@ class BalancedIk:
             centre: (K, 2) places of the centre of mass [m].
         """
         first = np.arange(len(at))[:, None] < len(at) // 2
-        values = [measured_by(self.solver.problem, self.graph, stand[None]) for stand in stands]
-        costs, tracks = {track.name for track in graph.costs}, []
-        for track in graph.tracks:
-            if track.name not in costs:
-                tracks.append(track.at(np.zeros(len(at), dtype=int)))
-            elif isinstance(track.kind, PlaybackKind):
-                stand = np.where(first, *(value[track.name] for value in values))
-                tracks.append(track.kind.played(track.resampled(at), stand, playback))
-            else:
-                tracks.append(track.resampled(at).weighed(playback.share))
+        before, after = (measured_by(self.solver.problem, self.graph, stand[None]) for stand in stands)
+        measured = {name: np.where(first, values, after[name]) for name, values in before.items()}
+        tracks = renewed([track.resampled(at) for track in graph.tracks], measured, playback)
         return [*tracks, MassKind().track(centre, self.leg)]
+
+    def _soles(self, places: Floats, planted: np.ndarray) -> tuple[Floats, Floats]:
+        """Return places (K, F · 4 · 3) of the sole corners [m], and π of these."""
+        grip = np.repeat(np.where(planted, HARD, self.options.swing), 3 * CORNERS, axis=1)
+        return places.reshape(len(places), -1), grip
+
+    @property
+    def _pulls(self) -> tuple[float, float, float]:
+        return self.options.standing, self.options.upright, self.options.height
 
 
 def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
@@ -162,5 +157,9 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
 
 def with_margin(graph: RobotGraph, margin: float) -> RobotGraph:
     """Return the graph with a margin between surfaces [m]."""
-    tracks = (track.bounded(margin, np.inf) if isinstance(track.kind, Nearby) else track for track in graph.tracks)
+    apart = [(track.role, track.kind.form) == (Role.INEQUALITY, Form.NUMERIC) for track in graph.tracks]
+    tracks = (
+        track.bounded(np.where(track.lower > 0, margin, track.lower), np.inf) if surfaces else track
+        for track, surfaces in zip(graph.tracks, apart, strict=True)
+    )
     return replace(graph, tracks=tuple(tracks))

@@ -82,5 +82,5 @@ class SelfCollisionGuard:
 
     def _overlapping(self, qpos: Floats, allowed: float) -> Ints:
         """Return the pairs of bodies (N, 2) that overlap by more than `allowed` [m]."""
-        depth, bodies = self.separation.overlaps(qpos)
-        return bodies[depth > allowed]
+        depth, geoms = self.separation.overlaps(qpos)
+        return self.separation.bodies[geoms[depth > allowed]]

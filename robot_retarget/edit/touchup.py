@@ -78,8 +78,10 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     solver = FrameSolver(build_problem(graph.robot, graph.match, edited_graph.tracks), SolveOptions())
     known = [np.array(q) for q in trajectory.qpos]
     tracks = renewed_tracks(solver, edited_graph, known)
-    offsets = _offsets(solver, targets_of(tracks), known, first, last)
-    around = max(round(AROUND * graph.fps), _frames_needed(solver, offsets, graph.fps))
+    all_targets = targets_of(tracks)
+    offsets = _offsets(solver, all_targets, known, first, last)
+    speed = solver.problem.limits.bounds(all_targets).speed.min(axis=0)
+    around = max(round(AROUND * graph.fps), _frames_needed(solver, speed, offsets, graph.fps))
     fading = round(FADING * graph.fps)
     start, stop = max(first - around, 0), min(last + around + fading + 1, len(graph))
     shares = _shares(np.arange(start, stop), first, last, around)
@@ -113,10 +115,10 @@ def _offsets(
     return offsets
 
 
-def _frames_needed(solver: FrameSolver, offsets: Sequence[Floats], fps: float) -> int:
+def _frames_needed(solver: FrameSolver, speed: Floats, offsets: Sequence[Floats], fps: float) -> int:
     """Frames in which joints at their speed cover the largest change on a smooth way."""
     way = np.abs(np.array([offsets[0], offsets[-1]])[:, solver.hinges])
-    return math.ceil(float((SMOOTHSTEP_PEAK * way / solver.speed).max(initial=0.0)) * fps)
+    return math.ceil(float((SMOOTHSTEP_PEAK * way / speed).max(initial=0.0)) * fps)
 
 
 def _shares(frames: np.ndarray, first: int, last: int, around: int) -> Floats:

@@ -1,5 +1,6 @@
 """Edges that a user adds, E⁺: their checks, and the track that holds them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,19 +93,19 @@ def added_edge(
     return AddedEdge(ends, lower, upper, _span(name, frames, length), chosen)
 
 
-def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, leg: float) -> Track:
-    """The track of added edges with one more; an edge of the same ends, interval and hardness takes up its frames.
+def with_added(tracks: Sequence[Track], edge: AddedEdge, fps: float, leg: float) -> tuple[Track, ...]:
+    """The tracks of a graph with one more added edge; one of the same ends, interval and hardness takes up its frames.
 
     Args:
-        track: the added edges so far, None without any.
+        tracks: of a graph.
         edge: the new one.
-        frames: number of frames |T|.
         fps: frames per second.
         leg: length of the robot's leg [m].
 
     Raises:
         GraphError: two hard edges of the same ends contradict each other in the same frames.
     """
+    frames = len(tracks[0].lower)
     profile = edge.profile(frames, fps)
     alone = Track(
         OwnKind((edge.ends,)),
@@ -114,13 +115,17 @@ def with_added(track: Track | None, edge: AddedEdge, frames: int, fps: float, le
         profile[:, None],
         np.full(1, leg),
     )
-    if track is None:
-        return alone
+    others = tuple(track for track in tracks if track.name != alone.name)
+    return (*others, *(_joined(track, alone, edge) for track in tracks if track.name == alone.name))
+
+
+def _joined(track: Track, alone: Track, edge: AddedEdge) -> Track:
+    """Return the added edges with one more, which is also given alone."""
     _refuse_contradiction(track, edge)
     for k in np.flatnonzero(track.joins(*edge.names)):
         same = (track.lower[0, k], track.upper[0, k]) == (edge.lower, edge.upper)
         if same and (track.priority[:, k].max() >= HARD) == (edge.priority >= HARD):
-            return replace(track, priority=_raised(track.priority, int(k), profile))
+            return replace(track, priority=_raised(track.priority, int(k), alone.priority[:, 0]))
     return merged(track, alone)
 
 

@@ -15,12 +15,12 @@ from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import UsageError
 from robot_retarget.graph.added import added_edge, with_added
 from robot_retarget.graph.graph import Graph
-from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.kinds.kind import MotionKind, RetargetContext, TwoPassKind, frame_costs
-from robot_retarget.graph.kinds.own import End, OwnKind
+from robot_retarget.graph.kind import Kind, RetargetContext
+from robot_retarget.graph.kinds import clip_kinds
+from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.path import pelvis_path
 from robot_retarget.graph.role import Role
-from robot_retarget.graph.track import Track
+from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match
@@ -91,9 +91,7 @@ class RobotGraph(Graph):
                 the same ends and frames that contradict each other.
         """
         edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
-        own = next((track for track in self.tracks if isinstance(track.kind, OwnKind)), None)
-        grown = with_added(own, edge, len(self), self.fps, self.match.robot_leg)
-        return replace(self, tracks=(*(track for track in self.tracks if track is not own), grown))
+        return replace(self, tracks=with_added(self.tracks, edge, self.fps, self.match.robot_leg))
 
     def frames(self, first: int, last: int) -> "RobotGraph":
         """Return the graph of frames `first` … `last` − 1.
@@ -115,11 +113,11 @@ class RobotGraph(Graph):
 
     def _is_free(self, track: Track) -> bool:
         """Whether the intervals of a track do not follow the human's motion."""
-        return track.role is not Role.COST or isinstance(track.kind, OwnKind)
+        return track.role is not Role.COST or not track.kind.follows_human
 
     def _less(self, track: Track, edges: Bools) -> Track:
-        """Return a track without some edges; those of a kind that is renewed as a whole stay, with π = 0."""
-        whole = isinstance(track.kind, TwoPassKind) and not edges.all()
+        """Return a track without some edges; those that belong together stay, with π = 0."""
+        whole = track.kind.whole and not edges.all()
         return track.weighed(0.0, edges) if whole else super()._less(track, edges)
 
 
@@ -131,7 +129,7 @@ def describe(
     overrides: str | Path | None = None,
     weights: Weights | None = None,
     preset: str = "balanced",
-    kinds: Iterable[MotionKind] = KINDS,
+    kinds: Iterable[Kind] | None = None,
 ) -> RobotGraph:
     """Build the graph of a human motion on a robot.
 
@@ -142,7 +140,7 @@ def describe(
         overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
         weights: how much each kind of edge counts.
         preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
-        kinds: the kinds of edges that describe the motion.
+        kinds: the kinds of edges that describe the motion; None takes `clip_kinds` (`graph.kinds`).
 
     Raises:
         MatchError: the motion is not human, or the robot no humanoid.
@@ -182,7 +180,7 @@ def at_rate(motion: Motion, fps: float | None) -> Motion:
 
 
 def graph_of(
-    motion: Motion, human: HumanFeatures, robot: Robot, weights: Weights, kinds: Iterable[MotionKind] = KINDS
+    motion: Motion, human: HumanFeatures, robot: Robot, weights: Weights, kinds: Iterable[Kind] | None = None
 ) -> RobotGraph:
     """Return the graph of a human whose features are known.
 
@@ -191,33 +189,28 @@ def graph_of(
         human: its features.
         robot: the robot.
         weights: π of every kind.
-        kinds: the kinds of edges that describe the motion.
+        kinds: the kinds of edges that describe the motion; None takes `clip_kinds`.
     """
-    context = RetargetContext(human, human.calibration.match, robot, weights)
-    return _built(motion, context, kinds)
+    matched = human.calibration.match
+    context = RetargetContext(human, matched, robot, weights)
+    tracks = (kind.targets(context) for kind in (clip_kinds() if kinds is None else kinds))
+    path = pelvis_path(human, matched)
+    return RobotGraph(
+        tuple(track for track in tracks if track is not None), motion, robot, matched, human, path, weights
+    )
 
 
 def graph_from(graph: RobotGraph, human: HumanFeatures) -> RobotGraph:
     """Return the graph with the targets of another human of as many frames.
 
-    Limits, temporal costs, added edges and the human that the robot is compared with stay.
+    Edges that do not follow the human stay, and so does the human that the robot is compared with.
 
     Args:
         graph: of another human.
         human: features of as many frames.
     """
     context = RetargetContext(human, graph.match, graph.robot, graph.weights)
-    costs = {track.name for track in graph.costs}
-    tracks = tuple(_retargeted(track, context) if track.name in costs else track for track in graph.tracks)
+    tracks = tuple(
+        (track.kind.targets(context) if track.kind.follows_human else None) or track for track in graph.tracks
+    )
     return replace(graph, tracks=tracks, pelvis=pelvis_path(human, graph.match))
-
-
-def _retargeted(track: Track, context: RetargetContext) -> Track:
-    """Return a track with the targets of another human; the same where its kind has none."""
-    return (track.kind.targets(context) if isinstance(track.kind, MotionKind) else None) or track
-
-
-def _built(motion: Motion, context: RetargetContext, kinds: Iterable[MotionKind]) -> RobotGraph:
-    tracks = tuple(track for kind in kinds if (track := kind.targets(context)) is not None)
-    path = pelvis_path(context.human, context.match)
-    return RobotGraph(tracks, motion, context.robot, context.match, context.human, path, context.weights)

@@ -1,4 +1,4 @@
-"""Roles and stencils of edges: how the solver treats a kind, and which frames its edges join."""
+"""Roles, forms and stencils of edges: how the solver treats a kind, how it is measured, and which frames its edges join."""
 
 from enum import Enum
 
@@ -15,6 +15,20 @@ CAUSAL_DIFFERENCE = (-2, -1, 0)
 class Role(Enum):
     """How the solver treats a kind of edge."""
 
-    COST = "minimised"
-    INEQUALITY = "a row of the quadratic program"
-    BOUND = "a bound on a joint"
+    COST = "cost"
+    """Minimised."""
+    INEQUALITY = "inequality"
+    """A row of the quadratic program."""
+    BOUND = "bound"
+    """A bound on a joint."""
+
+
+class Form(Enum):
+    """How a kind is measured."""
+
+    SYMBOLIC = "symbolic"
+    """By a CasADi expression of the robot's points, axes and joints, `Kind.measure`."""
+    NUMERIC = "numeric"
+    """By values and slopes: `Kind.rows` of a cost, `Kind.proximity` of an inequality."""
+    JOINT = "joint"
+    """By the joint coordinates of its ends, and their differences over the stencil."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import GraphError, known
+from robot_retarget.graph.role import FRAME
 from robot_retarget.graph.soles import CORNER_NAMES, sole_corners
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
@@ -42,12 +43,24 @@ class SymbolicRobot:
     match: Match
     bodies: Bodies
 
-    def __init__(self, robot: Robot, match: Match):
+    def __init__(self, robot: Robot, match: Match, stencil: tuple[int, ...] = FRAME):
+        """Set up the symbols of a frame, and of those around it that a stencil joins."""
         self.robot, self.match, self.bodies = robot, match, Bodies(robot)
+        self._frames = {offset: self if offset == 0 else SymbolicRobot(robot, match) for offset in stencil}
         self._carried = carrying(robot.model)
         self._symbols: dict[tuple[str | float, ...], ca.SX] = {}
         self._values: list[ca.SX] = []
         self._travels: list[ca.SX] = []
+
+    def at(self, offset: int) -> "SymbolicRobot":
+        """Return the robot at another frame of the stencil, e.g. −1 for the frame before.
+
+        Raises:
+            GraphError: the stencil does not have this frame.
+        """
+        if offset not in self._frames:
+            raise GraphError(f"a measure reads frame {offset}, and its stencil joins {known(map(str, self._frames))}")
+        return self._frames[offset]
 
     def keypoint(self, name: str) -> ca.SX:
         """Return (3,) the position of a keypoint [m]; the pelvis is the middle of the hips, as for the human.
@@ -126,6 +139,16 @@ class SymbolicRobot:
         return Expressions(
             value[first], _without_zeros(ca.Function("slopes", [self.bodies.q], [slopes]), slopes, drawn), rows
         )
+
+    def joined(self, measure: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+        """Return a measure (E,) as an expression of the configurations q, and its Jacobian by v, per frame of the stencil."""
+        frames = list(self._frames.values())
+        symbols = [ca.vertcat(ca.SX(0, 1), *frame._symbols.values()) for frame in frames]
+        by_points = [ca.jacobian(measure, own) for own in symbols]
+        values = [ca.vertcat(ca.SX(0, 1), *frame._values) for frame in frames]
+        found = ca.Function("joined", symbols, [measure, *by_points])(*values)
+        travels = [ca.vertcat(ca.SX(0, self.robot.model.nv), *frame._travels) for frame in frames]
+        return found[0], [slope @ travel for slope, travel in zip(found[1:], travels, strict=True)]
 
     def _symbol(self, key: tuple[str | float, ...], found: Callable[[], tuple[ca.SX, ca.SX]]) -> ca.SX:
         if key not in self._symbols:

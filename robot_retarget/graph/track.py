@@ -1,50 +1,21 @@
 """Edges of one kind over time: their ends are constant, their targets vary."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import GraphError
 from robot_retarget.graph.objective import Objective, edge_terms
-from robot_retarget.graph.role import Role
+from robot_retarget.graph.role import FRAME, Form, Role
+
+if TYPE_CHECKING:
+    from robot_retarget.graph.kind import Kind
 
 HARD = 1e4
 """π of a hard edge, over the squared length of a leg: it gives way by a tenth of a millimetre [-]."""
-
-
-class EdgeKind(Protocol):
-    """Common properties of the edges of a track."""
-
-    @property
-    def name(self) -> str:
-        """The name in tables and reports."""
-        ...
-
-    @property
-    def role(self) -> Role:
-        """Cost, inequality or bound."""
-        ...
-
-    @property
-    def stencil(self) -> tuple[int, ...]:
-        """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
-        ...
-
-
-@runtime_checkable
-class Selectable(Protocol):
-    """A kind that stores data per edge."""
-
-    def of(self, edges: np.ndarray) -> Any:
-        """Return the same kind for some of the edges."""
-        ...
-
-    def with_edges(self, other: Any) -> Any:
-        """Return the same kind for its own edges and those of another."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +28,7 @@ class Track:
         π ϱ(e),   ϱ(e) = 2 g² (√(1 + (e/g)²) − 1)  (pseudo-Huber of scale g),   e² for g = ∞.
     """
 
-    kind: EdgeKind
+    kind: "Kind"
     ends: tuple[tuple[str, str], ...]
     """(E,) names of both ends."""
     lower: Floats
@@ -131,6 +102,13 @@ class Track:
         inside = (frames + self.stencil[0] >= 0) & (frames + self.stencil[-1] < len(frames))
         return (self.priority > 0) & inside[:, None]
 
+    @property
+    def intervals(self) -> tuple[Floats, Floats]:
+        """Return lower and upper bounds (T, E) as a solver reads them: an absent limit has none."""
+        if self.role is Role.COST or self.priority.all():
+            return self.lower, self.upper
+        return np.where(self.priority > 0, self.lower, -np.inf), np.where(self.priority > 0, self.upper, np.inf)
+
     def errors(self, values: Floats) -> Floats:
         """Return (T, E) errors (d − y)/scale of measures (T, E) [-]: negative where a pair is too close."""
         return (values - np.clip(values, self.lower, self.upper)) / self.scale
@@ -144,7 +122,8 @@ class Track:
         """
         target = np.clip(values, self.lower, self.upper)
         huber_delta = None if np.isinf(self.huber_delta) else self.huber_delta * self.scale
-        return edge_terms(objective, values - target, target, self.priority / self.scale**2, huber_delta)[0]
+        weight = np.where(self.present, self.priority, 0.0) / self.scale**2
+        return edge_terms(objective, values - target, target, weight, huber_delta)[0]
 
     def edge_name(self, edge: int) -> str:
         """Return a name such as `touch l_hand – head`, with the axis of a coordinate."""
@@ -172,8 +151,9 @@ class Track:
         columns = {}
         for name in ("lower", "upper", "priority"):
             values = getattr(self, name)
-            ahead = np.where(np.isfinite(values[after]), values[after], values[before])
-            columns[name] = np.where(share > 0, (1 - share) * values[before] + share * ahead, values[before])
+            same = (share == 0) | (values[after] == values[before]) | ~np.isfinite(values[after])
+            with np.errstate(invalid="ignore"):
+                columns[name] = np.where(same, values[before], (1 - share) * values[before] + share * values[after])
         return replace(self, **columns)
 
     def subset(self, edges: np.ndarray) -> "Track":
@@ -182,7 +162,7 @@ class Track:
         columns = {name: getattr(self, name)[:, kept] for name in ("lower", "upper", "priority")}
         return replace(
             self,
-            kind=self.kind.of(kept) if isinstance(self.kind, Selectable) else self.kind,
+            kind=self.kind.of(kept),
             ends=tuple(self.ends[k] for k in kept),
             axes=tuple(self.axes[k] for k in kept) if self.axes else (),
             scale=self.scale[kept],
@@ -214,7 +194,7 @@ class Track:
 
 
 def exact(
-    kind: EdgeKind,
+    kind: "Kind",
     ends: Sequence[tuple[str, str]],
     target: Floats,
     priority: Floats | float,
@@ -247,7 +227,7 @@ def exact(
 
 
 def limit(
-    kind: EdgeKind, ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
+    kind: "Kind", ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
 ) -> Track:
     """Return edges with the same interval at every frame, of an inequality or a bound, without priority.
 
@@ -279,12 +259,28 @@ def merged(first: Track, second: Track) -> Track:
     Raises:
         GraphError: the tracks are of different kinds or Huber scales.
     """
-    joins = isinstance(first.kind, Selectable) and type(first.kind) is type(second.kind)
-    if not joins and (first.kind, first.huber_delta) != (second.kind, second.huber_delta):
+    if (type(first.kind), first.huber_delta) != (type(second.kind), second.huber_delta):
         raise GraphError(f"tracks of one name {first.name} have other stencils, measures or Huber scales")
     columns = {
         name: np.hstack([getattr(first, name), getattr(second, name)])
         for name in ("lower", "upper", "priority", "scale")
     }
-    kind = first.kind.with_edges(second.kind) if isinstance(first.kind, Selectable) else first.kind
+    kind = first.kind.with_edges(second.kind)
     return replace(first, kind=kind, ends=(*first.ends, *second.ends), axes=(*first.axes, *second.axes), **columns)
+
+
+def frame_costs(tracks: Iterable[Track]) -> list[Track]:
+    """Return the tracks of symbolic costs of one frame, which are compiled together."""
+    return [t for t in tracks if (t.role, t.kind.form, t.stencil) == (Role.COST, Form.SYMBOLIC, FRAME)]
+
+
+def ordered(tracks: Sequence[Track]) -> tuple[Track, ...]:
+    """Return the tracks in the order in which solvers hold their edges: the symbolic costs of one frame come first."""
+    costs = frame_costs(tracks)
+    return (*costs, *(track for track in tracks if all(track is not cost for cost in costs)))
+
+
+def columns_of(tracks: Sequence[Track]) -> dict[str, slice]:
+    """Return the place of each kind's edges among those of all tracks side by side."""
+    ends = np.cumsum([0, *map(len, tracks)]).tolist()
+    return {track.name: slice(*ends[k : k + 2]) for k, track in enumerate(tracks)}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.role import FRAME, SECOND_DIFFERENCE, STEP, Role
 from robot_retarget.graph.track import Track
 
@@ -23,7 +24,7 @@ class Distance(IntEnum):
 
 
 @dataclass(frozen=True)
-class PointKind:
+class PointKind(Kind):
     """A kind of edge between points."""
 
     name: str

@@ -203,6 +203,14 @@ def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
     return moved
 
 
+def tangent_names(robot: Robot) -> list[str]:
+    """Return (nv,) names of the tangent directions: a hinge's name, or `root 0`, `root 1` …"""
+    names = [f"root {k}" for k in range(robot.model.nv)]
+    for dof, joint in zip(robot.dof_index, robot.joint_names, strict=True):
+        names[dof] = joint
+    return names
+
+
 def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
     """The tangent vector (nv,) that leads from one configuration to another: start ⊕ v = end.
 

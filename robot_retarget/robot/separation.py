@@ -20,8 +20,7 @@ from robot_retarget.robot.model import Robot
 STILL = 0.4
 """Share of the reach within which the floor is watched [-]: it does not move."""
 TIE = 1e-6
-"""Distances that differ by less are equal [m]: far above the engine's rounding. Links that overlap deeper at rest are left
-out."""
+"""Links that overlap deeper at rest are left out [m]: far above the engine's rounding."""
 _YZX = [1, 2, 0]
 
 
@@ -33,8 +32,6 @@ class Separation:
     reach: float
     data: mujoco.MjData
     touching: mujoco.MjData
-    margin: float
-    most: int
     bodies: Ints
     trees: Ints
     between: Floats
@@ -49,15 +46,11 @@ class Separation:
         self,
         robot: Robot,
         reach: float,
-        margin: float = 0.0,
-        most: int = 24,
         feet: frozenset[int] | None = None,
     ):
         """Watch geoms within `reach` [m] of each other.
 
         Args:
-            margin: distance that links keep, unless they rest nearer [m]; it orders the contacts.
-            most: number of contacts that are kept.
             feet: links without rows for the floor, because soles have their own; None for a scene without a floor.
         """
         self.plain = touchable(robot)
@@ -68,7 +61,6 @@ class Separation:
         _one_row_a_contact(self.model)
         self.data = mujoco.MjData(self.model)
         self.touching = mujoco.MjData(self.plain)
-        self.margin, self.most = margin, most
         self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
         self.trees = np.asarray(self.model.body_rootid)[self.bodies]
@@ -79,7 +71,9 @@ class Separation:
         self._centres, self._dofs = self.data.subtree_com, self.data.cdof
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
         self.counts = np.logical_and.outer(solid, solid)
-        self.rest = np.full(self.counts.shape, np.inf)
+        self.rest = np.full((self.model.ngeom + 1,) * 2, np.inf)
+        """(G + 1, G + 1) distance of two geoms at rest [m]; the floor, which comes last, may be touched."""
+        self.rest[-1] = self.rest[:, -1] = 0.0
         self.is_box = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
         listed = allowed(robot).values() if self.is_box.sum() > 1 else ()
         self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
@@ -88,20 +82,13 @@ class Separation:
         self._watch(self.boxes.pairs)
         self.floor = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
 
-    def near(self, qpos: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return distances (C,) [m], slopes by v (C, nv), and rest distances (C,) [m].
-
-        Distances are those of links to each other and to the floor, negative inside.
-        """
+    def near(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
+        """Return distances (C,) [m], negative inside, geoms (C, 2) and slopes by v (C, nv), the floor included."""
         distance, geoms, slope = self.found(qpos)
-        rest = self.rest[geoms[:, 0], geoms[:, 1]]
-        if self.floor is not None and (low := self.floor.near()) is not None:
-            distance, slope = np.append(distance, low.distance), np.concatenate([slope, self._slopes(low)])
-            rest = np.append(rest, np.zeros(len(low)))  # what lies on the floor touches it
-        if len(distance) <= self.most:
-            return distance, slope, rest
-        kept = self.foremost(distance, rest)
-        return distance[kept], slope[kept], rest[kept]
+        if self.floor is None or (low := self.floor.near()) is None:
+            return distance, geoms, slope
+        distance, geoms = np.append(distance, low.distance), np.concatenate([geoms, low.geoms])
+        return distance, geoms, np.concatenate([slope, self._slopes(low)])
 
     def _slopes(self, found: GeomDistances) -> Floats:
         """Return (C, nv) slopes by v of distances without MuJoCo contacts.
@@ -115,38 +102,12 @@ class Separation:
         slope *= self.between.take(self.bodies.take(first) * self.model.nbody + self.bodies.take(second), axis=0)
         return slope
 
-    def clearance_deficit(self, distance: Floats, rest: Floats) -> Floats:
-        """How much distances (C,) lack to the margin [m]; links that rest nearer may stay so.
-
-        Args:
-            distance: (C,) [m].
-            rest: (C,) at rest [m].
-        """
-        return np.minimum(self.margin, rest) - distance
-
-    def foremost(self, distance: Floats, rest: Floats) -> Ints:
-        """At most `most` of many places, those with the least room to the margin, the nearest first.
-
-        Contacts with equal room are kept or dropped together, so that left and right are treated alike.
-
-        Args:
-            distance: (C,) [m].
-            rest: (C,) at rest [m].
-        """
-        order = np.argsort(distance, kind="stable")
-        if len(order) <= self.most:
-            return order
-        room = -self.clearance_deficit(distance, rest)[order]
-        sorted_room = np.sort(room)
-        kept = room < sorted_room[self.most] - TIE
-        return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[: self.most]]
-
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], 0 when none overlap."""
         return float(self.overlaps(qpos)[0].max(initial=0.0))
 
     def overlaps(self, qpos: Floats) -> tuple[Floats, Ints]:
-        """Return depths (C,) [m] and bodies (C, 2) of overlapping links, by MuJoCo's contacts.
+        """Return depths (C,) [m] and geoms (C, 2) of overlapping links, by MuJoCo's contacts.
 
         This model has no margins: contacts take a third of the time, and a twentieth for robots of many boxes.
         """
@@ -158,7 +119,7 @@ class Separation:
             return np.zeros(0), np.zeros((0, 2), dtype=np.int64)
         first, second = found.geom.T
         counted = np.flatnonzero(self.counts[first, second] & (found.dist < 0))
-        return -found.dist[counted], self.bodies[found.geom[counted]]
+        return -found.dist[counted], found.geom[counted]
 
     def floor_penetration(self, qpos: Floats) -> float:
         """Return the depth of links other than feet under the floor [m], 0 if all are above it."""

@@ -71,6 +71,7 @@ class Candidates:
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[FrameSolution]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
+        self.bounds = solver.problem.limits.bounds(all_targets)
 
     def start_from(self, qpos: Floats) -> None:
         """Start with a given pose, which stays the only one of the first moment, and follow it."""
@@ -90,13 +91,13 @@ class Candidates:
         """Add poses that the joints can reach in time where the path would jump to a cheaper basin."""
         path = self.cheapest(beyond_speed=0.0)
         angles = np.array([pose.qpos[self.hinges] for pose in path])
-        reach = self.solver.speed * np.diff(self.times).max(initial=0.0)
+        reach = self.bounds.speed.min(axis=0) * np.diff(self.times).max(initial=0.0)
         paced = within_speeds(angles, reach, self.first)
         for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search.same):
             start = path[k].qpos.copy()
             start[self.hinges] = paced[k]
-            near = [paced[j] for j in (k - 1, k + 1) if 0 <= j < len(path)]
-            pose = self._descend(start, int(k), self.solver.ranges.around(near, reach))
+            near = [(paced[j], reach) for j in (k - 1, k + 1) if 0 <= j < len(path)]
+            pose = self._descend(start, int(k), self._ranges(int(k)).around(near))
             paced[k] = pose.qpos[self.hinges]
             self.poses[k].append(pose)
 
@@ -118,18 +119,28 @@ class Candidates:
         """Return (A, B) the cost of the change from every pose of the previous moment to every pose of this moment."""
         robot, before, current = self.solver.robot, self.poses[k - 1], self.poses[k]
         turned = np.array([[difference(robot, a.qpos, b.qpos) for b in current] for a in before])
-        reach = self.solver.speed * (self.times[k] - self.times[k - 1])
+        reach = self._reach(k - 1, k)
         beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
         return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
 
     def _follow(self, pose: FrameSolution, last: int, moments: range) -> None:
         """Descend at one moment after the other, within the angles that the joints can reach from one to the next."""
         for moment in moments:
-            reach = self.solver.speed * abs(self.times[moment] - self.times[last])
-            pose = self._descend(pose.qpos, moment, self.solver.ranges.around([pose.qpos[self.hinges]], reach))
+            near = (pose.qpos[self.hinges], self._reach(last, moment))
+            pose = self._descend(pose.qpos, moment, self._ranges(moment).around([near]))
             if not self._add(moment, pose):
                 return
             last = moment
+
+    def _reach(self, one: int, other: int) -> Floats:
+        """Return (n,) how far the hinges turn between two moments, at the least speed of the frames between [rad]."""
+        first, last = sorted((int(self.frames[one]), int(self.frames[other])))
+        return self.bounds.speed[first + 1 : last + 1].min(axis=0) * abs(self.times[other] - self.times[one])
+
+    def _ranges(self, moment: int) -> Box:
+        """Return the ranges of the hinges at a moment."""
+        frame = int(self.frames[moment])
+        return Box(self.bounds.lower[frame], self.bounds.upper[frame])
 
     def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> FrameSolution:
         """Where a rough descent ends whose hinges stay in a box."""

@@ -4,7 +4,6 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.kind import Past
 from robot_retarget.progress import Count
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
@@ -29,15 +28,15 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
     all_targets, poses = targets_of(graph.tracks), []
     before = multistart(solver, graph, all_targets, 0, search)[0].qpos
     for t in range(len(graph)):
-        box = solver.reachable([before] if t else [], 1 / graph.fps)
+        targets = all_targets.at(t)
+        box = solver.reachable(before, targets, 1 / graph.fps) if t else solver.ranges(targets)
         start = predicted(solver.robot, poses, box) if t > 2 else before
-        past = Past(before, 1 / graph.fps) if t else None
-        pose = solver.solve_frame(start, all_targets.at(t), past=past, box=box)
+        around = solver.around(poses, all_targets, t, 1 / graph.fps)
+        pose = solver.solve_frame(start, targets, around=around, box=box)
         if t > 2 and pose.clearance_deficit > 0:  # links may have gone around each other on the wrong side
-            pose = min(
-                pose, solver.solve_frame(before, all_targets.at(t), past=past, box=box), key=lambda end: end.cost
-            )
-        poses.append(solver.repaired(before, pose))
+            again = solver.solve_frame(before, targets, around=around, box=box)
+            pose = min(pose, again, key=lambda end: end.cost)
+        poses.append(solver.repaired(before, pose, targets))
         before = poses[-1].qpos
         count.advance()
     return poses

@@ -1,6 +1,6 @@
 """The whole clip at once: a coarse path through the candidates, then the smooth path all frames agree on."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.kind import Past, TwoPassKind
+from robot_retarget.graph.phase import CoarsePath, Phase, SolvedPath
 from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.track import Track, concatenated
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.candidates import coarse_path
-from robot_retarget.solve.limits import difference_weights
+from robot_retarget.solve.limits import JointBounds
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 from robot_retarget.solve.windows import ClipPiece
 
@@ -44,14 +44,23 @@ class ClipProblem:
     all_targets: ClipTargets
     smoothing: Smoothing
     smooth: Floats
-    """(nv,) π of squared second differences, per tangent direction."""
+    """(T, nv) π of squared second differences, per tangent direction."""
     inertia: Floats
     """(nv,) weight of the tangent directions against each other, 1 for hinges [-]."""
+    bounds: JointBounds
+    """(T, n) of the hinges."""
     fps: float
     fixed: int = 0
 
     def __len__(self) -> int:
         return len(self.all_targets)
+
+    def box(self, poses: Sequence[FrameSolution], t: int) -> Box:
+        """Return the angles that the hinges reach at a frame from the poses before and after it."""
+        index, bounds = self.solver.robot.qpos_index, self.bounds
+        near = [(t - 1, t), (t + 1, t + 1)]  # the speed of a frame is that from the frame before
+        reach = [(poses[k].qpos[index], bounds.speed[own] / self.fps) for k, own in near if 0 <= k < len(poses)]
+        return Box(bounds.lower[t], bounds.upper[t]).around(reach)
 
 
 def clip_poses(
@@ -62,7 +71,7 @@ def clip_poses(
     count: Count,
     part: ClipPiece | None = None,
 ) -> tuple[list[FrameSolution], RobotGraph]:
-    """Solve the windows in order. Returns poses and the graph with renewed tracks (`kinds.kind.TwoPassKind`).
+    """Solve the windows in order. Returns poses and the graph with renewed tracks (`Kind.renewed`).
 
     Args:
         part: which windows, after which known frames; by default all windows of the graph.
@@ -88,11 +97,11 @@ def clip_poses(
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
     """Return the tracks of the coarse path."""
-    return [track.kind.coarse(track) if isinstance(track.kind, TwoPassKind) else track for track in graph.tracks]
+    return renewed(graph.tracks, {}, CoarsePath())
 
 
 def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
-    """Return the tracks of a graph; tracks of a `TwoPassKind` are recomputed from the coarse path.
+    """Return the tracks of a graph with targets that depend on the coarse path.
 
     Args:
         solver: measures the edges.
@@ -100,15 +109,22 @@ def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats],
         coarse: T configurations (nq,).
         fixed: number of first frames that stay unchanged.
     """
-    measured = measured_by(solver.problem, graph, np.array(coarse))
-    return [
-        track.kind.renewed(track, measured[track.name], fixed) if isinstance(track.kind, TwoPassKind) else track
-        for track in graph.tracks
-    ]
+    return renewed(graph.tracks, measured_by(solver.problem, graph, np.array(coarse)), SolvedPath(fixed))
+
+
+def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phase) -> list[Track]:
+    """Return tracks with their targets in a phase of the solution.
+
+    Args:
+        tracks: of T frames.
+        measured: name of the kind → (T, E) measured values, of the kinds that have them.
+        phase: the coarse path, a playback or a stand.
+    """
+    return [track.kind.renewed(track, measured.get(track.name), phase) for track in tracks]
 
 
 def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
-    """Measure the edges of every symbolic cost.
+    """Measure the edges of every symbolic cost; those that join frames outside the clip repeat its ends.
 
     Args:
         problem: the compiled measures.
@@ -120,7 +136,8 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
     """
     every = np.array([problem.values(q) for q in qpos])
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
-    return {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
+    found = {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
+    return found | {cost.track.name: cost.values(qpos) for cost in problem.stencils}
 
 
 def clip_of(
@@ -135,8 +152,9 @@ def clip_of(
         fps: frames per second [1/s].
         fixed: number of first frames that are known.
     """
-    smooth, inertia = difference_weights(solver.robot, tracks, SECOND_DIFFERENCE)
-    return ClipProblem(solver, targets_of(tracks), smoothing, smooth, inertia, fps, fixed)
+    targets, limits = targets_of(tracks), solver.problem.limits
+    smooth, inertia = limits.difference_weights(targets, SECOND_DIFFERENCE)
+    return ClipProblem(solver, targets, smoothing, smooth, inertia, limits.bounds(targets), fps, fixed)
 
 
 def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[FrameSolution]:
@@ -172,7 +190,7 @@ def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[Fr
                 count.advance()
     proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
     met = _separated(clip, _hard_edges_met(clip, poses, proximal), proximal)
-    return [solver.raise_above_floor(pose) for pose in met]
+    return [solver.raise_above_floor(pose, clip.all_targets.at(t)) for t, pose in enumerate(met)]
 
 
 def _moving(poses: list[FrameSolution], fixed: int) -> list[int]:
@@ -183,7 +201,7 @@ def _moving(poses: list[FrameSolution], fixed: int) -> list[int]:
 def _at_speeds(clip: ClipProblem, start: list[Floats]) -> list[Floats]:
     """Return the start slowed down to the joints' speeds; the boxes of each pass keep these speeds afterwards."""
     hinges, paced = clip.solver.robot.qpos_index, np.array(start)
-    paced[:, hinges] = within_speeds(paced[:, hinges], clip.solver.speed / clip.fps, clip.fixed)
+    paced[:, hinges] = within_speeds(paced[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
     return list(paced)
 
 
@@ -202,10 +220,10 @@ def _stepped(
         poses[t],
         clip.all_targets.at(t),
         proximal=proximal,
-        past=Past(poses[t - 1].qpos, 1 / clip.fps) if t else None,
+        around=solver.around(poses, clip.all_targets, t, 1 / clip.fps),
         iterations=1,
         tolerance=clip.smoothing.tolerance,
-        box=solver.reachable(_neighbours(poses, t), 1 / clip.fps),
+        box=clip.box(poses, t),
         between=_between(clip, poses, t, interpenetrating),
     )
     moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
@@ -220,11 +238,6 @@ def _smooth_path(clip: ClipProblem, moved: Floats, stiffness: Floats) -> list[Fl
     speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
     offsets = smooth_offsets(speed, stiffness, clip.fixed)
     return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
-
-
-def _neighbours(poses: list[FrameSolution], t: int) -> list[Floats]:
-    """Return the configurations before and after a frame."""
-    return [poses[k].qpos for k in (t - 1, t + 1) if 0 <= k < len(poses)]
 
 
 def _between(
@@ -252,8 +265,10 @@ def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: lis
             if solver.problem.missed(poses[t].qpos, clip.all_targets.at(t)) > LOOSE
         ]
         for t in missing:
-            box = solver.reachable(_neighbours(poses, t), 1 / clip.fps)
-            poses[t] = solver.solve_frame(poses[t], clip.all_targets.at(t), proximal=proximal[t], box=box)
+            around, targets = solver.around(poses, clip.all_targets, t, 1 / clip.fps), clip.all_targets.at(t)
+            poses[t] = solver.solve_frame(
+                poses[t], targets, proximal=proximal[t], around=around, box=clip.box(poses, t)
+            )
         if not missing:
             break
     return poses
@@ -283,7 +298,8 @@ def _shallower(
     clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
 ) -> FrameSolution:
     """Return a frame solved again with links apart on the ways to its neighbours, if links overlap less afterwards."""
-    solver, box = clip.solver, clip.solver.reachable(_neighbours(poses, t), 1 / clip.fps)
+    solver, box = clip.solver, clip.box(poses, t)
     ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)
-    again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, box=box, between=ways)
+    around = solver.around(poses, clip.all_targets, t, 1 / clip.fps)
+    again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, around=around, box=box, between=ways)
     return again if solver.depth(again.qpos) <= solver.depth(poses[t].qpos) else poses[t]

@@ -1,61 +1,92 @@
-"""Joint bounds of a graph: ranges, and speeds between frames."""
+"""The rows of joint coordinates: ranges, speeds between frames, and weights of differences over frames."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.graph.role import FRAME, Role
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
+from robot_retarget.robot.kinematics import tangent_names
 
 UNBOUNDED = 1e6
 """Speed of a joint without a speed edge [rad/s]."""
 
 
+class Targets(Protocol):
+    """Targets (…, E) of all tracks: of one frame, or of all frames of a clip."""
+
+    @property
+    def lower(self) -> Floats: ...
+    @property
+    def upper(self) -> Floats: ...
+    @property
+    def priority(self) -> Floats: ...
+
+
 @dataclass(frozen=True, eq=False)
 class JointBounds:
-    """(n,) each."""
+    """(…, n) each, of one frame or of all frames of a clip."""
 
     lower: Floats
     upper: Floats
     """Angles [rad]."""
     speed: Floats
-    """Largest speed between frames [rad/s]."""
+    """Largest speed from the frame before [rad/s]."""
 
 
-def joint_bounds(robot: Robot, tracks: Sequence[Track]) -> JointBounds:
-    """Return the bounds of each hinge: the intersection of its range and of all its bound edges.
+class JointLimits:
+    """Reads the rows of joint coordinates from targets."""
 
-    Args:
-        robot: gives the ranges.
-        tracks: tracks of all roles; those of other roles are ignored.
-    """
-    lower, upper = np.array(robot.lower), np.array(robot.upper)
-    speed = np.full(len(robot.joint_names), UNBOUNDED)
-    for track in tracks:
-        if track.role is not Role.BOUND:
-            continue
-        hinges = [robot.joint_names.index(name) for name, _ in track.ends]
-        low, high = track.lower[0], track.upper[0]
-        if track.stencil == FRAME:
-            lower[hinges], upper[hinges] = np.maximum(lower[hinges], low), np.minimum(upper[hinges], high)
-        else:
-            speed[hinges] = np.minimum(speed[hinges], np.minimum(-low, high))
-    return JointBounds(lower, upper, speed)
+    def __init__(self, robot: Robot, tracks: Sequence[Track], columns: Mapping[str, slice]):
+        """Find the rows of tracks whose targets have the given columns."""
+        self.robot = robot
+        self._bounds = [
+            (track.stencil == FRAME, columns[track.name], _indices(robot.joint_names, track))
+            for track in tracks
+            if track.role is Role.BOUND
+        ]
+        names = tangent_names(robot)
+        self._differences = [
+            (track.stencil, columns[track.name], _indices(names, track), 1 / track.scale**2)
+            for track in tracks
+            if (track.role, track.kind.form) == (Role.COST, Form.JOINT)
+        ]
+
+    def bounds(self, targets: Targets) -> JointBounds:
+        """Return the bounds of each hinge: the intersection of its range and of all its bound edges."""
+        shape = (*targets.lower.shape[:-1], len(self.robot.joint_names))
+        lower, upper = (np.array(np.broadcast_to(end, shape)) for end in (self.robot.lower, self.robot.upper))
+        speed = np.full(shape, UNBOUNDED)
+        for ranged, columns, hinges in self._bounds:
+            low, high = targets.lower[..., columns], targets.upper[..., columns]
+            if ranged:
+                lower[..., hinges] = np.maximum(lower[..., hinges], low)
+                upper[..., hinges] = np.minimum(upper[..., hinges], high)
+            else:
+                speed[..., hinges] = np.minimum(speed[..., hinges], np.minimum(-low, high))
+        return JointBounds(lower, upper, speed)
+
+    def difference_weights(self, targets: Targets, stencil: tuple[int, ...]) -> tuple[Floats, Floats]:
+        """Weights of the costs on differences of joint coordinates over a stencil.
+
+        Returns:
+            (…, nv) their sum of π/scale² per tangent direction, and (nv,) 1/scale² of the last of them, the weight of a
+            direction against that of a hinge; 1 without such costs.
+        """
+        nv = self.robot.model.nv
+        weight, inertia = np.zeros((*targets.lower.shape[:-1], nv)), np.ones(nv)
+        for own, columns, directions, inverse in self._differences:
+            if own == stencil:
+                inertia[directions] = inverse
+                weight[..., directions] += targets.priority[..., columns] * inverse
+        return weight, inertia
 
 
-def difference_weights(robot: Robot, tracks: Sequence[Track], stencil: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Weights of the temporal costs of a stencil.
-
-    Returns:
-        (nv,) their sum of π/scale² per tangent direction, constant over time, and (nv,) 1/scale² of the last of them, the
-        weight of a direction against that of a hinge; 1 without such costs.
-    """
-    weight, inertia = np.zeros(robot.model.nv), np.ones(robot.model.nv)
-    for track in tracks:
-        if track.role is Role.COST and track.stencil == stencil:
-            inertia = 1 / track.scale**2
-            weight += track.priority[0] * inertia
-    return weight, inertia
+def _indices(names: Sequence[str], track: Track) -> Ints:
+    """Return the indices of the first ends of a track among names."""
+    places = {name: k for k, name in enumerate(names)}
+    return np.array([places[end] for end, _ in track.ends], dtype=np.int64)

@@ -9,53 +9,26 @@ whose model lies above ϱ everywhere). The model is  cost + 2 (Jᵀ W r)·v + v�
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.kinds.kind import Grounded, Symbolic, frame_costs
-from robot_retarget.graph.role import Role
+from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import HARD, Track
+from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, ordered
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
 from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeTargets:
-    """Targets of one frame, (E,) each, in the order of kinds."""
-
-    lower: Floats
-    upper: Floats
-    priority: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class ClipTargets:
-    """Targets of T frames, (T, E) each."""
-
-    lower: Floats
-    upper: Floats
-    priority: Floats
-
-    def __len__(self) -> int:
-        return len(self.lower)
-
-    def at(self, frame: int) -> EdgeTargets:
-        """Of one frame."""
-        return EdgeTargets(self.lower[frame], self.upper[frame], self.priority[frame])
-
-
-def targets_of(tracks: Sequence[Track]) -> ClipTargets:
-    """The symbolic costs of a graph's tracks side by side."""
-    costs = frame_costs(tracks)
-    return ClipTargets(
-        *(np.concatenate([getattr(track, name) for track in costs], axis=1) for name in ("lower", "upper", "priority"))
-    )
+from robot_retarget.solve.honoured import require_honoured
+from robot_retarget.solve.limits import JointLimits
+from robot_retarget.solve.stencils import StencilCost
+from robot_retarget.solve.targets import ClipTargets as ClipTargets
+from robot_retarget.solve.targets import EdgeTargets as EdgeTargets
+from robot_retarget.solve.targets import targets_of as targets_of
 
 
 class CompiledTracks:
@@ -67,11 +40,11 @@ class CompiledTracks:
     cost: Upgraded
     values: Compiled
 
-    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool):
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
         body = SymbolicRobot(robot, match)
-        found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in tracks])
-        self.terms = _Terms(tracks, found.rows)
+        found = body.resolved([track.kind.measure(track, body) for track in tracks])
+        self.terms = _Terms(tracks, found.rows, shipped)
         self.edges = slice(first, first + self.terms.edges)
         q, targets = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
         at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
@@ -99,9 +72,28 @@ class Problem:
     robot: Robot
     match: Match
     tracks: tuple[Track, ...]
-    """All tracks of the graph, at the time when the problem was built: limits and temporal costs are read here."""
+    """All tracks of the graph in the order of `track.ordered`; their targets are parameters."""
     parts: tuple[CompiledTracks, ...]
     inequalities: "Inequalities"
+
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """The edges of each kind in targets."""
+        return columns_of(self.tracks)
+
+    @cached_property
+    def stencils(self) -> tuple[StencilCost, ...]:
+        """The symbolic costs that join several frames."""
+        return tuple(
+            StencilCost(self.robot, self.match, track, self.columns[track.name])
+            for track in self.tracks
+            if (track.role, track.kind.form) == (Role.COST, Form.SYMBOLIC) and track.stencil != FRAME
+        )
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """The rows of joint coordinates."""
+        return JointLimits(self.robot, self.tracks, self.columns)
 
     @property
     def leg(self) -> float:
@@ -132,53 +124,67 @@ class Problem:
 
     def missed(self, q: Floats, targets: EdgeTargets) -> float:
         """Return the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
-        d, hard = self.values(q), targets.priority >= HARD
-        return float(np.abs(d - np.clip(d, targets.lower, targets.upper))[hard].max(initial=0.0))
+        d = self.values(q)
+        lower, upper, priority = (side[: len(d)] for side in (targets.lower, targets.upper, targets.priority))
+        return float(np.abs(d - np.clip(d, lower, upper))[priority >= HARD].max(initial=0.0))
 
     def values(self, q: Floats) -> Floats:
-        """Return the measures (E,) of the edges."""
+        """Return the measures (E,) of the symbolic costs of one frame, which are the first edges."""
         return np.concatenate([part.values(q)[0] for part in self.parts])
 
 
 class Inequalities:
     """Symbolic inequalities as compiled rows  J v ≥ deficit; an upper bound is a row of opposite sign."""
 
-    tracks: list[Track]
+    columns: dict[str, slice]
+    edges: Ints
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track]):
-        self.tracks = [t for t in tracks if t.role is Role.INEQUALITY and isinstance(t.kind, Symbolic)]
-        self._nv, body = robot.model.nv, SymbolicRobot(robot, match)
-        found = body.resolved([cast(Symbolic, track.kind).measure(track, body) for track in self.tracks])
+        """Compile the rows of a problem's tracks, which are `ordered`."""
+        own = [track for track in tracks if (track.role, track.kind.form) == (Role.INEQUALITY, Form.SYMBOLIC)]
+        self._nv, body, every = robot.model.nv, SymbolicRobot(robot, match), columns_of(tracks)
+        found = body.resolved([track.kind.measure(track, body) for track in own])
         rows = found.rows.tolist()
         values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
         self._measure = Compiled(ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes]))
-        bounds = [
-            np.concatenate([np.zeros(0), *(getattr(t, side)[0] for t in self.tracks)]) for side in ("lower", "upper")
-        ]
-        self._below, self._above = (np.flatnonzero(np.isfinite(bound)) for bound in bounds)
-        self._lower, self._upper = bounds
-        self._ends = np.cumsum([len(track) for track in self.tracks])[:-1]
+        self.columns = columns_of(own)
+        """The edges of each kind among these rows."""
+        self.edges = np.array([edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int)
+        self._below = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
+        self._above = _where([np.isfinite(t.upper).any(axis=0) | t.kind.follows_human for t in own])
+        self._raising = _where([np.full(len(t), t.kind.raises_root) for t in own])
 
     def __len__(self) -> int:
         return len(self._below) + len(self._above)
 
-    def rows(self, q: Floats) -> tuple[Floats, Floats]:
+    def rows(self, q: Floats, targets: EdgeTargets) -> tuple[Floats, Floats]:
         """Return slopes (R, nv) and deficits (R,), bound minus value, at a configuration."""
         values, slopes = self._measure(q)
-        slopes = slopes.reshape(len(values), self._nv)
+        slopes, lower = slopes.reshape(len(values), self._nv), targets.lower[self.edges]
         if not self._above.size:
-            return slopes, self._lower - values
-        deficit = np.concatenate([(self._lower - values)[self._below], (values - self._upper)[self._above]])
+            return slopes[self._below], (lower - values)[self._below]
+        upper = targets.upper[self.edges]
+        deficit = np.concatenate([(lower - values)[self._below], (values - upper)[self._above]])
         return np.concatenate([slopes[self._below], -slopes[self._above]]), deficit
 
-    def depth(self, q: Floats) -> float:
-        """Return the robot's largest depth under the floor [m], over the kinds that measure it."""
-        values = np.split(self._measure(q)[0], self._ends)
-        tracks = zip(self.tracks, values, strict=True) if self.tracks else ()
-        return max((t.kind.depth(t, own) for t, own in tracks if isinstance(t.kind, Grounded)), default=0.0)
+    def values(self, q: Floats) -> Floats:
+        """Return the measures (E,) of the edges at a configuration."""
+        return self._measure(q)[0]
+
+    def depth(self, q: Floats, targets: EdgeTargets) -> float:
+        """Return by how much the root must rise to meet the kinds that raise it [m]."""
+        raising = self._raising
+        return float((targets.lower[self.edges[raising]] - self._measure(q)[0][raising]).max(initial=0.0))
 
 
-def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False) -> Problem:
+def _where(chosen: Sequence[Any]) -> Ints:
+    """Return the indices of the edges chosen by the masks of consecutive tracks."""
+    return np.flatnonzero(np.concatenate([np.zeros(0, bool), *chosen]))
+
+
+def build_problem(
+    robot: Robot, match: Match, tracks: Sequence[Track], native: bool = False, *, lag: int | None = None
+) -> Problem:
     """Assemble the functions for a robot; targets stay parameters.
 
     The kinds that describe every motion are one part. Each other kind is a separate part, so an edge that a user adds
@@ -187,17 +193,22 @@ def build_problem(robot: Robot, match: Match, tracks: Sequence[Track], native: b
     Args:
         native: use machine code as soon as it is ready (`native.py`); before that, and without a compiler, CasADi's
             virtual machine gives the same results.
+        lag: number of frames by which a stream lags; None for a clip.
+
+    Raises:
+        GraphError: a kind has a role, form and stencil that the solver cannot honour.
     """
+    require_honoured(robot, tracks, lag)
+    tracks = ordered(tracks)
     common, costs = {kind.name for kind in KINDS}, frame_costs(tracks)
     groups = [[track for track in costs if track.name in common]]
     groups += [[track] for track in costs if track.name not in common]
-    firsts = np.cumsum([0, *(sum(map(len, group)) for group in groups)])
-    parts = [
-        CompiledTracks(robot, match, group, int(first), native and group is groups[0])
-        for group, first in zip(groups, firsts, strict=False)
-        if group
-    ]
-    return Problem(robot, match, tuple(tracks), tuple(parts), Inequalities(robot, match, tracks))
+    parts, columns = [], columns_of(tracks)
+    for group in groups:
+        if group:
+            first, shipped = columns[group[0].name].start, group is groups[0]
+            parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
+    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks))
 
 
 class _Terms:
@@ -210,11 +221,14 @@ class _Terms:
     open: list[int]
     gather: ca.DM
 
-    def __init__(self, tracks: Sequence[Track], rows: Ints):
+    def __init__(self, tracks: Sequence[Track], rows: Ints, shipped: bool):
+        """Sum the terms of tracks; those of shipped kinds keep targets of single values, as they have them now."""
         self.edges, self.rows = len(rows), rows
         self.scale = np.concatenate([track.scale for track in tracks])
         self.huber_delta = np.concatenate([np.full(len(track), track.huber_delta) for track in tracks])
-        self.open = np.flatnonzero(np.concatenate([np.full(len(track), not track.exact) for track in tracks])).tolist()
+        self.open = np.flatnonzero(
+            np.concatenate([np.full(len(track), not (shipped and track.exact)) for track in tracks])
+        ).tolist()
         self.gather = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
         """(M, E) matrix that sums edges over the rows they share."""
 

@@ -1,19 +1,24 @@
 """The quadratic model of a frame's cost around a configuration, and the rows that bound a step from it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import cast
+from functools import reduce
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import ContactRows, Evaluator, Nearby, Numeric, Past, Projecting, Proximity
-from robot_retarget.graph.role import FRAME, STEP, Role
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.role import FRAME, Form, Role
+from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
+from robot_retarget.solve.stencils import Neighbours, Terms, terms
 from robot_retarget.solve.swept_collision import SweptConfiguration
+
+TIE = 1e-6
+"""Rows whose room differs by less are equal [m]: far above the rounding of distances."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,19 @@ class LinearizedDistances:
     """(C,) [m]."""
     slope: Floats
     """(C, nv) derivative by the tangent vector."""
-    rest: Floats
-    """(C,) rest distance of the pairs [m]."""
+    bound: Floats
+    """(C,) least distance of the pairs [m]."""
+    edges: Ints
+    """(C,) their edges among those of all kinds."""
+
+    @property
+    def deficit(self) -> Floats:
+        """(C,) bound minus distance [m]."""
+        return self.bound - self.distance
+
+    def of(self, kept: Ints) -> "LinearizedDistances":
+        """Return some of the pairs."""
+        return LinearizedDistances(self.qpos, self.distance[kept], self.slope[kept], self.bound[kept], self.edges[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,28 +87,36 @@ class Quadratic:
         return replace(self, rows=rows, row_lower=row_lower)
 
 
-class NumericCost:
-    """The cost of a track with a numeric evaluator."""
+class NumericTrack:
+    """A track of a numeric kind, evaluated for one solver."""
 
-    name: str
-    stencil: tuple[int, ...]
     track: Track
-    evaluate: Evaluator
+    columns: slice
 
-    def __init__(self, track: Track, robot: Robot):
-        self.name, self.stencil, self.track = track.name, track.stencil, track
-        self.evaluate = cast(Numeric, track.kind).evaluator(track, robot)
+    def __init__(self, problem: Problem, track: Track, reach: float):
+        self.problem, self.track, self.columns, self.reach = problem, track, problem.columns[track.name], reach
+        self._memory: dict[str, object] = {}
 
-    def terms(self, q: Floats, past: Past | None, contacts: ContactRows | None) -> tuple[float, Floats, Floats] | None:
-        """Return Σ π r²/scale², its half gradient (nv,) and normal matrix (nv, nv); None if no edge has a cost."""
-        rows = self.evaluate(q, past, contacts)
+    def state(self, q: Floats, past: Past | None = None, contacts: ContactRows | None = None) -> RowState:
+        """Return where the kind is evaluated."""
+        return RowState(self.problem.robot, self.problem.match, q, self.reach, past, contacts, self._memory)
+
+    def rows(self, q: Floats, past: Past | None = None, contacts: ContactRows | None = None) -> MeasureRows | None:
+        """Return the rows of the kind at a configuration."""
+        return self.track.kind.rows(self.track, self.state(q, past, contacts))
+
+    def terms(self, q: Floats, targets: EdgeTargets, past: Past | None, contacts: ContactRows | None) -> Terms | None:
+        """Return the terms of a cost; None if no edge has a cost."""
+        rows = self.rows(q, past, contacts)
         if rows is None:
             return None
-        edges, track = list(rows.edges), self.track
-        residual = rows.values - np.clip(rows.values, track.lower[0, edges], track.upper[0, edges])
-        weight = track.priority[0, edges] / track.scale[edges] ** 2
-        weighted = weight[:, None] * rows.slope
-        return float(weight @ residual**2), weighted.T @ residual, rows.slope.T @ weighted
+        return terms(self.track, rows.values, rows.slope, targets, self.columns, np.asarray(rows.edges))
+
+    def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
+        """Return the rows of an inequality."""
+        rows = self.rows(q) or MeasureRows(np.zeros(0), np.zeros((0, self.problem.robot.model.nv)), np.zeros(0, int))
+        edges = self.columns.start + np.asarray(rows.edges)
+        return LinearizedDistances(q, rows.values, rows.slope, np.minimum(targets.lower[edges], rows.rest), edges)
 
 
 class CostModel:
@@ -102,23 +126,23 @@ class CostModel:
     robot: Robot
     leg: float
     options: SolveOptions
-    numeric: list[NumericCost]
-    proximity: str
-    separation: Proximity | None
+    numeric: list[NumericTrack]
+    surfaces: list[NumericTrack]
+    most: int
     rows: int
 
     def __init__(self, problem: Problem, options: SolveOptions):
         self.problem, self.robot, self.leg, self.options = problem, problem.robot, problem.leg, options
-        costs = [t for t in problem.tracks if t.role is Role.COST and isinstance(t.kind, Numeric)]
-        self.numeric = [NumericCost(track, self.robot) for track in costs]
-        near = [t for t in problem.tracks if isinstance(t.kind, Nearby)]
-        self.proximity = near[0].name if near else ""
-        """Name of the kind that keeps surfaces apart."""
         reach = options.reach * self.leg
-        self.separation = (
-            cast(Nearby, near[0].kind).proximity(near[0], self.robot, problem.match, reach) if near else None
-        )
-        self.rows = len(problem.inequalities) + (self.separation.most if self.separation else 0)
+        numeric = [NumericTrack(problem, t, reach) for t in problem.tracks if t.kind.form is Form.NUMERIC]
+        self.numeric = [each for each in numeric if each.track.role is Role.COST]
+        self.surfaces = [each for each in numeric if each.track.role is Role.INEQUALITY]
+        """The kinds that keep surfaces apart; they share one slack."""
+        self.most = sum(each.track.kind.most for each in self.surfaces)
+        self.rows = len(problem.inequalities) + self.most
+        joined = {offset for cost in problem.stencils for offset in cost.offsets}
+        self.offsets = joined | {-1 for each in self.numeric if each.track.stencil != FRAME}
+        """The frames, relative to one, that share an edge with it."""
 
     def linearize(
         self,
@@ -132,112 +156,101 @@ class CostModel:
         Args:
             known: distances of links measured nearby; within `SolveOptions.distance_cache_radius` they are extrapolated along their slopes.
         """
-        total, gradient, normal = self.problem.model(q, targets)
-        for cost in self.numeric:
-            if cost.stencil == FRAME and (found := cost.terms(q, None, None)) is not None:
-                total, gradient, normal = total + found[0], gradient + found[1], normal + found[2]
-        slope, deficit = self.problem.inequalities.rows(q)
+        own = (cost.terms(q, targets, None, None) for cost in self.numeric if cost.track.stencil == FRAME)
+        total, gradient, normal = _sum(self.problem.model(q, targets), own)
+        slope, deficit = self.problem.inequalities.rows(q, targets)
         nv, hard = len(gradient), len(deficit)
         rows, row_lower = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
         rows[:hard, :nv], row_lower[:hard] = slope, deficit
-        near = self._near(q, known)
-        clearance_deficit = self._apart(q, near, between, rows[hard:], row_lower[hard:]) if near else 0.0
+        near = self.near(q, targets, known)
+        clearance_deficit = 0.0
+        if near is not None:
+            apart = self._with_ways(q, near, between, targets)
+            clearance_deficit = self._fill(apart, rows[hard:], row_lower[hard:])
         total += self.options.overlap_cost * clearance_deficit**2
         penetrates_floor = bool(deficit.max(initial=0.0) > self.options.floor_tolerance)
         return Quadratic(total, gradient, normal, rows, row_lower, clearance_deficit, penetrates_floor, near)
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
         """The minimised cost of a frame at a configuration."""
-        return self.problem.cost(q, targets) + sum(self.parts(q, past).values())
+        return self.problem.cost(q, targets) + sum(self.parts(q, targets, past).values())
 
-    def parts(self, q: Floats, past: Past | None = None) -> dict[str, float]:
-        """Return the cost of each numeric kind; that of surfaces is the cost of their slack."""
-        found = {self.proximity: self.separation_cost(q)} if self.separation else {}
-        contacts = self._contacts(q) if past is not None else None
+    def parts(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> dict[str, float]:
+        """Return the cost of each numeric kind; that of surfaces is the cost of their slack, at the kind that needs it."""
+        found = {each.track.name: 0.0 for each in (*self.surfaces, *self.numeric)}
+        lacking = {each.track.name: self._lacking(each.near(q, targets).deficit) for each in self.surfaces}
+        if lacking:
+            worst = max(lacking, key=lambda name: lacking[name])
+            found[worst] = self.options.overlap_cost * lacking[worst] ** 2
+        contacts = self._contacts(q, targets) if past is not None else None
         for cost in self.numeric:
-            terms = cost.terms(q, past, contacts)
-            found[cost.name] = terms[0] if terms else 0.0
+            terms = cost.terms(q, targets, past, contacts)
+            found[cost.track.name] = terms[0] if terms else 0.0
         return found
 
-    def separation_cost(self, q: Floats) -> float:
-        """Return the cost of links that lack more of their margin than the tolerance."""
-        if self.separation is None:
-            return 0.0
-        distance, _, rest = self.separation.near(q)
-        return (
-            self.options.overlap_cost * self._clearance_deficit(self.separation.clearance_deficit(distance, rest)) ** 2
-        )
-
-    def _contacts(self, q: Floats) -> ContactRows | None:
+    def _contacts(self, q: Floats, targets: EdgeTargets) -> ContactRows | None:
         """Return the rows of surfaces near each other at a configuration."""
-        near = self._near(q, None)
-        if near is None or self.separation is None:
+        near = self.near(q, targets)
+        if near is None:
             return None
-        rows, row_lower = (
-            np.zeros((self.separation.most, near.slope.shape[1] + 1)),
-            np.full(self.separation.most, -np.inf),
-        )
-        self._apart(q, near, (), rows, row_lower)
+        rows, row_lower = np.zeros((self.most, near.slope.shape[1] + 1)), np.full(self.most, -np.inf)
+        self._fill(near, rows, row_lower)
         return ContactRows(rows[:, :-1], row_lower)
 
-    def _clearance_deficit(self, wanted: Floats) -> float:
+    def _lacking(self, deficit: Floats) -> float:
         """Return how much the nearest links lack beyond the tolerance, over the leg."""
-        return max(float(wanted.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
+        return max(float(deficit.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
 
     def decrease(self, current: Quadratic, step: Floats, slack: float) -> float:
         """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
         edges = -float(step @ (2 * current.gradient + current.normal @ step))
         return edges + self.options.overlap_cost * (current.clearance_deficit**2 - slack**2)
 
-    def _near(self, q: Floats, known: LinearizedDistances | None) -> LinearizedDistances | None:
+    def near(
+        self, q: Floats, targets: EdgeTargets, known: LinearizedDistances | None = None
+    ) -> LinearizedDistances | None:
         """Return the links near each other: measured at q, or the known ones if measured nearby."""
-        if self.separation is None:
+        if not self.surfaces:
             return None
-        if (
-            known is not None
-            and np.abs(difference(self.robot, known.qpos, q)).max() < self.options.distance_cache_radius
-        ):
+        radius = self.options.distance_cache_radius
+        if known is not None and np.abs(difference(self.robot, known.qpos, q)).max() < radius:
             return known
-        return LinearizedDistances(np.array(q), *self.separation.near(q))
+        return self._foremost([each.near(np.array(q), targets) for each in self.surfaces])
 
-    def _apart(
-        self,
-        q: Floats,
-        near: LinearizedDistances,
-        between: tuple[SweptConfiguration, ...],
-        rows: Floats,
-        row_lower: Floats,
-    ) -> float:
+    def _fill(self, near: LinearizedDistances, rows: Floats, row_lower: Floats) -> float:
         """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
-        distance, slope, rest = self._with_ways(q, near, between)
-        assert self.separation is not None
-        wanted = self.separation.clearance_deficit(distance, rest)
-        count, tolerance = len(distance), self.options.tolerated * self.leg
-        rows[:count, :-1], rows[:count, -1] = slope, 1.0
-        row_lower[:count] = np.where(wanted > tolerance, wanted, np.minimum(wanted, 0.0))
-        return self._clearance_deficit(wanted)
+        count, tolerance, deficit = len(near.distance), self.options.tolerated * self.leg, near.deficit
+        rows[:count, :-1], rows[:count, -1] = near.slope, 1.0
+        row_lower[:count] = np.where(deficit > tolerance, deficit, np.minimum(deficit, 0.0))
+        return self._lacking(deficit)
 
     def _with_ways(
-        self, q: Floats, near: LinearizedDistances, between: tuple[SweptConfiguration, ...]
-    ) -> tuple[Floats, Floats, Floats]:
-        """Return distances, slopes and rests at a configuration and between it and its neighbours.
+        self, q: Floats, near: LinearizedDistances, between: tuple[SweptConfiguration, ...], targets: EdgeTargets
+    ) -> LinearizedDistances:
+        """Return the links near each other at a configuration, and between it and its neighbours.
 
         A share of the step moves the configurations between frames. Links may touch there: a margin there would bend
         the frames more than the passage needs.
         """
-        assert self.separation is not None
-        current = near.distance
         if near.qpos is not q:
-            current = current + near.slope @ difference(self.robot, near.qpos, q)
+            near = replace(near, distance=near.distance + near.slope @ difference(self.robot, near.qpos, q))
         if not between:
-            return current, near.slope, near.rest
-        found = [(current, near.slope, near.rest)]
+            return near
+        found = [near]
         for way in between:
-            distance, slope, rest = self.separation.near(way.at(self.robot, q))
-            found.append((distance, way.share * slope, np.minimum(rest, 0.0)))
-        distance, slope, rest = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        kept = self.separation.foremost(distance, rest)
-        return distance[kept], slope[kept], rest[kept]
+            there = self.near(way.at(self.robot, q), targets)
+            assert there is not None
+            found.append(replace(there, slope=way.share * there.slope, bound=np.minimum(there.bound, 0.0)))
+        return self._foremost(found)
+
+    def _foremost(self, found: list[LinearizedDistances]) -> LinearizedDistances:
+        """Return at most `most` of the rows found at one or several configurations."""
+        columns = ("distance", "slope", "bound", "edges")
+        near = found[0]
+        if len(found) > 1:
+            near = replace(near, **{name: np.concatenate([getattr(each, name) for each in found]) for name in columns})
+            return near.of(foremost(near.distance, near.deficit, self.most))
+        return near if len(near.distance) <= self.most else near.of(foremost(near.distance, near.deficit, self.most))
 
     def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
         """The model with a proximal term on top."""
@@ -251,32 +264,52 @@ class CostModel:
             normal=current.normal + np.diag(proximal.weight),
         )
 
-    def with_past(self, current: Quadratic, q: Floats, past: Past | None) -> Quadratic:
-        """The model with the numeric costs that join the frame before on top."""
-        joining = [cost for cost in self.numeric if cost.stencil == STEP] if past is not None else []
-        if not joining:
+    def with_neighbours(self, current: Quadratic, q: Floats, around: Neighbours | None) -> Quadratic:
+        """The model with the costs that join a frame with its neighbours on top."""
+        if around is None or not self.offsets:
             return current
-        first = len(self.problem.inequalities)
-        contacts = ContactRows(current.rows[first:, :-1], current.row_lower[first:]) if self.separation else None
-        for cost in joining:
-            if (found := cost.terms(q, past, contacts)) is not None:
-                value, pull, curvature = found
-                current = replace(
-                    current,
-                    cost=current.cost + value,
-                    gradient=current.gradient + pull,
-                    normal=current.normal + curvature,
-                )
-        return current
+        first, past = len(self.problem.inequalities), around.past
+        contacts = ContactRows(current.rows[first:, :-1], current.row_lower[first:]) if self.surfaces else None
+        joining = [cost for cost in self.numeric if cost.track.stencil != FRAME and past is not None]
+        found: list[Terms | None] = [cost.terms(q, around.targets[0], past, contacts) for cost in joining]
+        found += [each for cost in self.problem.stencils for each in cost.terms(q, around)]
+        cost, gradient, normal = _sum((current.cost, current.gradient, current.normal), found)
+        return replace(current, cost=cost, gradient=gradient, normal=normal)
 
     def projected(self, q: Floats) -> Floats:
-        """Return the configuration with closed chains and meshed gears."""
-        for cost in self.numeric:
-            if isinstance(cost.evaluate, Projecting):
-                q = cost.evaluate.projected(q)
-        return q
+        """Return the configuration with closed chains and meshed gears; the same array where no kind changes it."""
+        return reduce(lambda found, cost: cost.track.kind.projected(cost.track, cost.state(found)), self.numeric, q)
 
-    @property
-    def projects(self) -> bool:
-        """Whether a numeric cost projects configurations exactly."""
-        return any(isinstance(cost.evaluate, Projecting) for cost in self.numeric)
+    def overlap(self, q: Floats) -> float:
+        """Return the depth of the deepest overlap of two links [m]."""
+        return max((each.track.kind.overlap(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+
+    def penetration(self, q: Floats) -> float:
+        """Return the depth of the lowest surface under the floor [m]."""
+        return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+
+
+def _sum(first: Terms, others: Iterable[Terms | None]) -> Terms:
+    cost, gradient, normal = first
+    for more in others:
+        if more is not None:
+            cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
+    return cost, gradient, normal
+
+
+def foremost(distance: Floats, deficit: Floats, most: int) -> Ints:
+    """Return at most `most` rows, those with the least room to their bound, the nearest first.
+
+    Rows with equal room are kept or dropped together, so that left and right are treated alike.
+
+    Args:
+        distance: (C,) [m].
+        deficit: (C,) bound minus distance [m].
+        most: number of rows.
+    """
+    order = np.argsort(distance, kind="stable")
+    if len(order) <= most:
+        return order
+    room = -deficit[order]
+    kept = room < np.sort(room)[most] - TIE
+    return order[kept] if kept.any() else order[np.argsort(room, kind="stable")[:most]]

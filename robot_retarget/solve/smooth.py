@@ -12,11 +12,11 @@ DECIMALS = 9
 def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> Floats:
     """Return the offset of each frame that reduces second differences.
 
-    minimise  Σ_t ‖δ_t‖² + κ Σ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
+    minimise  Σ_t ‖δ_t‖² + Σ_t κ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
 
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
-        stiffness: κ, for all columns or each (n,).
+        stiffness: κ, for all columns, each (n,), or each frame and column (T, n).
         fixed: number of frames at the start that keep δ = 0.
 
     Returns:
@@ -25,20 +25,21 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> 
     frames = len(speed) + 1
     if frames < 3:
         return np.zeros((frames, speed.shape[1]))
-    bend = np.diff(speed, axis=0)
-    pushed = np.zeros((frames, speed.shape[1]))
+    kappa: Floats = np.broadcast_to(np.round(stiffness, DECIMALS), (frames, speed.shape[1]))[1:-1]
+    bend, pushed = kappa * np.diff(speed, axis=0), np.zeros((frames, speed.shape[1]))
     for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
         pushed[shift : shift + len(bend)] += factor * bend
-    offsets, rounded = np.zeros_like(pushed), np.round(np.broadcast_to(stiffness, bend.shape[1:]), DECIMALS)
-    for kappa in np.unique(rounded):
-        columns = np.flatnonzero(rounded == kappa)
-        right = -kappa * pushed[fixed:, columns]
-        offsets[fixed:, columns] = solveh_banded(_bands(frames, float(kappa))[:, fixed:], right)
+    offsets = np.zeros_like(pushed)
+    _, first, system = np.unique(kappa, axis=1, return_index=True, return_inverse=True)
+    for k, column in enumerate(first):
+        columns = np.flatnonzero(system == k)
+        offsets[fixed:, columns] = solveh_banded(_bands(kappa[:, column])[:, fixed:], -pushed[fixed:, columns])
     return offsets
 
 
-def _bands(frames: int, stiffness: float) -> Floats:
-    """Return the upper bands of I + κ DᵀD, D the second difference."""
+def _bands(stiffness: Floats) -> Floats:
+    """Return the upper bands of I + Dᵀ K D, D the second difference and K the diagonal of the stiffnesses (T − 2,)."""
+    frames = len(stiffness) + 2
     diagonals = np.zeros((3, frames))
     for first in range(3):
         for second in range(first, 3):

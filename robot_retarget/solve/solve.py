@@ -8,17 +8,17 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.kind import Past
-from robot_retarget.graph.role import SECOND_DIFFERENCE, Role
+from robot_retarget.graph.role import SECOND_DIFFERENCE, Form, Role
+from robot_retarget.graph.rows import Past
 from robot_retarget.graph.status import Status
 from robot_retarget.motion import Motion
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
-from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.kinematics import difference, tangent_names
 from robot_retarget.solve.causal import causal_poses
 from robot_retarget.solve.clip import clip_poses, measured_by
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
-from robot_retarget.solve.problem import Problem, build_problem
+from robot_retarget.solve.problem import Problem, build_problem, targets_of
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 from robot_retarget.solve.unmet import unmet_edges
@@ -100,8 +100,8 @@ def solution_of(
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
     trajectory = trajectory_of(graph.motion, graph.robot, qpos)
     measured = measured_by(problem, graph, qpos)
-    stress = {track.name: track.stress(measured[track.name]).sum(axis=1) for track in graph.costs}
-    stress |= _numeric_stress(solver, qpos, graph.fps) | _temporal_stress(graph, qpos)
+    stress = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
+    stress |= _numeric_stress(solver, graph, qpos) | _temporal_stress(graph, qpos)
     unmet = unmet_edges(solver, graph, measured, qpos)
     missed = {t for edge in unmet for t in edge.frames}
     status = tuple(Status.UNREACHED if t in missed else pose.status for t, pose in enumerate(poses))
@@ -110,19 +110,20 @@ def solution_of(
     return Solution(trajectory, graph, status, cost, stress, measured, iterations, timings, problem.native, unmet)
 
 
-def _numeric_stress(solver: FrameSolver, qpos: Floats, fps: float) -> dict[str, Floats]:
+def _numeric_stress(solver: FrameSolver, graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     """Return per numeric kind (T,) its cost."""
-    past = [None, *(Past(before, 1 / fps) for before in qpos[:-1])]
-    parts = [solver.costs.parts(q, before) for q, before in zip(qpos, past, strict=True)]
+    past, all_targets = [None, *(Past(before, 1 / graph.fps) for before in qpos[:-1])], targets_of(graph.tracks)
+    parts = [solver.costs.parts(q, all_targets.at(t), past[t]) for t, q in enumerate(qpos)]
     return {name: np.array([part[name] for part in parts]) for name in parts[0]}
 
 
 def _temporal_stress(graph: RobotGraph, qpos: Floats) -> dict[str, Floats]:
     """Return per kind of second differences (T,) its cost about every frame; 0 at both ends."""
-    tracks = [t for t in graph.tracks if t.role is Role.COST and t.stencil == SECOND_DIFFERENCE]
-    speed = np.array([difference(graph.robot, a, b) for a, b in pairwise(qpos)])
-    found = {track.name: np.zeros(len(qpos)) for track in tracks}
-    for track in tracks if len(qpos) > 2 else ():
-        weight = track.priority[1:-1] / track.scale**2
-        found[track.name][1:-1] = (weight * np.diff(speed, axis=0) ** 2).sum(axis=1)
-    return found
+    wanted = (Role.COST, Form.JOINT, SECOND_DIFFERENCE)
+    tracks = [track for track in graph.tracks if (track.role, track.kind.form, track.stencil) == wanted]
+    bend = np.zeros((len(qpos), graph.robot.model.nv))
+    if len(qpos) > 2:
+        bend[1:-1] = np.diff([difference(graph.robot, a, b) for a, b in pairwise(qpos)], axis=0)
+    names = tangent_names(graph.robot)
+    columns = {track.name: [names.index(end) for end, _ in track.ends] for track in tracks}
+    return {track.name: track.stress(bend[:, columns[track.name]]).sum(axis=1) for track in tracks}

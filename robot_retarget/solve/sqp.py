@@ -1,21 +1,22 @@
 """One frame: sequential quadratic programming in a trust region; steps keep ranges, floor and separation."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.kinds.kind import Past
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
 from robot_retarget.solve.compiled import QuadraticProgram
-from robot_retarget.solve.limits import joint_bounds
+from robot_retarget.solve.limits import JointBounds
 from robot_retarget.solve.options import SolveOptions
-from robot_retarget.solve.problem import EdgeTargets, Problem
+from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
+from robot_retarget.solve.stencils import Neighbours
 from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 
 SHORT = 0.1
@@ -35,10 +36,13 @@ class Box:
     """A configuration (nq,), and the largest distance of the root from it (R,) per tangent direction [m, rad]; None
     leaves it free."""
 
-    def around(self, neighbours: list[Floats], reach: Floats) -> "Box":
-        """Return the box within `reach` of every neighbour (n,); where two are too far apart, the angle halfway."""
+    def around(self, neighbours: Iterable[tuple[Floats, Floats]]) -> "Box":
+        """Return the box within reach of neighbours: angles (n,) and the reach (n,) from them [rad].
+
+        Where two neighbours are too far apart, it is the angle halfway.
+        """
         lower, upper = self.lower, self.upper
-        for angles in neighbours:
+        for angles, reach in neighbours:
             lower, upper = np.maximum(lower, angles - reach), np.minimum(upper, angles + reach)
         middle = (lower + upper) / 2
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
@@ -89,8 +93,6 @@ class FrameSolver:
     hinges: Ints
     leg: float
     roots: Ints
-    ranges: Box
-    speed: Floats
     costs: CostModel
     diagonal: tuple[Ints, ...]
     program: QuadraticProgram
@@ -98,8 +100,6 @@ class FrameSolver:
     def __init__(self, problem: Problem, options: SolveOptions | None = None):
         self.problem, self.options, self.robot = problem, options or SolveOptions(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
-        bounds = joint_bounds(self.robot, problem.tracks)
-        self.ranges, self.speed = Box(bounds.lower, bounds.upper), bounds.speed
         self.costs = CostModel(problem, self.options)
         self.diagonal = np.diag_indices(self.robot.model.nv)
         slack = 1  # of separation; it stands last
@@ -113,7 +113,7 @@ class FrameSolver:
         targets: EdgeTargets,
         *,
         proximal: Proximal | None = None,
-        past: Past | None = None,
+        around: Neighbours | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
@@ -123,13 +123,15 @@ class FrameSolver:
 
         Args:
             start: a configuration, or a pose that an earlier descent with the same targets reached (warm start).
+            around: the frames that costs join with this one.
+            box: the interval of each hinge; by default the bounds of the frame.
             between: configurations at which links are kept apart too.
         """
         most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
-        box, q = box or self.ranges, start.qpos if isinstance(start, FrameSolution) else start
+        box, q = box or self.ranges(targets), start.qpos if isinstance(start, FrameSolution) else start
         known = start.model if isinstance(start, FrameSolution) and not between else None
         base = known or self.costs.linearize(q, targets, between)
-        current, region, outside_bounds = self._with_terms(base, q, proximal, past), _TrustRegion(self.options), True
+        current, region, outside_bounds = self._with_terms(base, q, proximal, around), _TrustRegion(self.options), True
         while region.taken < most and region.refused < self.options.refusals:
             outside_bounds = outside_bounds and box.outside(q[self.robot.qpos_index]) > 1e-6
             step, gain = self._step(q, current, region, box)
@@ -145,7 +147,7 @@ class FrameSolver:
                 )
             moved = integrate(self.robot, q, step)
             trial = self.costs.linearize(moved, targets, between, current.near)
-            lowered = self._with_terms(trial, moved, proximal, past)
+            lowered = self._with_terms(trial, moved, proximal, around)
             moving_into_bounds = outside_bounds and trial.clearance_deficit <= current.clearance_deficit
             if lowered.cost < current.cost or moving_into_bounds or current.penetrates_floor:
                 q, base, current = moved, trial, lowered
@@ -156,13 +158,19 @@ class FrameSolver:
         return self._ended(q, Status.OUT_OF_ITERATIONS, base, region, between)
 
     def real_time_step(
-        self, start: Floats, targets: EdgeTargets, proximal: Proximal | None, box: Box, steps: int
+        self,
+        start: Floats,
+        targets: EdgeTargets,
+        proximal: Proximal | None,
+        box: Box,
+        steps: int,
+        around: Neighbours | None = None,
     ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
         q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
         for taken in range(steps):
             base = self.costs.linearize(q, targets)
-            step, _ = self._step(q, self.costs.with_proximal(base, q, proximal), region, box)
+            step, _ = self._step(q, self._with_terms(base, q, proximal, around), region, box)
             if step is None:
                 return self._closed(
                     FrameSolution(q, Status.BLOCKED, base.cost, taken, clearance_deficit=base.clearance_deficit)
@@ -180,8 +188,10 @@ class FrameSolver:
             FrameSolution(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit)
         )
 
-    def _with_terms(self, base: Quadratic, q: Floats, proximal: Proximal | None, past: Past | None) -> Quadratic:
-        return self.costs.with_past(self.costs.with_proximal(base, q, proximal), q, past)
+    def _with_terms(
+        self, base: Quadratic, q: Floats, proximal: Proximal | None, around: Neighbours | None
+    ) -> Quadratic:
+        return self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, around)
 
     def _step(self, q: Floats, current: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
         """Return the step that minimises the quadratic model within box, trust region, floor and separation, and its decrease."""
@@ -209,21 +219,47 @@ class FrameSolver:
 
     def _closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
-        if not self.costs.projects:
-            return pose
         q, hinges = self.costs.projected(pose.qpos), self.robot.qpos_index
+        if q is pose.qpos:
+            return pose
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
         return replace(pose, qpos=q, model=None)
 
-    def reachable(self, neighbours: list[Floats], time: float) -> Box:
-        """Return the angles that the hinges reach from every given configuration within a time [s]."""
-        index = self.robot.qpos_index
-        return self.ranges.around([qpos[index] for qpos in neighbours], self.speed * time)
+    def bounds(self, targets: EdgeTargets) -> JointBounds:
+        """Return the bounds of the hinges at a frame."""
+        return self.problem.limits.bounds(targets)
+
+    def ranges(self, targets: EdgeTargets) -> Box:
+        """Return the ranges of the hinges at a frame."""
+        bounds = self.bounds(targets)
+        return Box(bounds.lower, bounds.upper)
+
+    def reachable(self, before: Floats, targets: EdgeTargets, time: float) -> Box:
+        """Return the angles that the hinges reach at a frame from a configuration (nq,), within a time [s]."""
+        bounds = self.bounds(targets)
+        return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
+
+    def around(
+        self, poses: Sequence[FrameSolution], all_targets: ClipTargets, frame: int, seconds: float
+    ) -> Neighbours | None:
+        """Return the frames that costs join with a frame of a clip; None if there are none.
+
+        Args:
+            poses: of the first frames, or of all frames.
+            all_targets: of all frames.
+            frame: index of the frame.
+            seconds: time from frame to frame [s].
+        """
+        near = [frame + offset for offset in self.costs.offsets]
+        known = {k - frame: poses[k].qpos for k in near if 0 <= k < len(poses)}
+        if not known:
+            return None
+        targets = {k - frame: all_targets.at(k) for k in (frame, *near) if 0 <= k < len(all_targets)}
+        return Neighbours(known, targets, seconds)
 
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""
-        apart = self.costs.separation
-        return apart.depth(qpos) if apart else 0.0
+        return self.costs.overlap(qpos)
 
     def depth_between(self, before: Floats, after: Floats) -> float:
         """Return the deepest overlap of two links between two configurations [m]."""
@@ -233,9 +269,9 @@ class FrameSolver:
         """Whether links are inside each other by more than is accepted."""
         return self.depth(qpos) > self.options.overlap
 
-    def repaired(self, before: Floats, pose: FrameSolution) -> FrameSolution:
+    def repaired(self, before: Floats, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
         """Return the pose with its links apart and above the floor, for a pose before it (nq,)."""
-        return self.raise_above_floor(self.backtrack_to_clearance(before, pose))
+        return self.raise_above_floor(self.backtrack_to_clearance(before, pose), targets)
 
     def backtrack_to_clearance(self, before: Floats, pose: FrameSolution) -> FrameSolution:
         """Return the pose moved back towards the one before (nq,) until its links are not inside each other."""
@@ -249,9 +285,7 @@ class FrameSolver:
         tried = (integrate(self.robot, before, share * way) for share in np.linspace(1, 1 / 8, 8))
         return next((q for q in tried if not self.overlapping(q)), before)
 
-    def raise_above_floor(self, pose: FrameSolution) -> FrameSolution:
+    def raise_above_floor(self, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
         """The pose with its root raised by its depth under the floor."""
-        depth = self.problem.inequalities.depth(pose.qpos)
-        apart = self.costs.separation
-        depth = max(depth, apart.floor_penetration(pose.qpos)) if apart else depth
+        depth = max(self.problem.inequalities.depth(pose.qpos, targets), self.costs.penetration(pose.qpos))
         return replace(pose, qpos=raise_root(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)

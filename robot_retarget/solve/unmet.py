@@ -1,13 +1,15 @@
 """Hard edges that a solution does not meet, and the limits that keep it from meeting them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.track import HARD
+from robot_retarget.graph.track import HARD, Track
 from robot_retarget.robot.kinematics import integrate
+from robot_retarget.solve.limits import JointBounds
+from robot_retarget.solve.problem import EdgeTargets, Problem, targets_of
 from robot_retarget.solve.solution import UnmetEdge
 from robot_retarget.solve.sqp import FrameSolver
 
@@ -26,76 +28,87 @@ MATTERS = 0.1
 def unmet_edges(
     solver: FrameSolver, graph: RobotGraph, measured: Mapping[str, Floats], qpos: Floats
 ) -> tuple[UnmetEdge, ...]:
-    """The hard edges of all kinds that miss their interval by more than `UNMET`, the largest miss first.
+    """The hard edges and symbolic inequalities that miss their interval by more than `UNMET`, the largest miss first.
 
     Args:
         measured: per kind (T, E) values of the edges [m].
         qpos: (T, nq) the solution.
     """
-    found, first = [], 0
-    for track in graph.costs:
-        value = measured[track.name]
-        miss = np.where(track.priority >= HARD, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
+    problem, found = solver.problem, []
+    below = np.array([problem.inequalities.values(q) for q in qpos])
+    values = {**measured, **{name: below[:, own] for name, own in problem.inequalities.columns.items()}}
+    bounds = problem.limits.bounds(targets_of(graph.tracks))
+    for track in (graph.kinds[name] for name in values):
+        value, hard = values[track.name], track.present & (track.priority >= HARD)
+        miss = np.where(hard, np.abs(value - np.clip(value, track.lower, track.upper)), 0.0)
         for edge in np.flatnonzero(miss.max(axis=0, initial=0.0) > UNMET):
-            frames = np.flatnonzero(miss[:, edge] > UNMET)
-            worst = int(miss[:, edge].argmax())
-            bounds = float(track.lower[worst, edge]), float(track.upper[worst, edge])
+            worst, frames = int(miss[:, edge].argmax()), np.flatnonzero(miss[:, edge] > UNMET)
+            interval = float(track.lower[worst, edge]), float(track.upper[worst, edge])
             reached = float(value[worst, edge])
-            error = reached - float(np.clip(reached, *bounds))
-            reasons = tuple(_reasons(solver, graph.fps, qpos, worst, first + int(edge), error))
-            missed = tuple(frames.tolist())
-            unmet = UnmetEdge(track.name, track.edge_name(int(edge)), missed, worst, reached, *bounds, reasons)
+            error = reached - float(np.clip(reached, *interval))
+            slope = _slope(solver, qpos, worst, track, int(edge))
+            reasons = tuple(_reasons(solver, graph, bounds, qpos, worst, -np.sign(error) * slope))
+            name, missed = track.edge_name(int(edge)), tuple(frames.tolist())
+            unmet = UnmetEdge(track.name, name, missed, worst, reached, *interval, reasons)
             found.append((float(miss[worst, edge]), unmet))
-        first += len(track)
     return tuple(unmet for _, unmet in sorted(found, key=lambda each: -each[0]))
 
 
-def _reasons(solver: FrameSolver, fps: float, qpos: Floats, t: int, edge: int, error: float) -> Iterator[str]:
-    """The limits that are active at a frame and oppose the descent of an edge's error."""
-    robot, q = solver.robot, qpos[t]
-    slope = _slope(solver, q, edge)
-    away = -np.sign(error) * slope  # towards the interval
-    if np.abs(slope).max(initial=0.0) < STATIONARY:
+def _reasons(
+    solver: FrameSolver, graph: RobotGraph, bounds: JointBounds, qpos: Floats, t: int, away: Floats
+) -> Iterator[str]:
+    """The limits that are active at a frame and oppose a motion of the hinges (n,) towards an interval."""
+    robot = solver.robot
+    if np.abs(away).max(initial=0.0) < STATIONARY:
         yield "no joint brings it closer: the distance is at its extremum"
         return
-    angles, reach = qpos[:, robot.qpos_index], solver.speed / fps
-    for k in np.argsort(-np.abs(slope)):
-        if np.abs(slope[k]) < MATTERS * np.abs(slope).max():
+    angles, reach = qpos[:, robot.qpos_index], bounds.speed / graph.fps
+    for k in np.argsort(-np.abs(away)):
+        if np.abs(away[k]) < MATTERS * np.abs(away).max():
             break
-        bound = (solver.ranges.upper if away[k] > 0 else solver.ranges.lower)[k]
+        bound = (bounds.upper if away[k] > 0 else bounds.lower)[t, k]
         if (bound - angles[t, k]) * np.sign(away[k]) < AT_BOUND:
             yield f"{robot.joint_names[k]} is at its joint range ({np.degrees(bound):.0f}°)"
         elif _at_speed(angles, reach, t, int(k), float(np.sign(away[k]))):
-            yield f"{robot.joint_names[k]} is at its speed limit ({solver.speed[k]:.1f} rad/s)"
-    yield from _links(solver, q, away)
+            yield f"{robot.joint_names[k]} is at its speed limit ({bounds.speed[t, k]:.1f} rad/s)"
+    yield from _links(solver, targets_of(graph.tracks).at(t), qpos[t], away)
 
 
-def _slope(solver: FrameSolver, q: Floats, edge: int) -> Floats:
-    """(n,) how an edge's measure changes with the hinges, by central differences."""
-    robot, found = solver.robot, np.zeros(len(solver.hinges))
+def _slope(solver: FrameSolver, qpos: Floats, t: int, track: Track, edge: int) -> Floats:
+    """(n,) how an edge's measure at a frame changes with the hinges, by central differences."""
+    robot, found, measure = solver.robot, np.zeros(len(solver.hinges)), _measure(solver.problem, track.name, qpos, t)
     for k, dof in enumerate(solver.hinges):
         step = np.zeros(robot.model.nv)
         step[dof] = PROBE
-        ahead, behind = (solver.problem.values(integrate(robot, q, sign * step))[edge] for sign in (1, -1))
+        ahead, behind = (measure(integrate(robot, qpos[t], sign * step))[edge] for sign in (1, -1))
         found[k] = (ahead - behind) / (2 * PROBE)
     return found
 
 
+def _measure(problem: Problem, kind: str, qpos: Floats, t: int) -> Callable[[Floats], Floats]:
+    """Return a frame's configuration ↦ measures (E,) of a kind, with the other frames where they are."""
+    if kind in problem.inequalities.columns:
+        return lambda q: problem.inequalities.values(q)[problem.inequalities.columns[kind]]
+    joined = [cost for cost in problem.stencils if cost.track.name == kind]
+    if joined:
+        return lambda q: joined[0].value(np.concatenate([qpos[:t], q[None], qpos[t + 1 :]]), t)
+    return lambda q: problem.values(q)[problem.columns[kind]]
+
+
 def _at_speed(angles: Floats, reach: Floats, t: int, joint: int, sign: float) -> bool:
     """Whether a joint's speed limit to a neighbour frame keeps it from moving further in a direction."""
-    neighbours = [angles[k, joint] for k in (t - 1, t + 1) if 0 <= k < len(angles)]
-    return any(sign * (angles[t, joint] - other) > (1 - 10 * AT_BOUND) * reach[joint] for other in neighbours)
+    neighbours = [
+        (angles[k, joint], reach[own, joint]) for k, own in ((t - 1, t), (t + 1, t + 1)) if 0 <= k < len(angles)
+    ]
+    return any(sign * (angles[t, joint] - other) > (1 - 10 * AT_BOUND) * most for other, most in neighbours)
 
 
-def _links(solver: FrameSolver, q: Floats, away: Floats) -> Iterator[str]:
+def _links(solver: FrameSolver, targets: EdgeTargets, q: Floats, away: Floats) -> Iterator[str]:
     """Pairs of links at their separation margin that a motion of the hinges (n,) brings nearer."""
-    apart = solver.costs.separation
-    if apart is None:
+    near = solver.costs.near(q, targets)
+    if near is None:
         return
-    distance, geoms, slope = apart.found(q)
-    rest = apart.rest[geoms[:, 0], geoms[:, 1]]
-    near = (-apart.clearance_deficit(distance, rest) < AT_BOUND) & (slope[:, solver.hinges] @ away < 0)
-    model = solver.robot.model
-    pairs = {tuple(model.body(int(model.geom_bodyid[g])).name for g in pair) for pair in geoms[near]}
-    for a, b in sorted(pairs):
+    opposing = (-near.deficit < AT_BOUND) & (near.slope[:, solver.hinges] @ away < 0)
+    ends = [pair for track in solver.problem.tracks for pair in track.ends]
+    for a, b in sorted({ends[edge] for edge in near.edges[opposing]}):
         yield f"{a} and {b} are at their separation"

@@ -3,10 +3,8 @@
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.footholds import Sole, sole_of
-from robot_retarget.graph.kinds.foothold import FootholdKind
-from robot_retarget.graph.kinds.kind import RetargetContext
+from robot_retarget.graph.context import RetargetContext, StreamFrame
+from robot_retarget.graph.footholds import Sole, placed_feet, sole_of
 from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, smoothstep
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP, Weights
@@ -33,26 +31,24 @@ class CausalFootholds:
     strayed: float
     since: Floats
 
-    def __init__(self, graph: RobotGraph, feet: tuple[str, ...], kind: FootholdKind):
-        context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
-        self.soles = [sole_of(graph.human, graph.match, graph.robot, foot) for foot in feet]
-        self.feet, self.weights = feet, graph.weights
-        self.hard = np.array([HARD, HARD, kind.across(context)])
+    def __init__(self, context: RetargetContext, across: float):
+        """Map the soles of a calibrated performer; `across` is π across the floor of soles that stand."""
+        feet = placed_feet(context.match, context.robot)
+        self.soles = [sole_of(context.human, context.match, context.robot, foot) for foot in feet]
+        self.feet, self.weights = feet, context.weights
+        self.hard = np.array([HARD, HARD, across])
         self.held = np.zeros((len(feet), CORNERS), dtype=bool)
         self.places = np.zeros((len(feet), CORNERS, 3))
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
         self.height = np.zeros((len(feet), CORNERS))
         """Height of corners at touchdown [m]."""
-        self.strayed = STRAYED * graph.match.robot_leg
+        self.strayed = STRAYED * context.leg
         self.since = np.full(len(feet), np.inf)
         """Time since a foot last touched down or rose [s]."""
 
-    def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats]:
-        """Return the targets of corners (F · 4 · 3) [m], and π.
-
-        Args:
-            corners: (F, 4, 3) positions of the robot's corners [m].
-        """
+    def at(self, frame: StreamFrame) -> tuple[Floats, Floats, Floats]:
+        """Return the targets of corners (F · 4 · 3) [m] twice, and π."""
+        human, corners, seconds = frame.human, frame.corners, frame.seconds
         target, priority = np.empty_like(self.places), np.zeros((len(self.feet), CORNERS, 3))
         for k, sole in enumerate(self.soles):
             carried = sole.places(human)[0]
@@ -66,7 +62,7 @@ class CausalFootholds:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
             target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)
-        return target.ravel(), priority.ravel()
+        return target.ravel(), target.ravel(), priority.ravel()
 
     def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
         held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)

@@ -1,12 +1,16 @@
-"""The kinds of edges; a new one is a file here and a line in this table."""
+"""The kinds of edges. A new one is a file here and a line in this table, or an entry point of another package."""
 
+from functools import cache
+from importlib.metadata import entry_points
+
+from robot_retarget.errors import GraphError
+from robot_retarget.graph.kind import Kind
 from robot_retarget.graph.kinds.compass import CompassKind
 from robot_retarget.graph.kinds.coupling import CouplingKind
 from robot_retarget.graph.kinds.floor import FloorKind
 from robot_retarget.graph.kinds.foothold import FootholdKind
 from robot_retarget.graph.kinds.interaction import InteractionKind
 from robot_retarget.graph.kinds.joints import RangeKind, SpeedKind
-from robot_retarget.graph.kinds.kind import MotionKind
 from robot_retarget.graph.kinds.orientation import OrientationKind
 from robot_retarget.graph.kinds.pelvis import PathKind
 from robot_retarget.graph.kinds.posture import PostureKind
@@ -15,7 +19,9 @@ from robot_retarget.graph.kinds.separation import SeparationKind
 from robot_retarget.graph.kinds.temporal import InertiaKind, SmoothnessKind
 from robot_retarget.graph.kinds.touch import TouchKind
 
-KINDS: tuple[MotionKind, ...] = (
+GROUP = "robot_retarget.kinds"
+"""Entry points of this group name further kinds: a `Kind`, or a class of one."""
+KINDS: tuple[Kind, ...] = (
     PostureKind(),
     TouchKind(),
     CompassKind(),
@@ -31,6 +37,41 @@ KINDS: tuple[MotionKind, ...] = (
     RangeKind(),
     SpeedKind(),
 )
-"""The kinds of whole clips."""
-STREAM_KINDS: tuple[MotionKind, ...] = (*(kind for kind in KINDS if kind.name != SmoothnessKind.name), InertiaKind())
-"""The kinds of streams."""
+"""The kinds of whole clips that ship."""
+STREAM_KINDS: tuple[Kind, ...] = (*(kind for kind in KINDS if kind.stencil[-1] <= 0), InertiaKind())
+"""The kinds of streams that ship."""
+
+
+def clip_kinds() -> tuple[Kind, ...]:
+    """Return the kinds of whole clips, with those of other packages."""
+    return (*KINDS, *registered())
+
+
+def stream_kinds(lag: int = 0) -> tuple[Kind, ...]:
+    """Return the kinds of streams, with those of other packages that join no later frames.
+
+    Args:
+        lag: number of frames by which poses are late; a stream that lags is smoothed.
+    """
+    smooth = (SmoothnessKind(),) if lag else ()
+    return (*STREAM_KINDS, *smooth, *(kind for kind in registered() if kind.stencil[-1] <= 0))
+
+
+@cache
+def registered() -> tuple[Kind, ...]:
+    """Return the kinds that entry points of other packages name.
+
+    Raises:
+        GraphError: an entry point cannot be loaded, or is no kind; the message names it.
+    """
+    found = []
+    for entry in entry_points(group=GROUP):
+        try:
+            kind = entry.load()
+            kind = kind() if isinstance(kind, type) else kind
+        except Exception as error:
+            raise GraphError(f"entry point {entry.name} = {entry.value!r} of {GROUP}: {error}") from error
+        if not isinstance(kind, Kind):
+            raise GraphError(f"entry point {entry.name} = {entry.value!r} of {GROUP} is no Kind")
+        found.append(kind)
+    return tuple(found)

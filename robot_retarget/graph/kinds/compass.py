@@ -11,17 +11,15 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.graph.kinds.kind import AXES, FRAME, SHORTEST, RetargetContext, Role, coordinates
+from robot_retarget.graph.kind import AXES, SHORTEST, Edges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track
 from robot_retarget.human.features import HumanFeatures
 
 
-@dataclass(frozen=True, eq=False)
-class _Lines:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Lines(Edges):
     """Lines between keypoints, three edges each."""
 
-    ends: list[tuple[str, str]]
     one: list[int]
     other: list[int]
     priority: Floats
@@ -32,26 +30,19 @@ class _Lines:
         return unit(x[:, self.one] - x[:, self.other]).reshape(len(x), -1), self.priority
 
 
-@dataclass(frozen=True)
-class CompassKind:
+class CompassKind(Kind):
     """Directions of bones, as the human's."""
 
-    name: str = "compass"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    name = "compass"
 
-    def targets(self, context: RetargetContext) -> Track | None:
-        """The human's directions."""
-        return coordinates(self, self.edges(context), context.human)
-
-    def edges(self, context: RetargetContext) -> "_Lines | None":
-        """The lines."""
+    def edges(self, context: RetargetContext) -> _Lines | None:
+        """Return the lines, with the human's directions."""
         match, lines = context.match, list(self._lines(context))
         if not lines:
             return None
         one, other = [match.index(a) for a, _, _ in lines], [match.index(b) for _, b, _ in lines]
-        ends = [(a, b) for a, b, _ in lines for _ in AXES]
-        return _Lines(ends, one, other, np.repeat([line[2] for line in lines], len(AXES)))
+        ends, priority = [(a, b) for a, b, _ in lines for _ in AXES], np.repeat([line[2] for line in lines], len(AXES))
+        return _Lines(ends=ends, axes=AXES * len(lines), one=one, other=other, priority=priority)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """The coordinates of unit vectors, x y z of one line after the other."""

@@ -5,24 +5,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import FRAME, ContactRows, MeasureRows, Past, RetargetContext, Role
-from robot_retarget.graph.track import Track, exact
-from robot_retarget.robot import Robot
+from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, RowState, Track, exact
 from robot_retarget.robot.coupling import Coupling as Constraints
 
 
 @dataclass(frozen=True)
-class CouplingKind:
+class CouplingKind(Kind):
     """Violation of every constraint [m or rad], 0; closed by Newton steps at the end of a descent."""
 
     name: str = "coupling"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    form = Form.NUMERIC
+    follows_human = False
     priority: float = 30.0
     """π over the squared leg: descents bend chains a little, and close them at the end [-]."""
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """0; none of a robot without constraints."""
+        """Return 0; no edges for a robot without constraints."""
         constraints = Constraints(context.robot)
         if not constraints.present:
             return None
@@ -30,22 +28,17 @@ class CouplingKind:
         ends = [(f"constraint {k}", "closed") for k in range(count)]
         return exact(self, ends, np.zeros((len(context.human), count)), self.priority, context.leg)
 
-    def evaluator(self, track: Track, robot: Robot) -> "Closure":
-        """MuJoCo's constraints."""
-        return Closure(Constraints(robot))
+    def rows(self, track: Track, state: RowState) -> MeasureRows:
+        """Return all constraints, by MuJoCo."""
+        values, slope = _constraints(state)(state.qpos)
+        return MeasureRows(values, slope, np.arange(len(values)))
+
+    def projected(self, track: Track, state: RowState) -> Floats:
+        """Return the nearby configuration (nq,) that closes the chains."""
+        return _constraints(state).close_chains(state.qpos)
 
 
-class Closure:
-    """Violations and their Jacobian, and Newton's method on them."""
-
-    def __init__(self, constraints: Constraints):
-        self._constraints = constraints
-
-    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows:
-        """All constraints."""
-        values, slope = self._constraints(qpos)
-        return MeasureRows(values, slope, range(len(values)))
-
-    def projected(self, qpos: Floats) -> Floats:
-        """The nearby configuration (nq,) that closes the chains."""
-        return self._constraints.close_chains(qpos)
+def _constraints(state: RowState) -> Constraints:
+    if "constraints" not in state.memory:
+        state.memory["constraints"] = Constraints(state.robot)
+    return state.memory["constraints"]

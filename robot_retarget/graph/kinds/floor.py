@@ -1,23 +1,20 @@
 """Floor: the points of the soles stay above the floor."""
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.graph.kind import Kind, RetargetContext, Role, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track, limit
+from robot_retarget.graph.track import limit
 
 
-@dataclass(frozen=True)
-class FloorKind:
+class FloorKind(Kind):
     """The height of every sole point [m], at least 0."""
 
-    name: str = "floor"
-    role: Role = Role.INEQUALITY
-    stencil: tuple[int, ...] = FRAME
+    name = "floor"
+    role = Role.INEQUALITY
+    follows_human = False
+    raises_root = True
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Return an edge from every sole point to the floor, its height within [0, ∞); None for a robot with a fixed root."""
@@ -33,8 +30,3 @@ class FloorKind:
             sole = body.match.anatomy.soles[foot]
             found.append(body.point(int(sole.bodies[int(point)]), sole.offsets[int(point)])[2])
         return ca.vertcat(*found)
-
-    @staticmethod
-    def depth(track: Track, values: Floats) -> float:
-        """Return the depth of the lowest point under the floor [m]."""
-        return float((track.lower[0] - values).max(initial=0.0))

@@ -6,27 +6,29 @@ until a coarse path of the robot shows where its legs put the foot.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.graph.causal.footholds import CausalFootholds
 from robot_retarget.graph.footholds import Footholds, foothold_corners, footholds_of, without_unreachable
-from robot_retarget.graph.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role
+from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
+from robot_retarget.graph.phase import CoarsePath, Playback, SolvedPath
 from robot_retarget.graph.soles import CORNER_NAMES
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import HARD, Track, exact
+from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import Weights
 from robot_retarget.robot.kinematics import carrying
 
 
 @dataclass(frozen=True)
-class FootholdKind:
+class FootholdKind(Kind):
     """The corners of every sole."""
 
     name: str = "foothold"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    whole = True
     tilting: float = 20.0
     """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
@@ -66,22 +68,32 @@ class FootholdKind:
             found.append(body.corners(foot)[CORNER_NAMES.index(corner)])
         return ca.vertcat(*found)
 
-    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
-        """Return the places and the grip of the plan."""
-        return replace(track, lower=playback.soles, upper=playback.soles, priority=playback.grip)
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets:
+        """Return the footholds where the robot put its soles down, and the swing references to the human's path."""
+        if not memory:
+            memory["footholds"] = CausalFootholds(context.calibration, self.across(context))
+        return memory["footholds"].at(context)
 
-    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
-        """Return the same as in a playback."""
-        return self.played(track, measured, playback)
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the places and the grip of a playback's plan, or footholds where the coarse path has the feet."""
+        match phase:
+            case Playback():
+                return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
+            case CoarsePath():
+                return self._flat(track)
+            case SolvedPath() if measured is not None:
+                return self._placed(track, measured, phase.fixed)
+            case _:
+                return track
 
-    def coarse(self, track: Track) -> Track:
+    def _flat(self, track: Track) -> Track:
         """Return targets that lay standing soles on the floor, at any place."""
         priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
         priority[~self._held(track).reshape(len(priority), -1)] = 0.0
         priority[..., :2] = 0.0
         return replace(track, priority=priority.reshape(track.priority.shape))
 
-    def renewed(self, track: Track, measured: Floats, fixed: int = 0) -> Track:
+    def _placed(self, track: Track, measured: Floats, fixed: int) -> Track:
         """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
         stood = self._held(track)
         corners = measured.reshape(*stood.shape, len(AXES))

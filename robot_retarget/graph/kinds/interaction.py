@@ -12,21 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import ContactRows, MeasureRows, Past, RetargetContext, Role
+from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, RowState, Track
 from robot_retarget.graph.role import STEP
-from robot_retarget.graph.track import Track
-from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 
 
 @dataclass(frozen=True)
-class InteractionKind:
+class InteractionKind(Kind):
     """Margin minus interaction distance, without the deficit of the distance itself [m], at most 0."""
 
     name: str = "interaction"
-    role: Role = Role.COST
     stencil: tuple[int, ...] = STEP
+    form = Form.NUMERIC
+    follows_human = False
     horizon: float = 0.3
     """Prediction horizon of the interaction distance [s]."""
 
@@ -39,30 +37,17 @@ class InteractionKind:
         ends = (("links near each other", "a frame before"),)
         return Track(self, ends, lower, upper, np.full((frames, 1), priority), np.full(1, context.leg))
 
-    def evaluator(self, track: Track, robot: Robot) -> "ApproachEvaluator":
-        """Return the evaluator on the rows of separation."""
-        return ApproachEvaluator(robot, self.horizon)
-
-
-class ApproachEvaluator:
-    """Interaction distances from the separation rows at a configuration and the step from the frame before."""
-
-    robot: Robot
-    horizon: float
-
-    def __init__(self, robot: Robot, horizon: float):
-        self.robot, self.horizon = robot, horizon
-
-    def __call__(self, qpos: Floats, past: Past | None, contacts: ContactRows | None) -> MeasureRows | None:
+    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
         """Return the rows of pairs that approach and would pass the margin within the horizon."""
+        past, contacts = state.past, state.contacts
         if past is None or contacts is None:
             return None
         horizon = self.horizon / past.seconds
-        step = difference(self.robot, past.qpos, qpos)
+        step = difference(state.robot, past.qpos, state.qpos)
         ahead = horizon * np.minimum(contacts.slope @ step, 0.0)  # k = H or 0, whichever makes d + k ḋ least
         value = np.where(ahead < 0, np.maximum(-ahead + np.minimum(contacts.deficit, 0.0), 0.0), 0.0)
         rows = np.flatnonzero(value)
         if not rows.size:
             return None
         alpha = horizon + (contacts.deficit[rows] < 0)
-        return MeasureRows(value[rows], -alpha[:, None] * contacts.slope[rows], [0] * len(rows))
+        return MeasureRows(value[rows], -alpha[:, None] * contacts.slope[rows], np.zeros(len(rows), dtype=int))

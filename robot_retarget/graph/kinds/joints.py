@@ -1,21 +1,19 @@
 """Joint range and joint speed: bounds on the hinges."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.graph.kind import Form, Kind, RetargetContext, Role, Track
 from robot_retarget.graph.role import STEP
-from robot_retarget.graph.track import Track, limit
+from robot_retarget.graph.track import limit
 
 
-@dataclass(frozen=True)
-class RangeKind:
+class RangeKind(Kind):
     """Angle of every hinge [rad], within the robot's range."""
 
-    name: str = "range"
-    role: Role = Role.BOUND
-    stencil: tuple[int, ...] = FRAME
+    name = "range"
+    role = Role.BOUND
+    form = Form.JOINT
+    follows_human = False
 
     def targets(self, context: RetargetContext) -> Track | None:
         """[lower, upper] of the robot."""
@@ -23,13 +21,14 @@ class RangeKind:
         return limit(self, [(j, "zero") for j in robot.joint_names], robot.lower, robot.upper, len(context.human))
 
 
-@dataclass(frozen=True)
-class SpeedKind:
+class SpeedKind(Kind):
     """Speed of every hinge from frame to frame [rad/s], within the robot's."""
 
-    name: str = "speed"
-    role: Role = Role.BOUND
-    stencil: tuple[int, ...] = STEP
+    name = "speed"
+    role = Role.BOUND
+    stencil = STEP
+    form = Form.JOINT
+    follows_human = False
 
     def targets(self, context: RetargetContext) -> Track | None:
         """[−v, v] of the robot."""

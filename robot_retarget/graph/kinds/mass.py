@@ -1,29 +1,20 @@
 """Mass: the centre of mass over a spot of the support polygon; a kind that balance adds to a graph."""
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.graph.kind import Kind, Track, exact
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track, exact
 
 OVER = 3e3
 """π of the centre of mass along the floor, over the squared leg: feet come first, all else after [-]."""
 
 
-@dataclass(frozen=True)
-class MassKind:
+class MassKind(Kind):
     """The centre of mass along the floor."""
 
-    name: str = "mass"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
-
-    def targets(self, context: RetargetContext) -> Track | None:
-        """Nothing: the human's mass is not known."""
-        return None
+    name = "mass"
+    follows_human = False
 
     def track(self, spots: Floats, leg: float, priority: float = OVER) -> Track:
         """Edges to spots (T, 2) on the floor [m].

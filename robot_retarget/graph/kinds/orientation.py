@@ -9,20 +9,19 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import AXES, FRAME, PlaybackTargets, RetargetContext, Role, coordinates
+from robot_retarget.graph.kind import AXES, Edges, Kind, Phase, RetargetContext, Track
+from robot_retarget.graph.phase import Stand
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track
 from robot_retarget.human.features import HumanFeatures
 
 MARKERS = ("forward", "up")
 _COLUMNS = [0, 2]
 
 
-@dataclass(frozen=True, eq=False)
-class _Markers:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Markers(Edges):
     """The markers of segments, three edges each."""
 
-    ends: list[tuple[str, str]]
     segments: tuple[str, ...]
     priority: Floats
 
@@ -32,30 +31,26 @@ class _Markers:
         return turns[..., _COLUMNS].swapaxes(2, 3).reshape(len(turns), -1), self.priority
 
 
-@dataclass(frozen=True)
-class OrientationKind:
+class OrientationKind(Kind):
     """Forward and up of segments."""
 
-    name: str = "orientation"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    name = "orientation"
 
-    def targets(self, context: RetargetContext) -> Track | None:
-        """The human's, of segments that both bodies have."""
-        return coordinates(self, self.edges(context), context.human)
-
-    def edges(self, context: RetargetContext) -> "_Markers | None":
-        """The markers."""
+    def edges(self, context: RetargetContext) -> _Markers | None:
+        """Return the markers of segments that both bodies have, with the human's directions."""
         segments, w = tuple(context.human.segments), context.weights
         if not segments:
             return None
         weight = [w.foot if segment.endswith("foot") else w.orientation for segment in segments]
         ends = [(segment, marker) for segment in segments for marker in MARKERS for _ in AXES]
-        return _Markers(ends, segments, np.repeat(weight, len(MARKERS) * len(AXES)))
+        axes, priority = AXES * (len(MARKERS) * len(segments)), np.repeat(weight, len(MARKERS) * len(AXES))
+        return _Markers(ends=ends, axes=axes, segments=segments, priority=priority)
 
-    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
-        """Return the rotation of the pelvis in the standing pose."""
-        weight = np.where([a == "pelvis" for a, _ in track.ends], playback.upright, 0.0)
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return in a stand the rotation of the pelvis in the standing pose."""
+        if measured is None or not isinstance(phase, Stand):
+            return phase.of(track)
+        weight = np.where([a == "pelvis" for a, _ in track.ends], phase.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:

@@ -6,26 +6,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role
+from robot_retarget.graph.kind import Kind, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track
 
 End = str | tuple[str, ArrayLike] | ArrayLike
 """A keypoint, a point (3,) [m] in the frame of a body, or a place (3,) in the world [m]."""
 
 
 @dataclass(frozen=True, eq=False)
-class OwnKind:
+class OwnKind(Kind):
     """Distances between ends that the user names."""
 
     ends: tuple[tuple[End, End], ...] = ()
     name: str = "own"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
-
-    def targets(self, context: RetargetContext) -> Track | None:
-        """Nothing: the human does not ask for them."""
-        return None
+    follows_human = False
 
     def of(self, edges: np.ndarray) -> "OwnKind":
         """Return some of the edges."""

@@ -1,24 +1,22 @@
 """Rest: a weak pull of every joint to the standing pose, so that joints without other targets stay there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kinds.kind import FRAME, PlaybackTargets, RetargetContext, Role
+from robot_retarget.graph.kind import Kind, Phase, RetargetContext, Track, exact
+from robot_retarget.graph.phase import Playback, Stand
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track, exact
 from robot_retarget.robot.kinematics import carrying
 
 
-@dataclass(frozen=True)
-class RestKind:
+class RestKind(Kind):
     """Every hinge."""
 
-    name: str = "rest"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    name = "rest"
+    follows_human = False
 
     def targets(self, context: RetargetContext) -> Track | None:
         """The standing pose."""
@@ -28,16 +26,15 @@ class RestKind:
         target = np.broadcast_to(standing, (len(context.human), len(standing)))
         return exact(self, [(name, "standing pose") for name in robot.joint_names], target, weight)
 
-    def played(self, track: Track, stand: Floats, playback: PlaybackTargets) -> Track:
-        """Return the stand's angles with a higher priority outside the human's motion."""
-        inside = playback.share >= 1
-        lower, upper = (np.where(inside, bound, stand) for bound in (track.lower, track.upper))
-        priority = track.priority + (1 - playback.share) * playback.standing
-        return replace(track, lower=lower, upper=upper, priority=priority)
-
-    def stood(self, track: Track, measured: Floats, playback: PlaybackTargets) -> Track:
-        """Return the joints' standing angles with the priority of a stand."""
-        return replace(track, priority=np.full((1, len(track)), playback.standing))
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the priority of a stand there, and in a playback the stand's angles outside the human's motion."""
+        if measured is None or not isinstance(phase, Playback):
+            return phase.of(track)
+        if isinstance(phase, Stand):
+            return replace(track, priority=np.full((1, len(track)), phase.standing))
+        inside = phase.share >= 1
+        lower, upper = (np.where(inside, bound, measured) for bound in (track.lower, track.upper))
+        return replace(track, lower=lower, upper=upper, priority=track.priority + (1 - phase.share) * phase.standing)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """Angles [rad]."""

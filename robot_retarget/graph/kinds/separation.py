@@ -4,39 +4,80 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role
-from robot_retarget.graph.track import Track, limit
+from robot_retarget.arrays import Ints
+from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
+from robot_retarget.graph.track import limit
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.robot.geoms import allowed
+from robot_retarget.robot.geoms import allowed, solid_geoms
 from robot_retarget.robot.separation import Separation as Surfaces
+
+FLOOR = "floor"
 
 
 @dataclass(frozen=True)
-class SeparationKind:
+class SeparationKind(Kind):
     """Distance of the surfaces of two links [m], at least the margin, or their distance at rest if that is smaller."""
 
     name: str = "separation"
-    role: Role = Role.INEQUALITY
-    stencil: tuple[int, ...] = FRAME
+    role = Role.INEQUALITY
+    form = Form.NUMERIC
+    follows_human = False
     margin: float = 0.006
     """Over the leg [-]: distances bend along a step, by a third of this."""
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """[margin, ∞) for every pair of links that may touch."""
-        body = context.robot.model.body
-        ends = [(body(a).name, body(b).name) for a, b in sorted(allowed(context.robot))]
-        return limit(self, ends, self.margin * context.leg, np.inf, len(context.human)) if ends else None
+        """Return [margin, ∞) for every pair of links that may touch, and [0, ∞) from the floor for links other than feet."""
+        robot, body = context.robot, context.robot.model.body
+        pairs = [(body(a).name, body(b).name) for a, b in sorted(allowed(robot))]
+        feet = _feet(robot, context.match)
+        lying = [] if feet is None else [(body(a).name, FLOOR) for a in solid_geoms(robot) if a not in feet]
+        margins = np.repeat([self.margin * context.leg, 0.0], [len(pairs), len(lying)])
+        ends = [*pairs, *lying]
+        return limit(self, ends, margins, np.inf, len(context.human)) if ends else None
 
-    def proximity(self, track: Track, robot: Robot, match: Match, reach: float) -> Surfaces:
-        """Return the distances of the track's pairs; a pair without an edge may overlap."""
-        feet = frozenset(int(sole.bodies[0]) for sole in match.anatomy.soles.values())
-        margins = track.lower[0]
-        farthest = max(reach, 2 * float(margins.max()))  # a step may cover the second half
-        surfaces = Surfaces(robot, farthest, float(margins.max()), feet=feet if robot.root_joints.size else None)
-        own = {frozenset(ends): margin for ends, margin in zip(track.ends, margins, strict=True)}
-        names = [robot.model.body(int(link)).name for link in np.asarray(robot.model.body_weldid)]
-        table = np.array([[own.get(frozenset((a, b)), -np.inf) for b in names] for a in names])
-        links = np.asarray(surfaces.model.geom_bodyid)
-        surfaces.rest[:] = np.minimum(surfaces.rest, table[links[:, None], links])
-        return surfaces
+    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
+        """Return the distances of near surfaces; surfaces without an edge may overlap."""
+        watched = _watched(track, state)
+        distance, geoms, slope = watched.surfaces.near(state.qpos)
+        first, second = geoms.T
+        edges, rest = watched.edges[first, second], watched.surfaces.rest[first, second]
+        if edges.min(initial=0) >= 0:
+            return MeasureRows(distance, slope, edges, rest)
+        kept = np.flatnonzero(edges >= 0)
+        return MeasureRows(distance[kept], slope[kept], edges[kept], rest[kept])
+
+    def overlap(self, track: Track, state: RowState) -> float:
+        """Return the depth of the deepest overlap of two links [m]."""
+        watched = _watched(track, state)
+        depth, geoms = watched.surfaces.overlaps(state.qpos)
+        return float(depth[watched.edges[geoms[:, 0], geoms[:, 1]] >= 0].max(initial=0.0))
+
+    def penetration(self, track: Track, state: RowState) -> float:
+        """Return the depth of the lowest link other than feet under the floor [m]."""
+        return _watched(track, state).surfaces.floor_penetration(state.qpos)
+
+
+@dataclass(frozen=True, eq=False)
+class _Watched:
+    """The surfaces of a track's edges."""
+
+    surfaces: Surfaces
+    edges: Ints
+    """(G + 1, G + 1) the edge of every two geoms, −1 without one; the floor comes last."""
+
+
+def _watched(track: Track, state: RowState) -> _Watched:
+    if "watched" not in state.memory:
+        robot, places = state.robot, {frozenset(ends): edge for edge, ends in enumerate(track.ends)}
+        surfaces = Surfaces(robot, max(state.reach, 2 * float(track.lower.max())), _feet(robot, state.match))
+        body, links = robot.model.body, np.asarray(robot.model.body_weldid)[surfaces.model.geom_bodyid]
+        names = [*(body(int(link)).name for link in links), FLOOR]
+        table = np.array([[places.get(frozenset((a, b)), -1) for b in names] for a in names])
+        state.memory["watched"] = _Watched(surfaces, table)
+    return state.memory["watched"]
+
+
+def _feet(robot: Robot, match: Match) -> frozenset[int] | None:
+    """Return the links with soles, which have their own rows over the floor; None for a robot that the floor cannot reach."""
+    return frozenset(int(sole.bodies[0]) for sole in match.anatomy.soles.values()) if robot.root_joints.size else None

@@ -1,47 +1,42 @@
 """Touch: a hand and the part it touches are as near on the robot, over the path between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.kinds.kind import FRAME, SHORTEST, RetargetContext, Role
+from robot_retarget.graph.kind import SHORTEST, Edges, FrameTargets, Kind, RetargetContext, StreamFrame, Track
 from robot_retarget.graph.kinds.posture import distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
-from robot_retarget.graph.track import Track, exact
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.normalisation import path_weights
 from robot_retarget.keypoints import ARM
 
 
-@dataclass(frozen=True, eq=False)
-class Touches:
-    """C pairs of keypoints that may touch."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Touches(Edges):
+    """C pairs of keypoints that may touch; their scale is the length of the robot's path between them [m]."""
 
-    ends: list[tuple[str, str]]
     i: Ints
     j: Ints
-    tau: Floats
-    """(C,) length of the robot's path between each pair [m]."""
     reach: Floats
     faint: float
 
     def targets(self, human: HumanFeatures) -> tuple[Floats, Floats]:
-        """Return δ [m], and the strength of each touch, 0 … 1; π follows it gradually."""
+        """Return δ [m], and the strength of each touch, 0 … 1."""
         close = human.closeness[:, self.i, self.j]
-        return self.tau * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
+        return self.scale * close, np.maximum(np.exp(-((close / self.reach) ** 8)) - self.faint, 0.0)
 
 
 @dataclass(frozen=True)
-class TouchKind:
+class TouchKind(Kind):
     """Pairs that may touch; π is 0 while they are apart."""
 
     name: str = "touch"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
     head: float = 0.22
     hand: float = 0.14
     other: float = 0.1
@@ -53,16 +48,25 @@ class TouchKind:
     """Rise time and fall time of a touch [s]."""
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """The normalised distance of the human, while it is that of a touch."""
-        edges = self.edges(context)
-        if edges is None:
+        """Return the normalised distance of the human, while it is that of a touch; π rises and falls gradually."""
+        track = super().targets(context)
+        if track is None:
             return None
-        target, strength = edges.targets(context.human)
-        gently = self._gently(strength, round(self.lead * context.human.fps))
-        return exact(self, edges.ends, target, context.weights.touch * gently, edges.tau)
+        strength = self._gently(track.priority, round(self.lead * context.human.fps))
+        return replace(track, priority=context.weights.touch * strength)
 
-    def edges(self, context: RetargetContext) -> "Touches | None":
-        """The pairs."""
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
+        """Return the same; the strength changes no faster than over the rise time."""
+        found = super().step(context, memory)
+        if found is None:
+            return None
+        target, _, strength = found
+        reach, last = context.seconds / self.lead, memory.get("strength", 0.0)
+        memory["strength"] = np.clip(strength, last - reach, last + reach)
+        return target, target, context.weights.touch * memory["strength"]
+
+    def edges(self, context: RetargetContext) -> _Touches | None:
+        """Return the pairs, with the strength of the touch as π."""
         match = context.match
         pairs = [
             (a, b)
@@ -75,7 +79,8 @@ class TouchKind:
         i, j = np.array(pairs).T
         ends = [(match.keypoints[b], match.keypoints[a]) for a, b in pairs]
         tau = np.maximum(path_weights(match.parents, match.robot_bones)[i, j], SHORTEST)
-        return Touches(ends, i, j, tau, np.array([self.reach(*pair) for pair in ends]), self.faint)
+        reach = np.array([self.reach(*pair) for pair in ends])
+        return _Touches(ends=ends, scale=tau, i=i, j=j, reach=reach, faint=self.faint)
 
     def measure(self, track: Track, body: SymbolicRobot) -> ca.SX:
         """d_uv."""

@@ -69,7 +69,7 @@ class BasinEscape:
     def move_home(self, standing: Floats, targets: EdgeTargets, before: Floats) -> None:
         """Descend from a standing pose to the home pose, and start the transition to it."""
         self.pose = self.solver.solve_frame(standing, targets, iterations=self.options.start)
-        self._set_out(before)
+        self._set_out(before, targets)
 
     def search_step(
         self, current: FrameSolution, targets: EdgeTargets, standing: Callable[[], Floats], seconds: float
@@ -80,10 +80,10 @@ class BasinEscape:
             return
         self.waited, there = 0.0, self.steps >= self.options.home_steps and self.lead is None
         if there and self.pose is not None and self._better(self.pose, current):
-            self._set_out(current.qpos)
+            self._set_out(current.qpos, targets)
         elif there or self.pose is None:
             self.pose, self.steps = FrameSolution(standing(), current.status, np.inf, 0), 0
-        self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges, 1)
+        self.pose = self.solver.real_time_step(self.pose.qpos, targets, None, self.solver.ranges(targets), 1)
         self.steps += 1
 
     def box(self, box: Box, seconds: float) -> Box:
@@ -100,11 +100,11 @@ class BasinEscape:
         apart = np.abs(home.qpos - current.qpos)[self.solver.robot.qpos_index].max(initial=0.0)
         return bool(apart > self.options.same and home.cost < self.options.worth * current.cost)
 
-    def _set_out(self, before: Floats) -> None:
+    def _set_out(self, before: Floats, targets: EdgeTargets) -> None:
         assert self.pose is not None
         index = self.solver.robot.qpos_index
         way = np.abs(self.pose.qpos - before)[index]
         hinges = way > LED * self.options.same
         if hinges.any():
-            needed = (way / self.solver.speed)[hinges].max() / self.options.unhurried
+            needed = (way / self.solver.bounds(targets).speed)[hinges].max() / self.options.unhurried
             self.lead = HomeTransition(hinges, before[index].copy(), max(float(needed), self.options.ease))

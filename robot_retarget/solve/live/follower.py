@@ -9,10 +9,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.kinds.kind import RetargetContext
-from robot_retarget.graph.kinds.temporal import SmoothnessKind
+from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.status import Status
 from robot_retarget.human.causal import CausalFeatures
@@ -21,7 +19,6 @@ from robot_retarget.robot import Points, Robot
 from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled
-from robot_retarget.solve.limits import difference_weights
 from robot_retarget.solve.live.lag import FixedLag, SolvedFrame
 from robot_retarget.solve.live.realtime import RealTimeSolver
 from robot_retarget.solve.options import RealTime, Smoothing
@@ -62,11 +59,13 @@ class Follower:
         self.graph, self.all_targets = graph, CausalTargets(graph)
         self.human = CausalFeatures(graph.human)
         self.root_scaling = root_scaling_of(graph.human, match)
-        self.problem = build_problem(graph.robot, match, graph.tracks, native=native)
+        self.problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
         frames = FrameSolver(self.problem)
         self.solver = RealTimeSolver(frames, options)
-        self.lag = FixedLag(frames, lag, *_smoothness(graph), Smoothing()) if lag else None
-        self.corners = _corners(graph.robot, [sole_corners(match.anatomy, foot) for foot in self.all_targets.feet])
+        self.lag = FixedLag(frames, lag, Smoothing()) if lag else None
+        self.corners = _corners(
+            graph.robot, [sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)]
+        )
         self.targets: EdgeTargets | None = None
         self.latest: HumanFeatures | None = None
 
@@ -109,12 +108,6 @@ class Follower:
     def _targets_at(self, human: HumanFeatures, qpos: Floats, seconds: float) -> EdgeTargets:
         targets = self.all_targets.at(human, self.corners(qpos)[0].reshape(-1, CORNERS, 3), seconds)
         return EdgeTargets(*(np.array(each) for each in targets)) if self.lag else EdgeTargets(*targets)
-
-
-def _smoothness(graph: RobotGraph) -> tuple[Floats, Floats]:
-    """The weights of second differences at the graph's rate, and their ratio to that of a hinge (nv,)."""
-    context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
-    return difference_weights(graph.robot, [SmoothnessKind().targets(context)], SECOND_DIFFERENCE)
 
 
 def _corners(robot: Robot, soles: Sequence[Points]) -> Compiled:

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.options import Smoothing
@@ -14,6 +15,7 @@ from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.sqp import FrameSolution, FrameSolver
+from robot_retarget.solve.stencils import Neighbours
 
 GIVEN = 2
 """Number of returned poses that fix the start of the path: second differences span no more."""
@@ -36,19 +38,11 @@ class FixedLag:
     solver: FrameSolver
     lag: int
     robot: Robot
-    weight: Floats
-    stiffness: Floats
+    proximal: float
 
-    def __init__(self, solver: FrameSolver, lag: int, smooth: Floats, inertia: Floats, smoothing: Smoothing):
-        """Set the lag in frames, the smoothing weights and the solver.
-
-        Args:
-            smooth: (nv,) π of squared second differences at this rate, κ.
-            inertia: (nv,) ratio of κ to that of a hinge [-].
-        """
-        self.solver, self.lag, self.robot = solver, lag, solver.robot
-        self.weight = smoothing.proximal * inertia
-        self.stiffness = smooth / self.weight
+    def __init__(self, solver: FrameSolver, lag: int, smoothing: Smoothing):
+        """Set the lag in frames; the solver's tracks define the second differences to be smoothed."""
+        self.solver, self.lag, self.robot, self.proximal = solver, lag, solver.robot, smoothing.proximal
         self.waiting: deque[SolvedFrame] = deque()
         self.given: deque[Floats] = deque(maxlen=GIVEN)
 
@@ -72,11 +66,13 @@ class FixedLag:
         before = self.given[-1]
         path = [*self.given, first.pose.qpos, *after]
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
-        offset = smooth_offsets(speed, self.stiffness, len(self.given))[len(self.given)]
-        box = self.solver.reachable([before], first.seconds)
+        smooth, inertia = self.solver.problem.limits.difference_weights(first.targets, SECOND_DIFFERENCE)
+        weight = self.proximal * inertia
+        offset = smooth_offsets(speed, smooth / weight, len(self.given))[len(self.given)]
+        box = self.solver.reachable(before, first.targets, first.seconds)
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)
-        pose = self.solver.real_time_step(
-            start, first.targets, Proximal(start, np.zeros(len(offset)), self.weight), box, 1
-        )
-        return self.solver.repaired(before, pose)
+        proximal = Proximal(start, np.zeros(len(offset)), weight)
+        around = Neighbours({-1 - k: q for k, q in enumerate(reversed(self.given))}, {0: first.targets}, first.seconds)
+        pose = self.solver.real_time_step(start, first.targets, proximal, box, 1, around)
+        return self.solver.repaired(before, pose, first.targets)

@@ -7,6 +7,7 @@ frames before, made independent of the rate. With its w and β, the pose follows
 spring and a damper, m ẍ = −(x − y) − c ẋ, sampled exactly every h.
 """
 
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -16,12 +17,13 @@ from robot_retarget.graph.role import CAUSAL_DIFFERENCE
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
-from robot_retarget.solve.limits import difference_weights
+from robot_retarget.solve.honoured import FARTHEST
 from robot_retarget.solve.live.basin_escape import BasinEscape
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
+from robot_retarget.solve.stencils import Neighbours
 
 
 class RealTimeSolver:
@@ -30,7 +32,6 @@ class RealTimeSolver:
     solver: FrameSolver
     robot: Robot
     options: RealTime
-    inertia: Floats
     root: Floats
     home: BasinEscape
     velocity: Floats
@@ -39,12 +40,13 @@ class RealTimeSolver:
     def __init__(self, solver: FrameSolver, options: RealTime):
         """Follow with one solver; its tracks define the inertia."""
         self.solver, self.robot, self.options = solver, solver.robot, options
-        self.inertia, _ = difference_weights(self.robot, solver.problem.tracks, CAUSAL_DIFFERENCE)
         dofs, free = solver.roots, self.robot.floating
         self.root = np.full(len(dofs), options.root_turn)
         self.root[: 3 if free else 0] = options.root_speed
         self.home = BasinEscape(solver, options)
         self.pose: FrameSolution | None = None
+        self.before: deque[Floats] = deque(maxlen=FARTHEST)
+        """Configurations (nq,) of the latest frames, the latest first."""
         self.velocity = np.zeros(self.robot.model.nv)
         """(nv,) velocity of the pose [rad/s, m/s]."""
         self.pace = 1.0
@@ -53,11 +55,11 @@ class RealTimeSolver:
     def begin(self, start: Floats, targets: EdgeTargets) -> FrameSolution:
         """Return the first pose, independent of earlier frames."""
         pose = self.solver.solve_frame(start, targets, iterations=self.options.start)
-        return self._kept(self.solver.raise_above_floor(pose), np.zeros_like(self.velocity))
+        return self._kept(self.solver.raise_above_floor(pose, targets), np.zeros_like(self.velocity))
 
     def stand(self, qpos: Floats, targets: EdgeTargets) -> FrameSolution:
         """Return the first pose at rest in a stand; later steps move it towards the targets."""
-        pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0))
+        pose = self.solver.raise_above_floor(FrameSolution(qpos, Status.CALIBRATING, 0.0, 0), targets)
         self.home.move_home(pose.qpos, targets, pose.qpos)
         return self._kept(pose, np.zeros_like(self.velocity))
 
@@ -79,25 +81,31 @@ class RealTimeSolver:
         if seconds > options.gap:
             seconds, self.pace, self.velocity = options.gap, 0.0, np.zeros_like(self.velocity)
         self.pace = min(1.0, self.pace + seconds / options.ease)
-        box = self.home.box(self._reachable(before, self.pace * seconds), seconds)
+        box = self.home.box(self._reachable(before, targets, self.pace * seconds), seconds)
         weight, kept = follower(options, seconds)
         anchor = integrate(self.robot, before, kept * seconds * self.velocity)
         anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
-        proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * self.inertia)
-        pose = self.solver.real_time_step(anchor, targets, proximal, box, max(1, round(options.steps * seconds)))
+        inertia, _ = self.solver.problem.limits.difference_weights(targets, CAUSAL_DIFFERENCE)
+        proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * inertia)
+        around = Neighbours({-1 - k: q for k, q in enumerate(self.before)}, {0: targets}, seconds)
+        steps = max(1, round(options.steps * seconds))
+        pose = self.solver.real_time_step(anchor, targets, proximal, box, steps, around)
         if pose.status is Status.BLOCKED:
             self.home.lead = None
-            pose = self.solver.real_time_step(before, targets, proximal, self.solver.reachable([before], seconds), 1)
-        pose = self.solver.repaired(before, pose)
+            pose = self.solver.real_time_step(
+                before, targets, proximal, self.solver.reachable(before, targets, seconds), 1, around
+            )
+        pose = self.solver.repaired(before, pose, targets)
         self.home.search_step(pose, targets, standing, seconds)
         return self._kept(pose, difference(self.robot, before, pose.qpos) / seconds)
 
     def _kept(self, pose: FrameSolution, velocity: Floats) -> FrameSolution:
         self.pose, self.velocity = pose, velocity
+        self.before.appendleft(pose.qpos)
         return pose
 
-    def _reachable(self, before: Floats, seconds: float) -> Box:
-        box = self.solver.reachable([before], seconds)
+    def _reachable(self, before: Floats, targets: EdgeTargets, seconds: float) -> Box:
+        box = self.solver.reachable(before, targets, seconds)
         return Box(box.lower, box.upper, (before, self.root * seconds))
 
 

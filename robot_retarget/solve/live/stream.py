@@ -10,11 +10,13 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import UsageError
 from robot_retarget.graph.describe import describe
-from robot_retarget.graph.kinds import STREAM_KINDS
+from robot_retarget.graph.kind import Kind
+from robot_retarget.graph.kinds import stream_kinds
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.weights import Weights
 from robot_retarget.motion import Motion, Skeleton, as_motion
 from robot_retarget.robot import Robot, as_robot
+from robot_retarget.solve.honoured import require_kinds
 from robot_retarget.solve.live.follower import Follower, StreamPose
 from robot_retarget.solve.options import RealTime
 
@@ -48,6 +50,7 @@ class Stream:
         lag: int = 0,
         options: RealTime | None = None,
         weights: Weights | None = None,
+        kinds: Iterable[Kind] | None = None,
         native: bool = True,
     ):
         """Set up the stream for a robot and the performer's joints.
@@ -56,10 +59,12 @@ class Stream:
             calibration: a motion of the same skeleton that replaces the observation of the first second; the robot then
                 follows at once.
             lag: number of frames by which a pose is delayed; a larger lag is smoother.
+            kinds: the kinds of edges; None takes `stream_kinds` (`graph.kinds`).
             native: use machine code as soon as it is ready.
 
         Raises:
             MatchError: the calibration shows no human, or the robot is no humanoid.
+            GraphError: a kind has a role, form and stencil that a stream cannot honour.
             UsageError: the calibration has another skeleton, or the lag is negative.
         """
         if lag < 0:
@@ -67,6 +72,8 @@ class Stream:
         self.lag = lag
         self.robot, self.skeleton, self.options = as_robot(robot), skeleton, options or RealTime()
         self.weights, self.native = weights, native
+        self.kinds = stream_kinds(lag) if kinds is None else tuple(kinds)
+        require_kinds(self.kinds, lag)
         self.faults: dict[str, int] = {}
         """Number of frames that were not followed, by kind of fault."""
         self.performer: Follower | None = None
@@ -129,7 +136,7 @@ class Stream:
         return self._last
 
     def _calibrated(self, motion: Motion) -> "Follower":
-        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights, kinds=STREAM_KINDS)
+        graph = describe(motion, self.robot, fps=motion.fps, weights=self.weights, kinds=self.kinds)
         return Follower(graph, self.options, self.lag, self.native)
 
     def _standing(self, time: float) -> StreamPose:

@@ -1,0 +1,36 @@
+"""What kinds read: the human, the robot and the weights, of a clip or of one frame of a stream."""
+
+from dataclasses import dataclass
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.weights import Weights
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class RetargetContext:
+    """The inputs of a kind's targets."""
+
+    human: HumanFeatures
+    match: Match
+    robot: Robot
+    weights: Weights
+
+    @property
+    def leg(self) -> float:
+        """Length of the robot's leg [m], the scale of position errors."""
+        return self.match.robot_leg
+
+
+@dataclass(frozen=True, eq=False)
+class StreamFrame(RetargetContext):
+    """The inputs of a kind's targets at one frame of a stream; `human` has this frame alone."""
+
+    calibration: RetargetContext
+    """The frames that calibrated the performer."""
+    corners: Floats
+    """(F, 4, 3) corners of the robot's soles at the frame before [m]."""
+    seconds: float
+    """Time since the frame before [s]."""

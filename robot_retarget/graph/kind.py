@@ -1,0 +1,150 @@
+"""Kinds of edges: targets from the human's motion, a measure on the robot, a role, and the frames that an edge joins.
+
+A kind is one file with one small class on `Kind`, and one line in `kinds/__init__.py` or an entry point of the group
+`robot_retarget.kinds`. Solver, stream, balance and reports know kinds by this class only.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.context import RetargetContext as RetargetContext
+from robot_retarget.graph.context import StreamFrame as StreamFrame
+from robot_retarget.graph.phase import Phase as Phase
+from robot_retarget.graph.role import FRAME as FRAME
+from robot_retarget.graph.role import Form as Form
+from robot_retarget.graph.role import Role as Role
+from robot_retarget.graph.rows import MeasureRows as MeasureRows
+from robot_retarget.graph.rows import RowState as RowState
+from robot_retarget.graph.track import Track as Track
+from robot_retarget.graph.track import exact as exact
+from robot_retarget.human.features import HumanFeatures
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from robot_retarget.graph.symbolic_robot import SymbolicRobot
+
+AXES = ("x", "y", "z")
+SHORTEST = 1e-6
+"""A bone or path up to this length counts as none: its ends coincide on the robot [m]."""
+FrameTargets = tuple[Floats, Floats, Floats]
+"""Lower bounds, upper bounds and π (E,) of the edges at one frame."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Edges:
+    """The part of a kind's targets that is constant over time."""
+
+    ends: Sequence[tuple[str, str]]
+    """(E,) names of both ends."""
+    scale: Floats | float = 1.0
+    """(E,) or a scalar, in the unit of the measure."""
+    axes: Sequence[str] = ()
+    """(E,) axes of coordinates; empty for distances."""
+    huber_delta: float = np.inf
+    """Huber scale of the errors [-]."""
+
+    def targets(self, human: HumanFeatures) -> tuple[Floats, Floats | float]:
+        """Return values and π, each (T, E) or broadcast to it, of a human of T frames."""
+        raise NotImplementedError
+
+
+class Kind:
+    """A kind of edge. The defaults are those of a cost of one frame whose targets follow the human."""
+
+    name: str
+    """The name in tables and reports."""
+    role: Role = Role.COST
+    stencil: tuple[int, ...] = FRAME
+    """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
+    form: Form = Form.SYMBOLIC
+    follows_human: bool = True
+    """Whether the targets depend on the human's motion: a stream sets them anew at every frame."""
+    whole: bool = False
+    """Whether the edges belong together: single ones are dropped by π = 0."""
+    raises_root: bool = False
+    """Whether raising the root restores a symbolic inequality: a height over the floor."""
+    most: int = 24
+    """Largest number of rows of a numeric inequality in the solver; those with the least room are kept."""
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return ends, intervals and priorities over time; None where the bodies have no such edges.
+
+        The default has one value per edge and frame, `edges`.
+        """
+        edges = self.edges(context)
+        if edges is None:
+            return None
+        target, priority = edges.targets(context.human)
+        return exact(self, edges.ends, target, priority, edges.scale, axes=edges.axes, huber_delta=edges.huber_delta)
+
+    def edges(self, context: RetargetContext) -> Edges | None:
+        """Return the part of the targets that is constant over time, where the rest depends on single frames."""
+        return None
+
+    def step(self, context: StreamFrame, memory: dict[str, Any]) -> FrameTargets | None:
+        """Return the targets at one frame of a stream; None keeps those of the frame before.
+
+        The default evaluates `edges`, or else `targets` of this one frame.
+
+        Args:
+            context: the frame.
+            memory: what the kind keeps from frame to frame; empty at the first.
+        """
+        if "edges" not in memory:
+            memory["edges"] = self.edges(context.calibration)
+        if memory["edges"] is None:
+            track = self.targets(context)
+            return None if track is None else (track.lower[0], track.upper[0], track.priority[0])
+        target, priority = memory["edges"].targets(context.human)
+        return target[0], target[0], np.broadcast_to(priority, target.shape)[0]
+
+    def measure(self, track: Track, body: "SymbolicRobot") -> "ca.SX":
+        """Return (E,) values of the edges, an expression of the robot's points, axes and joints; CasADi differentiates it.
+
+        Args:
+            track: E edges of the kind over T frames.
+            body: symbols of the robot.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no measure")
+
+    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
+        """Return values and slopes of the edges that matter at a configuration; None without any.
+
+        It is the measure of a kind of numeric form: a cost, or an inequality that one slack relaxes.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no rows")
+
+    def projected(self, track: Track, state: RowState) -> Floats:
+        """Return the nearby configuration (nq,) that meets the edges of a numeric cost; the same by default."""
+        return state.qpos
+
+    def overlap(self, track: Track, state: RowState) -> float:
+        """Return how deep surfaces are inside each other [m], which a repair undoes; of a numeric inequality."""
+        return 0.0
+
+    def penetration(self, track: Track, state: RowState) -> float:
+        """Return how deep surfaces are under the floor [m], which raising the root undoes; of a numeric inequality."""
+        return 0.0
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the targets in a phase of the solution.
+
+        Args:
+            track: E edges of the kind over T frames.
+            measured: (T, E) values of the edges on the robot, as `phase` states; None without a measure.
+            phase: the coarse path, a playback or a stand.
+        """
+        return phase.of(track)
+
+    def of(self, edges: np.ndarray) -> "Kind":
+        """Return the kind of some of the edges, where it stores data per edge."""
+        return self
+
+    def with_edges(self, other: Any) -> "Kind":
+        """Return the kind of its own edges and those of another."""
+        return self
