@@ -116,7 +116,8 @@ def with_added(tracks: Sequence[Track], edge: AddedEdge, fps: float, leg: float)
         np.full(1, leg),
     )
     others = tuple(track for track in tracks if track.name != alone.name)
-    return (*others, *(_joined(track, alone, edge) for track in tracks if track.name == alone.name))
+    before = [track for track in tracks if track.name == alone.name]
+    return (*others, _joined(before[0], alone, edge) if before else alone)
 
 
 def _joined(track: Track, alone: Track, edge: AddedEdge) -> Track:

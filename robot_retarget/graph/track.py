@@ -188,8 +188,8 @@ class Track:
             factor: broadcast to (T, edges) [-].
             edges: a mask or indices of columns.
         """
-        priority = np.array(self.priority)
-        priority[:, edges] *= factor
+        priority, absent = np.array(self.priority), np.equal(factor, 0)
+        priority[:, edges] = np.where(absent, 0.0, priority[:, edges] * np.where(absent, 1.0, factor))
         return replace(self, priority=priority)
 
 

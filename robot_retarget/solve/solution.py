@@ -37,7 +37,11 @@ class UnmetEdge:
     @property
     def sentence(self) -> str:
         """Return the finding as a sentence."""
-        asked = f"{self.lower:.3g} m" if self.lower == self.upper else f"{self.lower:.3g} … {self.upper:.3g} m"
+        asked = f"{self.lower:.3g} … {self.upper:.3g} m"
+        if self.lower == self.upper or np.isinf(self.upper):
+            asked = f"{self.lower:.3g} m" + (" or more" if self.lower < self.upper else "")
+        elif np.isinf(self.lower):
+            asked = f"{self.upper:.3g} m or less"
         first, last, count = self.frames[0], self.frames[-1], len(self.frames)
         when = f"frame {first}" if count == 1 else f"{count} frames of {first} … {last}"
         why = "; ".join(self.reasons) or "other edges oppose it"

@@ -8,7 +8,6 @@ from robot_retarget.arrays import Floats
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.graph.describe import describe
 from robot_retarget.graph.kinds.interaction import InteractionKind
-from robot_retarget.graph.kinds.kind import Past
 from robot_retarget.graph.weights import Weights
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
@@ -16,9 +15,10 @@ from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import SolveOptions
-from robot_retarget.solve.problem import build_problem
+from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.quadratic import CostModel, Quadratic
 from robot_retarget.solve.solve import solve_graph
+from robot_retarget.solve.stencils import Neighbours
 
 K, WEIGHT = 6.0, 3.0
 HORIZON = InteractionKind().horizon
@@ -30,6 +30,11 @@ def costs() -> CostModel:
         read_motion(SAMPLES / "wave.bvh").frames(0, 5), load_robot("op3"), weights=Weights(interaction=WEIGHT)
     )
     return CostModel(build_problem(graph.robot, graph.match, graph.tracks), SolveOptions())
+
+
+def one_step(costs: CostModel, before: Floats, seconds: float) -> Neighbours:
+    """A frame after a configuration."""
+    return Neighbours({-1: before}, {0: targets_of(costs.problem.tracks).at(0)}, seconds)
 
 
 def model_of(costs: CostModel, slope: Floats, room: Floats) -> Quadratic:
@@ -46,7 +51,9 @@ def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs:
     step, slope = np.zeros(robot.model.nv), draw.normal(size=(9, robot.model.nv))
     step[robot.dof_index] = draw.normal(scale=0.02, size=len(robot.dof_index))
     room, q = draw.uniform(-0.01, 0.05, 9), robot.standing()
-    found = costs.with_past(model_of(costs, slope, room), q, Past(integrate(robot, q, -step), HORIZON / K))
+    found = costs.with_neighbours(
+        model_of(costs, slope, room), q, one_step(costs, integrate(robot, q, -step), HORIZON / K)
+    )
 
     def cost(v: Floats) -> float:
         now, change = np.maximum(room + slope @ v, 0), slope @ (step + v)
@@ -64,7 +71,7 @@ def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None
     slope[0, robot.dof_index[0]], step[robot.dof_index[0]] = 1.0, 0.1
     for way, cost in ((0.0, 0.0), (1.0, 0.0), (-1.0, WEIGHT * (0.1 * K - 0.01) ** 2 / costs.leg**2)):
         before = integrate(robot, q, -way * step)
-        found = costs.with_past(model_of(costs, slope, np.array([0.01])), q, Past(before, HORIZON / K))
+        found = costs.with_neighbours(model_of(costs, slope, np.array([0.01])), q, one_step(costs, before, HORIZON / K))
         assert found.cost == pytest.approx(cost)
 
 

@@ -1,6 +1,5 @@
 """Every kind measures the quantity of its docstring, checked by MuJoCo and NumPy; a new kind is one small class."""
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -13,12 +12,12 @@ from hypothesis import strategies as st
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph, describe
+from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.kinds.kind import FRAME, RetargetContext, Role, frame_costs
 from robot_retarget.graph.kinds.mass import MassKind
 from robot_retarget.graph.soles import sole_corners
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
-from robot_retarget.graph.track import Track, exact
+from robot_retarget.graph.track import Track, exact, frame_costs
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
 from robot_retarget.shipped import SAMPLES
@@ -30,13 +29,10 @@ HAND, HEAD = ("l_el_link", np.array([0.02, 0.1, 0.0])), np.array([0.3, -0.1, 0.2
 """A point on a forearm and a place in the world [m]."""
 
 
-@dataclass(frozen=True)
-class Toy:
+class Toy(Kind):
     """A kind of one edge: the left hand is as high over the floor as the head."""
 
-    name: str = "toy"
-    role: Role = Role.COST
-    stencil: tuple[int, ...] = FRAME
+    name = "toy"
 
     def targets(self, context: RetargetContext) -> Track | None:
         return exact(self, [("l_hand", "head")], np.zeros((len(context.human), 1)), 1e3, context.leg, axes=("z",))

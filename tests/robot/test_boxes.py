@@ -79,7 +79,7 @@ def test_a_face_on_a_face_is_held_by_all_its_corners() -> None:
 
 def test_nothing_that_is_near_goes_unseen() -> None:
     robot, reach = load_robot("op3"), 0.02
-    separation, draw = Separation(robot, reach, most=10**6), np.random.default_rng(0)
+    separation, draw = Separation(robot, reach), np.random.default_rng(0)
     pairs = [pair for geoms in allowed(robot).values() for pair in geoms if separation.counts[pair]]
     qpos, compared = robot.neutral(), 0
     for _ in range(20):

@@ -12,6 +12,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.floor import FLOOR
 from robot_retarget.robot.kinematics import integrate
 from robot_retarget.robot.links import Links
 from robot_retarget.robot.separation import STILL, Separation
@@ -78,13 +79,14 @@ def test_what_is_near_the_floor_is_as_near_as_mujoco_says(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_heights_over_the_floor_change_as_their_slopes_say(seed: int) -> None:
     robot = load_robot("op3")
-    separation = Separation(robot, REACH, most=200, feet=frozenset())
+    separation = Separation(robot, REACH, feet=frozenset())
     qpos, step = fallen(robot, seed), 1e-6
     way = np.random.default_rng(seed).normal(size=robot.model.nv)
 
     def floor_rows(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance, slope, rest = separation.near(q)
-        low = np.lexsort((distance, rest == 0.0))[-int((rest == 0.0).sum()) :]
+        distance, geoms, slope = separation.near(q)
+        low = np.flatnonzero(geoms[:, 0] == FLOOR)
+        low = low[np.argsort(distance[low])]
         return distance[low], slope[low]
 
     (before, slope), (after, _) = floor_rows(qpos), floor_rows(integrate(robot, qpos, step * way))

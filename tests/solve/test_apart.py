@@ -16,6 +16,7 @@ from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
+from robot_retarget.solve.quadratic import foremost
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 
@@ -35,7 +36,7 @@ def crossed_arms() -> tuple[Separation, np.ndarray]:
 def test_slopes_agree_with_central_differences() -> None:
     separation, pose = crossed_arms()
     robot, step = load_robot("op3"), 1e-6
-    distance, slope, _ = separation.near(pose)
+    distance, _, slope = separation.near(pose)
     assert len(distance) > 3
     checked = 0
     for column, direction in enumerate(np.eye(robot.model.nv)):
@@ -55,16 +56,16 @@ def test_what_overlaps_at_rest_is_left_out() -> None:
 
 def test_of_more_places_than_there_are_rows_those_with_the_least_room_to_the_margin_count() -> None:
     """Legs that may pass closely must not crowd out an arm that may not: it would be led straight into them."""
-    separation, draw = Separation(load_robot("op3"), 0.05, margin=0.01, most=6), np.random.default_rng(0)
+    draw = np.random.default_rng(0)
     for _ in range(50):
         distance, rest = draw.uniform(0.0, 0.02, 12), draw.choice([0.002, 0.005, np.inf], 12)
         distance[6:], rest[6:] = distance[:6], rest[:6]  # left and right
         distance, rest = distance[(shuffled := draw.permutation(12))], rest[shuffled]
         room = distance - np.minimum(0.01, rest)
-        kept = separation.foremost(distance, rest)
+        kept = foremost(distance, -room, 6)
         assert len(kept) == 6 and room[kept].max() < np.delete(room, kept).min()
         assert (np.diff(distance[kept]) >= 0).all()
-        odd = separation.foremost(distance[1:], rest[1:])  # one has lost its counterpart
+        odd = foremost(distance[1:], -room[1:], 6)  # one has lost its counterpart
         assert len(odd) <= 6 and room[1:][odd].max() < np.delete(room[1:], odd).min()
 
 
@@ -114,7 +115,7 @@ def test_a_step_back_to_where_the_joints_can_be_leads_no_link_into_another() -> 
     solver, all_targets = FrameSolver(build_problem(robot, graph.match, graph.tracks)), targets_of(graph.tracks)
     hinges, ahead = robot.qpos_index, 10
     for t in range(0, len(qpos) - ahead, 3):
-        box = solver.ranges.around([qpos[t + ahead][hinges]], np.full(len(hinges), 0.02))
+        box = solver.ranges(all_targets.at(t)).around([(qpos[t + ahead][hinges], np.full(len(hinges), 0.02))])
         after = solver.solve_frame(qpos[t], all_targets.at(t), box=box, iterations=1).qpos
         assert box.outside(after[hinges]) <= box.outside(qpos[t][hinges]) + 1e-9
         assert not solver.overlapping(after)

@@ -58,8 +58,8 @@ def test_a_way_is_looked_at_evenly_and_no_hinge_turns_far_between_two_looks(aske
 def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Asked) -> None:
     solver, targets = asked
     robot, soles, step = solver.robot, len(solver.problem.inequalities), 1e-6
-    separation, way = solver.costs.separation, SweptConfiguration(arms(robot, -0.5, 1.57, -1.57), 0.3)
-    assert separation is not None
+    way = SweptConfiguration(arms(robot, -0.5, 1.57, -1.57), 0.3)
+    near = Separation(robot, solver.options.reach * solver.leg)
     q = arms(robot, -0.3, 1.57, -1.5)
     own = {tuple(row) for row in solver.costs.linearize(q, targets).rows[soles:]}
     rows = [row for row in solver.costs.linearize(q, targets, (way,)).rows[soles:] if tuple(row) not in own]
@@ -67,7 +67,7 @@ def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Ask
         direction = np.zeros(robot.model.nv)
         direction[column := robot.dof_index[robot.joint_names.index(joint)]] = step
         places = [way.at(robot, integrate(robot, q, sign * direction)) for sign in (1, -1)]
-        ahead, behind = (separation.near(place)[0] for place in places)
+        ahead, behind = (near.near(place)[0] for place in places)
         told, shown = np.array([row[column] for row in rows]), (ahead - behind) / (2 * step)
         told = told[np.abs(told) > 1e-6]  # of the arm, as far as there are rows for all that is near
         assert len(told) > 3 and np.abs(told[:, None] - shown).min(axis=1).max() < 1e-4

@@ -83,5 +83,7 @@ def test_floor_heights_are_those_of_the_sole_points(case: Case) -> None:
     graph, problem = case
     q = somewhere(problem, 4)
     soles = [world_points(problem.robot, sole, q[None])[0, :, 2] for sole in graph.match.anatomy.soles.values()]
-    assert np.allclose(-problem.inequalities.rows(q)[1], np.concatenate(soles), atol=1e-12)
+    assert np.allclose(
+        -problem.inequalities.rows(q, targets_of(graph.tracks).at(0))[1], np.concatenate(soles), atol=1e-12
+    )
     assert len(problem.inequalities) == len(np.concatenate(soles))

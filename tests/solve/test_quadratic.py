@@ -47,21 +47,16 @@ def test_links_met_by_a_step_lack_as_much_to_the_model_as_they_do_there_or_are_t
 
 def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_wholly() -> None:
     (solver, targets), draw = asked(), np.random.default_rng(0)
-    robot, costs, separation, soles = (
-        solver.robot,
-        solver.costs,
-        solver.costs.separation,
-        len(solver.problem.inequalities),
-    )
-    assert separation is not None
+    robot, costs, soles = solver.robot, solver.costs, len(solver.problem.inequalities)
     stayed = parted = 0
     for _ in range(40):
         apart, near = robot.standing(), robot.standing()
         near[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
         for _ in range(14):  # halve the way to where links lack half of what is tolerated
             q = (apart + near) / 2
-            distance, _, rest = separation.near(q)
-            lacking = separation.clearance_deficit(distance, rest).max(initial=0.0) / solver.leg
+            near = costs.near(q, targets)
+            assert near is not None
+            lacking = near.deficit.max(initial=0.0) / solver.leg
             here = costs.linearize(q, targets)
             may_stay = bool((here.row_lower[soles:] <= 0).all())
             assert may_stay == (lacking <= TOLERATED) == (here.clearance_deficit == 0)

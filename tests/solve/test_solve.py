@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robot_retarget.graph.describe import RobotGraph, graph_of
-from robot_retarget.graph.kinds.kind import frame_costs
 from robot_retarget.graph.status import Status
+from robot_retarget.graph.track import frame_costs
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match_bodies
