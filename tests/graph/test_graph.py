@@ -14,7 +14,7 @@ from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.track import HARD
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.geoms import allowed
+from robot_retarget.robot.geoms import allowed, solid_geoms
 from robot_retarget.shipped import SAMPLES
 
 FRAMES = 60
@@ -39,7 +39,8 @@ def test_every_kind_and_every_limit_of_the_bodies_is_there_in_its_number() -> No
     assert count["orientation"] == 2 * 3 * len(graph.human.segments)
     assert (count["path"], count["rest"], count["foothold"]) == (3, hinges, 2 * 4 * 3)
     assert count["floor"] == sum(len(sole) for sole in graph.match.anatomy.soles.values())
-    assert (count["separation"], count["range"], count["speed"]) == (len(allowed(robot)), hinges, hinges)
+    lying = len(solid_geoms(robot)) - len(graph.match.anatomy.soles)
+    assert (count["separation"], count["range"], count["speed"]) == (len(allowed(robot)) + lying, hinges, hinges)
     assert len(graph) == FRAMES and graph.fps == 30
 
 
