@@ -56,8 +56,8 @@ def solve(
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
     mode = balance_of(graph.robot, legs, balance)
-    if mode != "off" and "speed" in graph.kinds:  # the playback is no faster than its draft
-        graph = graph.with_bounds("speed", factor=BalanceOptions().speed)
+    if mode != "off":  # the playback is no faster than its draft
+        graph = graph.with_speed(BalanceOptions().speed)
     draft, planting = progress, None
     if mode != "off" and progress:
         draft, planting = consecutive(progress, expected_steps(graph))

@@ -19,7 +19,7 @@ from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.path import pelvis_path
-from robot_retarget.graph.role import Role
+from robot_retarget.graph.role import STEP, Role
 from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
@@ -92,6 +92,16 @@ class RobotGraph(Graph):
         """
         edge = added_edge(self.match, self.robot, len(self), (a, b), at, frames, priority, hard)
         return replace(self, tracks=with_added(self.tracks, edge, self.fps, self.match.robot_leg))
+
+    def with_speed(self, share: float) -> "RobotGraph":
+        """Return the graph with a share of every bound on the speed of joints [-]."""
+        tracks = (
+            track.bounded(share * track.lower, share * track.upper)
+            if (track.role, track.stencil) == (Role.BOUND, STEP)
+            else track
+            for track in self.tracks
+        )
+        return replace(self, tracks=tuple(tracks))
 
     def frames(self, first: int, last: int) -> "RobotGraph":
         """Return the graph of frames `first` … `last` − 1.
