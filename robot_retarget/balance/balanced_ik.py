@@ -14,7 +14,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.mass import MassKind
-from robot_retarget.graph.phase import Playback, Stand
+from robot_retarget.graph.phase import PlaybackPhase, StandPhase
 from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.track import HARD, Track
@@ -99,14 +99,14 @@ class BalancedIk:
         """Indices in qpos of the hinges between pelvis and soles."""
         return self.robot.qpos_index[self.leg_dofs[self.robot.dof_index]]
 
-    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> Playback:
+    def playback(self, share: Floats, places: Floats, planted: np.ndarray) -> PlaybackPhase:
         """Return K frames with a share (K, 1) of the human's motion, soles at (K, F, 4, 3) [m], feet (K, F) planted."""
-        return Playback(share, *self._soles(places, planted), *self._pulls)
+        return PlaybackPhase(share, *self._soles(places, planted), *self._pulls)
 
     def stand(self, start: Floats, places: Floats, centre: Floats) -> Floats:
         """Return (nq,) the standing pose in balance: soles at places (F, 4, 3), mass over a point (2,)."""
         both = np.ones((1, len(self.feet)), bool)
-        stand = Stand(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
+        stand = StandPhase(np.zeros((1, 1)), *self._soles(places[None], both), *self._pulls)
         measured = measured_by(self.solver.problem, self.graph, start[None])
         tracks = renewed([track.at([0]) for track in self.graph.tracks], measured, stand)
         targets = targets_of([*tracks, MassKind().track(centre[None], self.leg)]).at(0)
@@ -114,7 +114,7 @@ class BalancedIk:
         return self.solver.raise_above_floor(pose, targets).qpos
 
     def targets(
-        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: Playback, centre: Floats
+        self, graph: RobotGraph, at: Floats, stands: Sequence[Floats], playback: PlaybackPhase, centre: Floats
     ) -> list[Track]:
         """Return the tracks of a playback.
 

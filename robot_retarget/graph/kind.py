@@ -36,7 +36,7 @@ FrameTargets = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Edges:
+class FrameEdges:
     """The part of a kind's targets that is constant over time."""
 
     ends: Sequence[tuple[str, str]]
@@ -82,7 +82,7 @@ class Kind:
         target, priority = edges.targets(context.human)
         return exact(self, edges.ends, target, priority, edges.scale, axes=edges.axes, huber_delta=edges.huber_delta)
 
-    def edges(self, context: RetargetContext) -> Edges | None:
+    def edges(self, context: RetargetContext) -> FrameEdges | None:
         """Return the part of the targets that is constant over time, where the rest depends on single frames."""
         return None
 

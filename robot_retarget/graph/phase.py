@@ -15,12 +15,12 @@ class Phase:
         return track
 
 
-class CoarsePath(Phase):
+class CoarsePhase(Phase):
     """The coarse path is sought; no measures of the robot are known."""
 
 
 @dataclass(frozen=True)
-class SolvedPath(Phase):
+class SolvedPhase(Phase):
     """The coarse path is known; the kind receives its measures (T, E)."""
 
     fixed: int = 0
@@ -28,7 +28,7 @@ class SolvedPath(Phase):
 
 
 @dataclass(frozen=True, eq=False)
-class Playback(Phase):
+class PlaybackPhase(Phase):
     """K frames of a balanced playback, which starts and ends in a stand; the kind receives the measures (K, E) in them.
 
     Symbolic costs fade out towards the stands.
@@ -53,5 +53,5 @@ class Playback(Phase):
         return track.weighed(self.share) if fades else track
 
 
-class Stand(Playback):
+class StandPhase(PlaybackPhase):
     """One frame of a balanced stand; the kind receives the measures (1, E) in the standing pose."""

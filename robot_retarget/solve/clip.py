@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.phase import CoarsePath, Phase, SolvedPath
+from robot_retarget.graph.phase import CoarsePhase, Phase, SolvedPhase
 from robot_retarget.graph.role import SECOND_DIFFERENCE
 from robot_retarget.graph.status import Status
 from robot_retarget.graph.track import Track, concatenated
@@ -97,7 +97,7 @@ def clip_poses(
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
     """Return the tracks of the coarse path."""
-    return renewed(graph.tracks, {}, CoarsePath())
+    return renewed(graph.tracks, {}, CoarsePhase())
 
 
 def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
@@ -109,7 +109,7 @@ def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats],
         coarse: T configurations (nq,).
         fixed: number of first frames that stay unchanged.
     """
-    return renewed(graph.tracks, measured_by(solver.problem, graph, np.array(coarse)), SolvedPath(fixed))
+    return renewed(graph.tracks, measured_by(solver.problem, graph, np.array(coarse)), SolvedPhase(fixed))
 
 
 def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phase) -> list[Track]:

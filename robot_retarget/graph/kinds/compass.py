@@ -11,13 +11,13 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, unit
-from robot_retarget.graph.kind import AXES, SHORTEST, Edges, Kind, RetargetContext, Track
+from robot_retarget.graph.kind import AXES, SHORTEST, FrameEdges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.human.features import HumanFeatures
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Lines(Edges):
+class _Lines(FrameEdges):
     """Lines between keypoints, three edges each."""
 
     one: list[int]

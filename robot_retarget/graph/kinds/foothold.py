@@ -15,7 +15,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.graph.causal.footholds import CausalFootholds
 from robot_retarget.graph.footholds import Footholds, foothold_corners, footholds_of, without_unreachable
 from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
-from robot_retarget.graph.phase import CoarsePath, Playback, SolvedPath
+from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase
 from robot_retarget.graph.soles import CORNER_NAMES
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD
@@ -77,11 +77,11 @@ class FootholdKind(Kind):
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return the places and the grip of a playback's plan, or footholds where the coarse path has the feet."""
         match phase:
-            case Playback():
+            case PlaybackPhase():
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
-            case CoarsePath():
+            case CoarsePhase():
                 return self._flat(track)
-            case SolvedPath() if measured is not None:
+            case SolvedPhase() if measured is not None:
                 return self._placed(track, measured, phase.fixed)
             case _:
                 return track

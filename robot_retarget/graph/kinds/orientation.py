@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kind import AXES, Edges, Kind, Phase, RetargetContext, Track
-from robot_retarget.graph.phase import Stand
+from robot_retarget.graph.kind import AXES, FrameEdges, Kind, Phase, RetargetContext, Track
+from robot_retarget.graph.phase import StandPhase
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.human.features import HumanFeatures
 
@@ -19,7 +19,7 @@ _COLUMNS = [0, 2]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Markers(Edges):
+class _Markers(FrameEdges):
     """The markers of segments, three edges each."""
 
     segments: tuple[str, ...]
@@ -48,7 +48,7 @@ class OrientationKind(Kind):
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return in a stand the rotation of the pelvis in the standing pose."""
-        if measured is None or not isinstance(phase, Stand):
+        if measured is None or not isinstance(phase, StandPhase):
             return phase.of(track)
         weight = np.where([a == "pelvis" for a, _ in track.ends], phase.upright, 0.0)
         return replace(track, lower=measured, upper=measured, priority=weight[None])

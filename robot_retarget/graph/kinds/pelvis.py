@@ -6,15 +6,15 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.kind import AXES, Edges, Kind, Phase, RetargetContext, Track
+from robot_retarget.graph.kind import AXES, FrameEdges, Kind, Phase, RetargetContext, Track
 from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.phase import Playback, Stand
+from robot_retarget.graph.phase import PlaybackPhase, StandPhase
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.human.features import HumanFeatures
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Carried(Edges):
+class _Carried(FrameEdges):
     """The pelvis, three edges."""
 
     root_scaling: RootScaling
@@ -46,9 +46,9 @@ class PathKind(Kind):
 
         In a stand it is that of the standing pose, in a playback no higher than in its stands.
         """
-        if measured is None or not isinstance(phase, Playback):
+        if measured is None or not isinstance(phase, PlaybackPhase):
             return phase.of(track)
-        if isinstance(phase, Stand):
+        if isinstance(phase, StandPhase):
             height, weight = measured, phase.upright if track.ends[0][0] == "pelvis" else 0.0
         else:
             height = phase.share * np.minimum(track.lower, measured) + (1 - phase.share) * measured

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.kind import SHORTEST, Edges, Kind, RetargetContext, Track
+from robot_retarget.graph.kind import SHORTEST, FrameEdges, Kind, RetargetContext, Track
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures
@@ -19,7 +19,7 @@ from robot_retarget.human.normalisation import path_weights
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Pairs(Edges):
+class _Pairs(FrameEdges):
     """E pairs of keypoints; their scale is the length of the robot's path between them [m]."""
 
     i: Ints

@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.kind import Kind, Phase, RetargetContext, Track, exact
-from robot_retarget.graph.phase import Playback, Stand
+from robot_retarget.graph.phase import PlaybackPhase, StandPhase
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.robot.kinematics import carrying
 
@@ -28,9 +28,9 @@ class RestKind(Kind):
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
         """Return the priority of a stand there, and in a playback the stand's angles outside the human's motion."""
-        if measured is None or not isinstance(phase, Playback):
+        if measured is None or not isinstance(phase, PlaybackPhase):
             return phase.of(track)
-        if isinstance(phase, Stand):
+        if isinstance(phase, StandPhase):
             return replace(track, priority=np.full((1, len(track)), phase.standing))
         inside = phase.share >= 1
         lower, upper = (np.where(inside, bound, measured) for bound in (track.lower, track.upper))

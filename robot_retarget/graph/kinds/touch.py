@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, Ints
-from robot_retarget.graph.kind import SHORTEST, Edges, FrameTargets, Kind, RetargetContext, StreamFrame, Track
+from robot_retarget.graph.kind import SHORTEST, FrameEdges, FrameTargets, Kind, RetargetContext, StreamFrame, Track
 from robot_retarget.graph.kinds.posture import distances
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.weights import RAMP
@@ -18,7 +18,7 @@ from robot_retarget.keypoints import ARM
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Touches(Edges):
+class _Touches(FrameEdges):
     """C pairs of keypoints that may touch; their scale is the length of the robot's path between them [m]."""
 
     i: Ints
