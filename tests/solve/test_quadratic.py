@@ -54,9 +54,9 @@ def test_links_that_lack_a_hair_of_their_margin_may_stay_and_others_are_parted_w
         near[robot.qpos_index] = draw.uniform(robot.lower, robot.upper)
         for _ in range(14):  # halve the way to where links lack half of what is tolerated
             q = (apart + near) / 2
-            near = costs.near(q, targets)
-            assert near is not None
-            lacking = near.deficit.max(initial=0.0) / solver.leg
+            rows = costs.near(q, targets)
+            assert rows is not None
+            lacking = rows.deficit.max(initial=0.0) / solver.leg
             here = costs.linearize(q, targets)
             may_stay = bool((here.row_lower[soles:] <= 0).all())
             assert may_stay == (lacking <= TOLERATED) == (here.clearance_deficit == 0)
