@@ -13,9 +13,8 @@ from robot_retarget.arrays import Bools, Floats
 from robot_retarget.graph.soles import sole_corners
 from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.human.ground import WINDOW
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import intervals
+from robot_retarget.human.stance import WINDOW, intervals
 from robot_retarget.robot import Robot, world_points
 
 Frames = slice | Bools

@@ -7,9 +7,8 @@ from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.ground import WINDOW
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import StanceRule, intervals
+from robot_retarget.human.stance import WINDOW, StanceRule, intervals
 
 IN_PLACE, STEPPING, FLIGHT, SUPPORTED = "in place", "stepping", "flight", "supported"
 

@@ -5,7 +5,8 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.human.contacts import CausalContacts
 from robot_retarget.human.features import HumanFeatures
-from robot_retarget.human.ground import DRIFT, WINDOW
+from robot_retarget.human.ground import DRIFT
+from robot_retarget.human.stance import WINDOW
 
 LEAP = 12.0
 """A faster body was moved by the tracker, not by its legs: the leap is removed from its path [m/s]."""

@@ -1,14 +1,11 @@
 """The floor under the human, and its drift in captures without a fixed reference."""
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import StanceRule
+from robot_retarget.human.stance import StanceRule, lowest_over_time
 
-WINDOW = 0.6
-"""A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""
 DRIFT = 0.1
 """A floor whose height varies by less is level [leg lengths]."""
 
@@ -26,9 +23,7 @@ def floor_under(positions: Floats, match: Match, fps: float) -> Floats:
     """
     if match.recognition.ankle_height is not None:
         return np.zeros(len(positions))
-    z = positions[:, :, 2]
+    z, lowest = positions[:, :, 2], lowest_over_time(positions[:, :, 2], fps)
     feet = [k for k, name in enumerate(match.keypoints) if name.endswith(("ankle", "toe"))]
     level = StanceRule().floor_height(z[:, feet].min(axis=1)) if feet else z.min()
-    reach = max(1, round(WINDOW * fps))
-    floor = uniform_filter1d(minimum_filter1d(z.min(axis=1), 2 * reach + 1, mode="nearest"), reach, mode="nearest")
-    return np.full_like(floor, level) if np.ptp(floor) < DRIFT * match.human_leg else floor
+    return np.full_like(lowest, level) if np.ptp(lowest) < DRIFT * match.human_leg else lowest

@@ -7,9 +7,12 @@ above the leave thresholds (a Schmitt trigger in speed and height).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Bools, Floats
+
+WINDOW = 0.6
+"""A body touches the floor at least once in twice this time, because no jump lasts longer [s]."""
 
 
 @dataclass(frozen=True)
@@ -102,3 +105,10 @@ def intervals(flags: Bools) -> list[tuple[int, int]]:
     """Return the runs of True as (first, last + 1)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def lowest_over_time(heights: Floats, fps: float) -> Floats:
+    """Return the lowest of heights (T, K) within `WINDOW` to either side of each frame (T,), smoothed."""
+    reach = max(1, round(WINDOW * fps))
+    lowest = minimum_filter1d(heights.min(axis=1), 2 * reach + 1, mode="nearest")
+    return uniform_filter1d(lowest, reach, mode="nearest")

@@ -189,3 +189,13 @@ def test_smoothing_keeps_bones_as_long_as_they_are():
 def test_keyframes_far_apart_are_said():
     capture, _ = walk()
     assert any("keyframes" in note for note in upright(replace(capture, fps=1.0)).notes)
+
+
+def test_a_body_that_climbs_is_noted_with_height_and_time():
+    capture, _ = walk()
+    share = np.clip((np.linspace(0, 1, len(capture.positions)) - 0.4) / 0.2, 0, 1)
+    steps = 60.0 * share[:, None, None] * np.array([0.0, 1.0, 0.0])
+    notes = upright(replace(capture, positions=capture.positions + steps, rotations=None, up="+y")).notes
+    (note,) = [note for note in notes if "change their height" in note]
+    assert float(re.findall(r"by ([\d.]+) m", note)[0]) == pytest.approx(0.6, abs=0.08)
+    assert not any("change their height" in note for note in upright(capture).notes)

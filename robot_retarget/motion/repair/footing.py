@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.human.recognition.recognise import Recognition
-from robot_retarget.human.stance import StanceRule, speed_of
+from robot_retarget.human.stance import StanceRule, lowest_over_time, speed_of
 from robot_retarget.human.stature import leg_length
 
 FEET = ("l_ankle", "r_ankle", "l_toe", "r_toe")
@@ -36,7 +36,7 @@ def footing(recognition: Recognition, positions: Floats, fps: float, rule: Footi
         return ()
     leg = leg_length(recognition, positions)
     x = recognition.place(positions) / leg
-    return (*_skating(recognition, x, fps, leg, rule), *_floating(x, leg, rule))
+    return (*_skating(recognition, x, fps, leg, rule), *(_floating(x, leg, rule) or _climbing(x, fps, leg, rule)))
 
 
 def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: FootingRule) -> tuple[str, ...]:
@@ -52,6 +52,19 @@ def _skating(recognition: Recognition, x: Floats, fps: float, leg: float, rule: 
     return (
         f"The feet skate in {skates.mean():.0%} of the time ({when[0]:.2f}–{when[1]:.2f} s), at {speed:.1f} m/s where they are "
         "lowest and no foothold is found: a motion in place, or one whose path does not fit its legs.",
+    )
+
+
+def _climbing(x: Floats, fps: float, leg: float, rule: FootingRule) -> tuple[str, ...]:
+    """Return a sentence about ground that does not stay at one height: steps, a climb, or drift of the capture."""
+    ground = lowest_over_time(x[:, :, 2], fps)
+    change = float(np.ptp(ground))
+    if change < rule.high:
+        return ()
+    when = sorted((int(ground.argmin()), int(ground.argmax())))
+    return (
+        f"The lowest points of the body change their height by {leg * change:.2f} m from {when[0] / fps:.1f} to {when[1] / fps:.1f} s "
+        "(steps, a climb, or drift of the capture): the robot's floor is level and follows them.",
     )
 
 
