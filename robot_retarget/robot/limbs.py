@@ -210,8 +210,8 @@ def _ankle(links: Links, chain: Chain, pitch: Axis | None, knee: Axis) -> Centre
         low = links.surface(knee.link)
         return Centre(sole_cloud(low).mean(0), knee.link, "end of the shin, no ankle joint", GUESSED)
     shin = float(np.linalg.norm(pitch.anchor - knee.anchor))
-    crossing = [a for a in chain.axes[chain.axes.index(pitch) + 1 :] if abs(a.direction @ pitch.direction) < ALIGNED]
-    after = [pitch, *(a for a in crossing if a.distance(pitch.anchor) < MEETING * shin)]
+    beyond = chain.axes[chain.axes.index(pitch) + 1 :]
+    after = [pitch, *itertools.takewhile(lambda a: abs(a.direction @ pitch.direction) < ALIGNED, beyond)]
     before = [
         a for a in _before(chain, pitch) if a.distance(pitch.anchor) < MEETING * shin and not _twists(a, knee, pitch)
     ]
@@ -256,7 +256,8 @@ def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forwa
         ankle: (3,) [m].
         forward: (3,) unit vector.
     """
-    hinged = [a for child in standing.children[foot] for a in standing.axes(child)]
+    children = [axis for child in standing.children[foot] for axis in standing.axes(child)]
+    hinged = [axis for axis in children if abs(axis.direction @ forward) < ALIGNED]
     if hinged:
         return Centre(hinged[0].nearest(ankle), foot, "toe joint", SURE)
     sole = sole_cloud(surface)

@@ -71,6 +71,18 @@ def test_a_canted_hip_is_where_its_axes_cross(degrees: int, tmp_path: Path) -> N
     np.testing.assert_allclose(found["r_ankle"], [0, -0.1, 0.1], atol=1e-6)
 
 
+@pytest.mark.parametrize("drop", [0.0, 0.05, 0.1])
+def test_a_roll_axis_below_the_ankles_pitch_carries_the_foot_and_is_no_toe_joint(drop: float, tmp_path: Path) -> None:
+    legs = "".join(
+        leg(side, sign, "0 1 0").replace(f'<body name="{side}11">', f'<body name="{side}11" pos="0.03 0 -{drop}">')
+        for side, sign in (("l", 1), ("r", -1))
+    )
+    anatomy = recognise(robot := load_robot(written(tmp_path, legged(legs))))
+    assert robot.model.body(anatomy.sites["l_ankle"].body).name == "l11"
+    assert anatomy.sites["l_toe"].evidence == "front edge of the sole"
+    np.testing.assert_allclose(places(robot)["l_toe"][0], 0.03 + 0.03 + 0.08, atol=1e-6)
+
+
 ROD = """
   <body name="crank{0}" pos="0.02 0 0"><joint name="crank{0}" axis="0 1 0"/><geom type="sphere" size="0.01" mass="0.05"/>
    <body name="rod{0}" pos="0 0 -0.01"><joint name="ball{0}" type="ball"/>
