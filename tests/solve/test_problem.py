@@ -62,7 +62,9 @@ def test_so_it_is_on_other_robots(name: str) -> None:
 def test_normal_matrix_is_that_of_reweighted_least_squares(case: Case) -> None:
     """J by central differences of what is measured, W = π/scale² · ϱ'(e)/2e; nothing within an open interval."""
     graph, problem = case
-    q, asked, step = somewhere(problem, 1), targets(graph, 3), 1e-6
+    q, every, step = somewhere(problem, 1), targets(graph, 3), 1e-6
+    edges = len(problem.values(q))
+    asked = EdgeTargets(every.lower[:edges], every.upper[:edges], every.priority[:edges])
     jacobian = np.empty((len(asked.lower), problem.robot.model.nv))
     for column, direction in enumerate(np.eye(problem.robot.model.nv)):
         ahead, behind = (problem.values(integrate(problem.robot, q, s * step * direction)) for s in (1, -1))
