@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from robot_retarget.pipeline import transfer as transfer
     from robot_retarget.result import Result as Result
     from robot_retarget.robot import Robot as Robot
+    from robot_retarget.robot import freeze as freeze
     from robot_retarget.robot import load_robot as load_robot
     from robot_retarget.scene import Scene as Scene
     from robot_retarget.scene import read_scene as read_scene
@@ -69,6 +70,7 @@ _HOME = {
     "solve": "pipeline",
     "transfer": "pipeline",
     "Robot": "robot",
+    "freeze": "robot",
     "load_robot": "robot",
     "Scene": "scene",
     "read_scene": "scene",

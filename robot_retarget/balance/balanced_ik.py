@@ -145,7 +145,8 @@ def with_bent_knees(graph: RobotGraph, bent: float) -> RobotGraph:
     robot, anatomy = graph.robot, graph.match.anatomy
     for knee in ("l_knee", "r_knee"):
         own = robot.model.jnt_bodyid[robot.joint_ids] == anatomy.sites[knee].body
-        for hinge in np.flatnonzero(own)[-1:]:
+        own &= robot.lower < robot.upper  # a frozen knee keeps its angle
+        for hinge in np.flatnonzero(own)[-1:].tolist():
             ends = robot.joint_names[hinge], "zero"
             lower, upper = float(robot.lower[hinge]), float(robot.upper[hinge])
             if abs(upper) > abs(lower):

@@ -27,6 +27,9 @@ class Settings:
     """Whether the robot's mirror image of every trajectory is written too."""
     map_file: str | None = None
     limits: str | None = None
+    freeze: tuple[str, ...] = ()
+    """Joints that keep an angle (`robot.freeze`)."""
+    only: str | None = None
 
     def digest(self, robot_sha256: str) -> str:
         """The sha256 of the settings, of the keypoint map, of the robot (`robot.digest`) and of this package's version."""

@@ -98,9 +98,11 @@ def _made(task: Task) -> dict[str, Any]:
     """The fields of the outcome of a clip that could be done; its files are written."""
     from robot_retarget.motion import read_motion
     from robot_retarget.motion.span import part_of
+    from robot_retarget.robot import freeze
     from robot_retarget.score.score import score
 
-    settings, robot = task.settings, robot_of(task.robot, task.settings.limits)
+    settings = task.settings
+    robot = freeze(robot_of(task.robot, settings.limits), settings.freeze, settings.only)
     motion = part_of(read_motion(task.path, up=settings.up, repair=settings.repair), settings.frames)
     trajectory, notes = _retargeted(motion, robot, settings)
     found = score(trajectory, robot, motion, overrides=settings.map_file)

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Balance, Fps, Frames, Json, Legs, Limits, Overrides, Preset, Quiet, Repair, Up
+from robot_retarget.cli.options import (
+    Balance,
+    Fps,
+    Frames,
+    Freeze,
+    Json,
+    Legs,
+    Limits,
+    Only,
+    Overrides,
+    Preset,
+    Quiet,
+    Repair,
+    Up,
+)
 from robot_retarget.errors import OutputError, UsageError, known
 
 if TYPE_CHECKING:
@@ -66,6 +80,8 @@ def batch(
     repair: Repair = True,
     map_file: Overrides = None,
     limits: Limits = None,
+    freeze: Freeze = None,
+    only: Only = None,
     preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "off",
@@ -83,7 +99,19 @@ def batch(
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
     _require(format, pack, retry)
     settings = Settings(
-        fps, preset, legs, balance, frames, up, repair, tuple(format or ()), mirror, _text(map_file), _text(limits)
+        fps,
+        preset,
+        legs,
+        balance,
+        frames,
+        up,
+        repair,
+        tuple(format or ()),
+        mirror,
+        _text(map_file),
+        _text(limits),
+        tuple(freeze or ()),
+        only,
     )
     job = Job(
         tuple(folders), tuple(robot), out, settings, Allowance(timeout, memory), tuple(include or ()), tuple(exclude or ()),

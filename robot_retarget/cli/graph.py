@@ -11,9 +11,11 @@ from robot_retarget.cli.options import (
     Edges,
     Fps,
     Frames,
+    Freeze,
     Json,
     Limits,
     MotionFile,
+    Only,
     Overrides,
     Preset,
     Quiet,
@@ -35,6 +37,8 @@ def graph(
     up: Up = None,
     fps: Fps = None,
     map_file: Overrides = None,
+    freeze: Freeze = None,
+    only: Only = None,
     limits: Limits = None,
     edges: Edges = None,
     preset: Preset = "balanced",
@@ -47,7 +51,7 @@ def graph(
     from robot_retarget.summary import describe_graph, describe_stress
 
     clip = read_clip(motion, frames, up=up)
-    found = described(clip, load(robot, limits), fps, map_file, edges, preset)
+    found = described(clip, load(robot, limits, None, freeze, only), fps, map_file, edges, preset)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         with progress({"retarget": retarget_cost(clip)}) as stages:

@@ -6,7 +6,19 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Force, Frames, Json, Limits, Overrides, Quiet, RobotName, TrajectoryFile, Up
+from robot_retarget.cli.options import (
+    Force,
+    Frames,
+    Freeze,
+    Json,
+    Limits,
+    Only,
+    Overrides,
+    Quiet,
+    RobotName,
+    TrajectoryFile,
+    Up,
+)
 from robot_retarget.cli.stages import load, own_unmet, read_clip, require_source
 
 commands: typer.Typer = typer.Typer()
@@ -24,6 +36,8 @@ def mend(
     frames: Frames = None,
     up: Up = None,
     map_file: Overrides = None,
+    freeze: Freeze = None,
+    only: Only = None,
     limits: Limits = None,
     force: Force = False,
     json: Json = False,
@@ -37,7 +51,7 @@ def mend(
     from robot_retarget.graph.edits import read_edits
 
     require_writable(output)
-    model, edits = load(robot, limits), read_edits(edges)
+    model, edits = load(robot, limits, None, freeze, only), read_edits(edges)
     played, clip = load_trajectory(trajectory, model), read_clip(motion, frames, up=up)
     require_source(played, clip, force)
     made, outcomes = apply_edits(graph_of(clip, model, played, map_file), played, edits)

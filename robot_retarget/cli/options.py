@@ -90,6 +90,16 @@ Preset = Annotated[
     ),
 ]
 Edges = Annotated[Path | None, typer.Option(help="TOML file of edges to add, weigh or drop.")]
+Freeze = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Joints that keep their standing angle, waist_*, or another, waist_yaw_joint=0.2 [rad]; repeatable."
+    ),
+]
+Only = Annotated[
+    Literal["arms", "upper"] | None,
+    typer.Option(help="Move the arms alone, or all but the legs; the other joints keep their standing angles."),
+]
 Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
 Servos = Annotated[
     str | None,

@@ -15,10 +15,12 @@ from robot_retarget.cli.options import (
     Edges,
     Fps,
     Frames,
+    Freeze,
     Json,
     Legs,
     Limits,
     MotionFile,
+    Only,
     Overrides,
     Preset,
     Quiet,
@@ -48,6 +50,8 @@ def solve(
     up: Up = None,
     repair: Repair = True,
     map_file: Overrides = None,
+    freeze: Freeze = None,
+    only: Only = None,
     limits: Limits = None,
     edges: Edges = None,
     preset: Preset = "balanced",
@@ -63,7 +67,7 @@ def solve(
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
     options = RetargetOptions(fps, map_file, legs, balance, edges, preset)
-    clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits)
+    clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits, None, freeze, only)
     with progress({"retarget": retarget_cost(clip)}) as stages:
         result = retargeted(clip, model, options, stages.begin("retarget"))
     _save(result, output, explain, json)
@@ -80,6 +84,8 @@ def transfer(
     format: FileFormat = None,
     source_fps: SourceFps = None,
     fps: Fps = None,
+    freeze: Freeze = None,
+    only: Only = None,
     limits: Limits = None,
     preset: Preset = "balanced",
     legs: Legs = "auto",
@@ -95,7 +101,7 @@ def transfer(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    performer, follower = load(source, None), load(named_robot(robot), limits)
+    performer, follower = load(source, None), load(named_robot(robot), limits, None, freeze, only)
     trajectory = import_motion(motion, performer, format, FormatOptions(source_fps=source_fps))
     with progress({"transfer": 0.5 + 0.5 * trajectory.duration}) as stages:
         begun = stages.begin("transfer")

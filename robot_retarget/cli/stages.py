@@ -332,11 +332,17 @@ def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> N
             raise UsageError(f"{error}; --force accepts it") from error
 
 
-def load(name: str, limits: Path | None, servos: str | None = None) -> "Robot":
-    """Load a robot by name or file, with missing limits and servos from separate files."""
-    from robot_retarget.robot import load_robot
+def load(
+    name: str,
+    limits: Path | None,
+    servos: str | None = None,
+    frozen: list[str] | None = None,
+    only: str | None = None,
+) -> "Robot":
+    """Load a robot by name or file, with missing limits and servos from separate files, and some joints frozen."""
+    from robot_retarget.robot import freeze, load_robot
 
-    return load_robot(name, limits, servos)
+    return freeze(load_robot(name, limits, servos), frozen or (), only)
 
 
 def is_robot_name(name: str) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, Quiet
+from robot_retarget.cli.options import Freeze, Json, Limits, Only, Quiet
 from robot_retarget.errors import UsageError, known
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ def stream(
         float | None, typer.Option(help="With --send: frames a second; by default the motion's own.")
     ] = None,
     speed: Annotated[float, typer.Option(help="Of a motion file: times its own speed.")] = 1.0,
+    freeze: Freeze = None,
+    only: Only = None,
     limits: Limits = None,
     json: Json = False,
     quiet: Quiet = False,
@@ -97,7 +99,7 @@ def stream(
         )
     from robot_retarget.cli.stages import load
 
-    model = load(robot, limits, servos)
+    model = load(robot, limits, servos, freeze, only)
     with _opened(StreamInput(source, port, host, tcp, sender, skeleton, speed)) as frames:
         poses = StreamRun(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
         figures, code = _SHOWN[target](poses, StreamOutput(servos, serial, mode, window, page, log))

@@ -23,9 +23,10 @@ from robot_retarget.graph.role import STEP, Role
 from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
-from robot_retarget.human.match import Match, match
+from robot_retarget.human.match import Match, match, read_map
 from robot_retarget.motion import Motion, as_motion
-from robot_retarget.robot import Robot, as_robot
+from robot_retarget.robot import Robot, as_robot, freeze
+from robot_retarget.robot.override import frozen_lines
 
 MOST_FPS = REFERENCE_FPS
 """Default upper limit of the rate of a described motion [1/s]."""
@@ -147,7 +148,7 @@ def describe(
         motion: a motion, or a file that `read_motion` reads.
         robot: a robot, or a name or model file that `load_robot` loads.
         fps: frames per second; None takes the motion's own, `MOST_FPS` at most.
-        overrides: a TOML file that replaces lines of the keypoint map (`match.match`).
+        overrides: a TOML file that replaces lines of the keypoint map (`match.match`) and freezes joints of the robot.
         weights: how much each kind of edge counts.
         preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
         kinds: the kinds of edges that describe the motion; None takes `clip_kinds` (`graph.kinds`).
@@ -158,7 +159,8 @@ def describe(
     """
     weighed = (weights or Weights()).with_preset(preset)
     motion = at_rate(as_motion(motion), fps)
-    robot = as_robot(robot)
+    tables = read_map(Path(overrides)) if overrides is not None else {}
+    robot = freeze(as_robot(robot), frozen_lines(tables.get("robot", {})))
     matched = match(motion, robot, overrides)
     graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
     return replace(graph, mapped=overrides is not None)

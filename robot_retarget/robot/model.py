@@ -58,6 +58,8 @@ class Robot:
     """Rotation in the reference pose, relative to the file, of a robot with an added free joint."""
     servo_map: ServoMap | None = None
     """The servos that turn its hinges, if known."""
+    whole: "Robot | None" = None
+    """The robot before some of its joints were frozen (`freeze.freeze`), which recognition reads; None is itself."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):

@@ -20,6 +20,8 @@ FARTHEST = 10.0
 """A keypoint farther from its body is a mistake [m]."""
 FORWARD = "forward"
 """The line that sets the robot's heading."""
+FREEZE = "freeze"
+"""The line of joints that keep an angle."""
 
 
 def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
@@ -27,7 +29,7 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
 
     The line `forward = [x, y, z]` sets the robot's heading in its reference pose; left and right follow. Lines
     `keypoint = ["body", x, y, z]` replace keypoints (`override`). A table of all keypoints applies even if recognition
-    fails.
+    fails. The line `freeze` is not about keypoints (`frozen_lines`).
 
     Args:
         robot: the robot.
@@ -36,7 +38,7 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     Raises:
         MatchError: recognition fails and the table lacks a keypoint, or a line is not of these forms.
     """
-    lines = {keypoint: line for keypoint, line in table.items() if keypoint != FORWARD}
+    lines = {keypoint: line for keypoint, line in table.items() if keypoint not in (FORWARD, FREEZE)}
     forward = _heading(table[FORWARD]) if FORWARD in table else None
     try:
         found = recognise(robot, forward)
@@ -45,6 +47,18 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
             raise
         found = _from_map(robot, _sites(robot, lines), forward, str(error))
     return override(found, robot, lines)
+
+
+def frozen_lines(table: Mapping[str, Any]) -> list[str]:
+    """Return the joints of the line `freeze = ["waist_*", "head_pan=0.2"]` of the table `[robot]`.
+
+    Raises:
+        MatchError: the line is no list of names.
+    """
+    lines = table.get(FREEZE, [])
+    if not (isinstance(lines, list) and all(isinstance(line, str) for line in lines)):
+        raise MatchError(f'freeze must be ["JOINT", "PATTERN=ANGLE", …], got {lines!r}')
+    return lines
 
 
 def _from_map(robot: Robot, sites: dict[str, KeypointSite], forward: Floats | None, reason: str) -> Anatomy:
@@ -100,7 +114,7 @@ def _sites(robot: Robot, table: Mapping[str, Any]) -> dict[str, KeypointSite]:
     for keypoint, line in table.items():
         if keypoint not in KEYPOINTS:
             raise MatchError(
-                f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD), typed=keypoint)}"
+                f"override names the keypoint {keypoint!r}; {known((*KEYPOINTS, FORWARD, FREEZE), typed=keypoint)}"
             )
         if not (isinstance(line, list) and line and isinstance(line[0], str) and _are_numbers(line[1:], 3)):
             raise MatchError(f'override of {keypoint} must be ["body", x, y, z], within {FARTHEST:g} m, got {line!r}')

@@ -52,7 +52,8 @@ def recognise(robot: Robot, forward: Floats | None = None) -> Anatomy:
     Raises:
         MatchError: the model is no humanoid; the message says why.
     """
-    return _recognised(robot) if forward is None else _anatomy(robot, forward)
+    whole = robot.whole or robot
+    return _recognised(whole) if forward is None else _anatomy(whole, forward)
 
 
 @lru_cache(maxsize=KEPT)

@@ -109,6 +109,7 @@ BONES = {
 
 def optitrack(path: Path, motion: Motion, unit: str = "Millimeters", lost: slice = slice(0)) -> Path:
     """Bones of two skeletons, y up, quaternions x y z w; the second stands two metres aside."""
+    assert motion.rotations is not None
     to_y = Rotation.from_euler("x", -90, degrees=True)
     columns, cells = [], []
     for person, aside in (("Anna", 0.0), ("Ben", 2.0)):
@@ -159,6 +160,7 @@ MVNX = """<?xml version="1.0"?><mvnx xmlns="http://www.xsens.com/mvn/mvnx" versi
 
 def mvnx(path: Path, motion: Motion) -> Path:
     """The joints of a motion as segments; the foot contacts of every frame are left heel alone."""
+    assert motion.rotations is not None
     names, skeleton = motion.skeleton.names, motion.skeleton
     points = {n: [(f"j{n}", np.zeros(3))] for n in names}
     joints = ""
@@ -183,6 +185,7 @@ def mvnx(path: Path, motion: Motion) -> Path:
 
 def test_segments_of_mvnx_are_joints_with_rotations_and_contacts(tmp_path: Path, walk: Motion) -> None:
     motion = read_motion(mvnx(tmp_path / "a.mvnx", walk), repair=False)
+    assert motion.rotations is not None and walk.rotations is not None
     kept = [motion.skeleton.names.index(name) for name in walk.skeleton.names]
     assert motion.fps == 60 and len(motion) == len(walk)
     assert np.allclose(

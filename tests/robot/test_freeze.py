@@ -1,0 +1,71 @@
+"""Frozen joints keep their angle, in a clip, a stream, a balanced playback and a map file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_files import ROOT
+
+import robot_retarget as rr
+from robot_retarget.errors import UsageError
+from robot_retarget.robot import Robot, recognise
+
+SAMPLES = ROOT / "samples"
+
+
+def off(trajectory: rr.Trajectory, robot: Robot, joint: str, angle: float) -> float:
+    """The largest distance of a joint from an angle [rad]."""
+    return float(np.abs(trajectory.qpos[:, robot.qpos_index[robot.joint_names.index(joint)]] - angle).max())
+
+
+def test_a_frozen_waist_stands_while_the_human_bows() -> None:
+    free = rr.load_robot("g1_class")
+    robot = rr.freeze(free, ["waist_*", "left_wrist_roll_joint=0.3"])
+    moved = rr.retarget(SAMPLES / "hips_and_bow.bvh", free).trajectory
+    held = rr.retarget(SAMPLES / "hips_and_bow.bvh", robot).trajectory
+    assert off(moved, free, "waist_pitch_joint", 0.0) > 0.1
+    assert off(held, robot, "waist_pitch_joint", 0.0) == 0 and off(held, robot, "left_wrist_roll_joint", 0.3) < 1e-9
+
+
+def test_arms_alone_move_in_a_balanced_playback_and_the_rest_stands() -> None:
+    robot = rr.freeze(rr.load_robot("op3"), only="arms")
+    qpos = rr.retarget(SAMPLES / "wave.bvh", robot, balance="static", legs="stand").trajectory.qpos
+    arms = np.array(["sho" in name or name.endswith("_el") for name in robot.joint_names])
+    assert np.ptp(qpos[:, robot.qpos_index[~arms]], axis=0).max() == 0
+    assert np.ptp(qpos[:, robot.qpos_index[arms]], axis=0).max() > 1
+    assert np.ptp(qpos[:, :3], axis=0).max() < 2e-3
+
+
+def test_a_stream_holds_frozen_joints() -> None:
+    robot, motion = rr.freeze(rr.load_robot("op3"), ["head_*", "l_el=-0.4"]), rr.read_motion(SAMPLES / "wave.bvh")
+    stream = rr.Stream(robot, motion.skeleton)
+    turns = motion.rotations
+    poses = [
+        stream.push(motion.positions[t], None if turns is None else turns[t], time=t / motion.fps) for t in range(60)
+    ]
+    elbow = robot.qpos_index[robot.joint_names.index("l_el")]
+    assert poses[-1].qpos[elbow] == pytest.approx(-0.4, abs=1e-9)
+
+
+def test_a_map_file_freezes_too(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text('[robot]\nfreeze = ["head_*=0.1"]\n')
+    result = rr.retarget(SAMPLES / "wave.bvh", "op3", overrides=tmp_path / "map.toml")
+    assert off(result.trajectory, result.robot, "head_pan", 0.1) < 1e-9
+
+
+def test_keypoints_do_not_depend_on_what_is_frozen() -> None:
+    robot = rr.load_robot("g1_class")
+    assert recognise(rr.freeze(robot, ["*_elbow_*", "*_hip_*=0.0"])) is recognise(robot)
+
+
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        (["wrist_*"], r"fits no joint of op3; .*r_sho_pitch"),
+        (["head_pan=9"], r"head_pan=9: outside its range"),
+        (["head_pan=left"], "expected an angle in radians"),
+    ],
+)
+def test_what_cannot_be_frozen_is_named(joints: list[str], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        rr.freeze(rr.load_robot("op3"), joints)
