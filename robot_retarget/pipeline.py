@@ -17,6 +17,7 @@ from robot_retarget.motion import Motion
 from robot_retarget.progress import Progress, consecutive
 from robot_retarget.result import Result
 from robot_retarget.robot import Robot
+from robot_retarget.scene import Scene
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solve import solve_graph
@@ -89,6 +90,8 @@ def retarget(
     legs: str = "auto",
     balance: str = "auto",
     progress: Progress | None = None,
+    scene: Scene | str | Path | None = None,
+    scene_scale: float | None = None,
 ) -> Result:
     """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
 
@@ -105,12 +108,23 @@ def retarget(
         legs: `auto`, `follow` or `stand`, with balance.
         balance: `auto`, `static`, `dynamic` or `off`.
         progress: receives (steps done, steps in all).
+        scene: the bodies around the human, or a file that `read_scene` reads.
+        scene_scale: size of the bodies beside the robot over their captured size [-]; None scales them with the human.
 
     Returns:
         The trajectory with its graph and solution.
     """
     began = time.perf_counter()
-    graph = describe(motion, robot, fps=fps, overrides=overrides, weights=weights, preset=preset)
+    graph = describe(
+        motion,
+        robot,
+        fps=fps,
+        overrides=overrides,
+        weights=weights,
+        preset=preset,
+        scene=scene,
+        scene_scale=scene_scale,
+    )
     prepared = time.perf_counter() - began
     result = solve(
         graph, options=options, search=search, smoothing=smoothing, legs=legs, balance=balance, progress=progress

@@ -8,6 +8,9 @@ import numpy as np
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.track import HARD, Track
+from robot_retarget.human.features import features_of
+from robot_retarget.human.match import match
+from robot_retarget.human.stance import intervals
 from robot_retarget.human.stature import leg_length, stature
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
@@ -51,6 +54,34 @@ def describe_motion(motion: Motion) -> dict[str, Any]:
         "remarks": [*found.notes, *_map_advice(keypoints)],
     }
     return facts | {"human": True, "confidence": round(found.confidence, 2)} | size | remarks
+
+
+def describe_scene(motion: Motion, robot: Robot) -> dict[str, Any]:
+    """Bodies of a motion's scene, their sizes, and which parts of the human touch them and when.
+
+    Args:
+        motion: a human with a scene.
+        robot: a robot with the keypoints that are looked at.
+    """
+    scene, around = motion.scene, features_of(motion, match(motion, robot)).around
+    assert scene is not None and around is not None
+    times = motion.source_time
+    touches: dict[int, list[dict[str, Any]]] = {k: [] for k in range(len(scene))}
+    for pair, (part, body) in enumerate(around.touches.pairs):
+        for start, stop in intervals(around.touches.held[:, pair]):
+            span = {"from_s": round(float(times[start]), 2), "to_s": round(float(times[stop - 1]), 2)}
+            touches[body].append({"part": part} | span)
+    bodies = [
+        {
+            "name": body.name,
+            "shape": str(body.shape.kind),
+            "size_m": [round(float(edge), 3) for edge in body.shape.size],
+            "moves": "fixed" if body.fixed else "moves",
+            "touches": touches[k],
+        }
+        for k, body in enumerate(scene.bodies)
+    ]
+    return {"scene": bodies, "notes": [*motion.notes, *scene.notes]}
 
 
 SURENESS = ((0.8, "sure"), (0.6, "likely"), (0.4, "doubtful"), (0.0, "a guess"))

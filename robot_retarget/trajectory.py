@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats, frozen
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.errors import SceneError, TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.goals import FILE_FIELDS as GOAL_FIELDS
 from robot_retarget.goals import Goals, read_goals, require_angles
 from robot_retarget.notebook import card, frame
+from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
+from robot_retarget.scene.pack import arrays_of, scene_from
+from robot_retarget.scene.scene import Scene
 from robot_retarget.untrusted.fields import Field, read_fields
 
 FORMAT_VERSION = 3
@@ -32,6 +35,7 @@ FIELDS = {
     "likeness": Field("text", required=False),
     "balance": Field("text", required=False),
     **GOAL_FIELDS,
+    **SCENE_FIELDS,
 }
 """Of the trajectory file."""
 KEYS = tuple(name for name, field in FIELDS.items() if field.required)
@@ -72,6 +76,8 @@ class Trajectory:
     """Figures of its likeness to the human's motion, for the verdict; empty if it was not compared with one."""
     balance: str = ""
     """The balance that it was planned with (`static`, `dynamic`); empty for none."""
+    scene: Scene | None = None
+    """The bodies around the robot, the moving ones with a pose at every frame."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "qpos", frozen(self.qpos))
@@ -115,6 +121,8 @@ class Trajectory:
             raise TrajectoryError(f"source_time must be ({len(self)},) as there are frames, got {times.shape}")
         if not (np.isfinite(times).all() and (np.diff(times) >= 0).all()):
             raise TrajectoryError("source_time must be finite and must not go back")
+        if self.scene is not None and self.scene.frames not in (None, len(self)):
+            raise TrajectoryError(f"the scene has {self.scene.frames} frames, the trajectory {len(self)}")
         if goals is None:
             return
         if goals.angles.shape[1] != len(self.joint_names):
@@ -196,6 +204,7 @@ class Trajectory:
             **({"likeness": json.dumps(dict(self.likeness), allow_nan=False)} if self.likeness else {}),
             **({"balance": self.balance} if self.balance else {}),
             **(self.goals.arrays() if self.goals else {}),
+            **(arrays_of(self.scene, len(self)) if self.scene else {}),
         )
         return stream.getvalue()
 
@@ -237,8 +246,9 @@ def load_trajectory(path: str | Path) -> Trajectory:
             source_sha256=str(values.get("source_sha256", "")),
             likeness=_read_likeness(str(values.get("likeness", "{}"))),
             balance=str(values.get("balance", "")),
+            scene=scene_from(values),
         )
-    except TrajectoryError as error:
+    except (TrajectoryError, SceneError) as error:
         raise TrajectoryError(f"{path}: {error}") from None
 
 

@@ -87,6 +87,10 @@ def show_motion(facts: dict[str, Any]) -> None:
         ]
         table("Keypoints", ("keypoint", "joint", "sure", "because"), rows)
         _missing(facts)
+    for body in facts.get("scene", ()):
+        size = " × ".join(f"{edge:g}" for edge in body["size_m"])
+        touches = "; ".join(f"{t['part']} {t['from_s']:g} to {t['to_s']:g} s" for t in body["touches"])
+        say(f"{body['name']}: {body['shape']} {size} m, {body['moves']}, touched by {touches or 'nothing'}")
     for sentence in facts["notes"]:
         say(f"note: {sentence}")
     if facts["human"]:

@@ -19,6 +19,8 @@ from robot_retarget.cli.options import (
     Overrides,
     Preset,
     Quiet,
+    SceneFile,
+    SceneScale,
     Up,
 )
 from robot_retarget.cli.stages import described, load, read_clip, retarget_cost
@@ -42,6 +44,8 @@ def graph(
     limits: Limits = None,
     edges: Edges = None,
     preset: Preset = "balanced",
+    scene: SceneFile = None,
+    scene_scale: SceneScale = "human",
     solve: Annotated[bool, typer.Option(help="Solve it too: stress per kind, and the edges that lost most.")] = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -51,7 +55,7 @@ def graph(
     from robot_retarget.summary import describe_graph, describe_stress
 
     clip = read_clip(motion, frames, up=up)
-    found = described(clip, load(robot, limits, None, freeze, only), fps, map_file, edges, preset)
+    found = described(clip, load(robot, limits, None, freeze, only), fps, map_file, edges, preset, scene, scene_scale)
     facts: dict[str, Any] = describe_graph(found)
     if solve:
         with progress({"retarget": retarget_cost(clip)}) as stages:

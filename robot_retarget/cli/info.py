@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import BodyModel, Json, Limits, Quiet, Repair, SourceFps, Up
+from robot_retarget.cli.options import DEFAULT_ROBOT, BodyModel, Json, Limits, Quiet, Repair, SceneFile, SourceFps, Up
 from robot_retarget.cli.stages import is_robot_name, load, read_clip
 from robot_retarget.errors import UsageError
 
@@ -24,18 +24,23 @@ def info(
     up: Up = None,
     repair: Repair = True,
     limits: Limits = None,
+    scene: SceneFile = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Describe a motion or a robot, and its recognised keypoints."""
-    from robot_retarget.summary import describe_motion, describe_robot
+    """Describe a motion or a robot, its recognised keypoints, and the bodies of a scene with the parts that touch them."""
+    from robot_retarget.scene import read_scene
+    from robot_retarget.summary import describe_motion, describe_robot, describe_scene
 
     if (file is None) == (robot is None):
         raise UsageError("info takes one thing: a motion, an MJCF file, or --robot NAME")
     if robot is not None or is_robot_name(str(file)):
         facts = describe_robot(load(str(robot or file), limits))
     else:
-        facts = describe_motion(read_clip(Path(str(file)), None, source_fps, body_model, up, repair))
+        motion = read_clip(Path(str(file)), None, source_fps, body_model, up, repair)
+        facts = describe_motion(motion)
+        if scene is not None:
+            facts |= describe_scene(motion.with_scene(read_scene(scene)), load(DEFAULT_ROBOT, None))
     if json:
         console.dump(facts)
     elif facts["kind"] == "robot":

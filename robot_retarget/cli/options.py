@@ -47,6 +47,16 @@ DefaultRobot = Annotated[
         help=f"A shipped name (op3), an MJCF file, or a robot_descriptions name; by default {DEFAULT_ROBOT}.",
     ),
 ]
+SceneFile = Annotated[
+    Path | None,
+    typer.Option("--scene", help="Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md)."),
+]
+SceneScale = Annotated[
+    str,
+    typer.Option(
+        help="Size of the bodies beside the robot: `human` scales them with the human, 1 keeps their size, or a number."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Quiet = Annotated[
     bool,

@@ -25,6 +25,8 @@ from robot_retarget.cli.options import (
     Quiet,
     Repair,
     RobotName,
+    SceneFile,
+    SceneScale,
     Servos,
     SourceFps,
     Up,
@@ -50,6 +52,8 @@ def run(
     only: Only = None,
     limits: Limits = None,
     servos: Servos = None,
+    scene: SceneFile = None,
+    scene_scale: SceneScale = "human",
     preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
@@ -60,7 +64,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
-    options = RetargetOptions(fps, map_file, legs, balance, preset=preset)
+    options = RetargetOptions(fps, map_file, legs, balance, preset=preset, scene=scene, scene_scale=scene_scale)
     verdict = fill_folder(
         read_clip(motion, frames, source_fps, body_model, up, repair),
         load(robot, limits, servos, freeze, only),

@@ -39,6 +39,10 @@ def simulate(
     backlash: Annotated[
         float, typer.Option(help="Play of every joint, either way [rad]; that of an XM430 is 0.0044 (0.25°).")
     ] = 0.0,
+    objects: Annotated[
+        Literal["carried", "free"],
+        typer.Option(help="Moving bodies of the scene follow their path, or are held by friction alone."),
+    ] = "carried",
     servos: Servos = None,
     own_actuators: Annotated[bool, typer.Option("--own-actuators", help="The MJCF's actuators, no servos.")] = False,
     store: Annotated[
@@ -73,7 +77,9 @@ def simulate(
     for path in (*([trajectory, where] if store else []), *([page] if page else [])):
         require_writable(path)
     warnings = warnings_or_none(played, model)
-    report = judged(played, model, how, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash)
+    report = judged(
+        played, model, how, compensate, not own_actuators, thresholds, warnings, draws, feedback, backlash, objects
+    )
     if store:
         save_judged(report, trajectory, where)
     if page is not None:

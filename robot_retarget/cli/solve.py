@@ -25,6 +25,8 @@ from robot_retarget.cli.options import (
     Preset,
     Quiet,
     Repair,
+    SceneFile,
+    SceneScale,
     SourceFps,
     Up,
     named_robot,
@@ -54,6 +56,8 @@ def solve(
     only: Only = None,
     limits: Limits = None,
     edges: Edges = None,
+    scene: SceneFile = None,
+    scene_scale: SceneScale = "human",
     preset: Preset = "balanced",
     legs: Legs = "auto",
     balance: Balance = "auto",
@@ -66,7 +70,7 @@ def solve(
 
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
-    options = RetargetOptions(fps, map_file, legs, balance, edges, preset)
+    options = RetargetOptions(fps, map_file, legs, balance, edges, preset, scene, scene_scale)
     clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits, None, freeze, only)
     with progress({"retarget": retarget_cost(clip)}) as stages:
         result = retargeted(clip, model, options, stages.begin("retarget"))

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from robot_retarget.cli import console
 from robot_retarget.cli.bars import Stages, progress
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from robot_retarget.result import Result
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
+    from robot_retarget.simulate.bodies import Objects
     from robot_retarget.simulate.report import Report
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
@@ -43,6 +44,8 @@ class RetargetOptions:
     balance: str
     edges: Path | None = None
     preset: str = "balanced"
+    scene: Path | None = None
+    scene_scale: str = "human"
 
 
 def fill_folder(
@@ -169,6 +172,7 @@ def judged(
     draws: int,
     feedback: bool | None = None,
     backlash: float = 0.0,
+    objects: str = "carried",
 ) -> "Report":
     """A trajectory played on simulated servos, or on the MJCF's own actuators."""
     from robot_retarget.simulate.rollout import simulate as roll_out
@@ -188,6 +192,7 @@ def judged(
             draws=draws,
             feedback=feedback,
             backlash=backlash,
+            objects=cast("Objects", objects),
             progress=stages.begin("simulate"),
         )
 
@@ -277,13 +282,32 @@ def described(
     map_file: Path | None,
     edges: Path | None,
     preset: str = "balanced",
+    scene: Path | None = None,
+    scene_scale: str = "human",
 ) -> "RobotGraph":
     """The graph of a motion on a robot, with the edits of a file."""
     from robot_retarget.graph.describe import describe
     from robot_retarget.graph.edits import edited, read_edits
 
     edits = read_edits(edges) if edges else []
-    return edited(describe(motion, robot, fps=fps, overrides=map_file, preset=preset), edits)
+    scale = scale_of(scene_scale)
+    graph = describe(motion, robot, fps=fps, overrides=map_file, preset=preset, scene=scene, scene_scale=scale)
+    return edited(graph, edits)
+
+
+def scale_of(text: str) -> float | None:
+    """Return the size of bodies beside the robot over their captured size; None for `human`.
+
+    Raises:
+        UsageError: it is neither `human` nor a positive number.
+    """
+    try:
+        scale = None if text == "human" else float(text)
+    except ValueError:
+        scale = 0.0
+    if scale is not None and not 0 < scale < float("inf"):
+        raise UsageError(f"--scene-scale takes human, 1 or another positive number, got {text!r}")
+    return scale
 
 
 def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
@@ -297,7 +321,9 @@ def retargeted(motion: "Motion", robot: "Robot", options: RetargetOptions, progr
     """The motion on the robot."""
     from robot_retarget.pipeline import solve
 
-    graph = described(motion, robot, options.fps, options.map_file, options.edges, options.preset)
+    graph = described(
+        motion, robot, options.fps, options.map_file, options.edges, options.preset, options.scene, options.scene_scale
+    )
     return solve(graph, legs=options.legs, balance=options.balance, progress=progress)
 
 

@@ -1,8 +1,10 @@
 """What kinds read: the human, the robot and the weights, of a clip or of one frame of a stream."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from robot_retarget.arrays import Floats
+from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
@@ -17,6 +19,11 @@ class RetargetContext:
     match: Match
     robot: Robot
     weights: Weights
+
+    @cached_property
+    def scene(self) -> PlacedScene | None:
+        """The bodies around, in the robot's world; None without a scene."""
+        return placed_scene(self.human, self.match)
 
     @property
     def leg(self) -> float:

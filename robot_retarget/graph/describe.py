@@ -24,9 +24,11 @@ from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
+from robot_retarget.human.surroundings import rescaled
 from robot_retarget.motion import Motion, as_motion
 from robot_retarget.robot import Robot, as_robot, freeze
 from robot_retarget.robot.override import frozen_lines
+from robot_retarget.scene import Scene, read_scene
 
 MOST_FPS = REFERENCE_FPS
 """Default upper limit of the rate of a described motion [1/s]."""
@@ -141,6 +143,8 @@ def describe(
     weights: Weights | None = None,
     preset: str = "balanced",
     kinds: Iterable[Kind] | None = None,
+    scene: Scene | str | Path | None = None,
+    scene_scale: float | None = None,
 ) -> RobotGraph:
     """Build the graph of a human motion on a robot.
 
@@ -152,18 +156,39 @@ def describe(
         weights: how much each kind of edge counts.
         preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
         kinds: the kinds of edges that describe the motion; None takes `clip_kinds` (`graph.kinds`).
+        scene: the bodies around the human, or a file that `read_scene` reads; None takes those of the motion, if any.
+        scene_scale: size of the bodies beside the robot over their captured size [-]; None takes that of the scene, and
+            without one scales them with the human.
 
     Raises:
+        SceneError: a body does not fit the motion.
         MatchError: the motion is not human, or the robot no humanoid.
         UsageError: fps out of range, or an unknown preset.
     """
     weighed = (weights or Weights()).with_preset(preset)
-    motion = at_rate(as_motion(motion), fps)
+    motion = at_rate(among(as_motion(motion), scene, scene_scale), fps)
     tables = read_map(Path(overrides)) if overrides is not None else {}
     robot = freeze(as_robot(robot), frozen_lines(tables.get("robot", {})))
     matched = match(motion, robot, overrides)
     graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
+
+
+def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None = None) -> Motion:
+    """Return a motion with the bodies of a scene around it.
+
+    Args:
+        motion: the human's.
+        scene: bodies, or a scene file; None keeps those of the motion.
+        scale: their size beside the robot over their captured size; None keeps that of the scene.
+
+    Raises:
+        SceneError: a body does not fit the motion, or the scale is not positive.
+    """
+    if scene is not None:
+        around = scene if isinstance(scene, Scene) else read_scene(scene)
+        return motion.with_scene(around if scale is None else replace(around, scale=scale))
+    return motion if motion.scene is None or scale is None else rescaled(motion, scale)
 
 
 def at_rate(motion: Motion, fps: float | None) -> Motion:

@@ -11,11 +11,13 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, smoothstep, sole_corners
+from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
+from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, raised, smoothstep, sole_corners
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import intervals
 from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.scene.scene import as_pose, composed, inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +42,16 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
+    scene = placed_scene(human, match)
     for k, foot in enumerate(feet):
         if foot in human.contacts:
             held[:, k, TOE], held[:, k, HEEL] = human.contacts[foot][:, :1], human.contacts[foot][:, 1:]
-        places[:, k] = foothold_corners(held[:, k], sole_of(human, match, robot, foot).places(human))
+        corners = sole_of(human, match, robot, foot).places(human)
+        if scene is None:
+            places[:, k] = foothold_corners(held[:, k], corners)
+            continue
+        surface = surface_under(human, scene, foot)
+        places[:, k] = foothold_corners(held[:, k], corners + surface.shift[:, None], surface=surface)
     return Footholds(feet, held, places)
 
 
@@ -56,6 +64,45 @@ def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
     """
     known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
     return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface under one foot in the robot's world, over T frames."""
+
+    places: Floats
+    """(T, 3) a point of it [m]."""
+    normals: Floats
+    """(T, 3) pointing up."""
+    shift: Floats
+    """(T, 3) from where the scaled path puts that point to where the body has it; 0 on the floor and on bodies that are
+    scaled with the human [m]."""
+
+    def over(self, frames: slice) -> tuple[Floats, Floats]:
+        """Return point and normal of the plane of a stance: those of its median height."""
+        middle = frames.start + int(np.argsort(self.places[frames, 2], kind="stable")[len(self.places[frames]) // 2])
+        return self.places[middle], self.normals[middle]
+
+
+def surface_under(human: HumanFeatures, scene: PlacedScene, foot: str) -> Surface:
+    """Return the surface under a foot: where its toe or ankle, whichever is nearer to the ground, stands.
+
+    Args:
+        human: features of T frames, with a scene.
+        scene: its bodies in the robot's world.
+        foot: `l` or `r`.
+    """
+    assert human.around is not None
+    ground, frames = human.around.ground, np.arange(len(human))
+    own = [k for k, name in enumerate(ground.keypoints) if name[0] == foot]
+    column = np.array(own)[ground.places[:, own, 2].argmax(axis=1)]
+    place, normal, body = ground.places[frames, column], ground.normals[frames, column], ground.bodies[frames, column]
+    scaled = scene.ratio * (place - [*scene.origin, 0.0])
+    poses = scene.poses(len(human))[frames, body]
+    local = composed(inverse(human.around.scene.poses(len(human))[frames, body]), as_pose(place))[:, :3]
+    on_body = composed(poses, as_pose(scene.size * local))[:, :3]
+    found = np.where((body >= 0)[:, None], on_body, scaled)
+    return Surface(found, normal, found - scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +191,14 @@ def _misfit(corners: Floats, places: Floats) -> float:
     return float(np.abs(a * turn / max(abs(turn), 1e-12) - b).max())
 
 
-def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0) -> Floats:
+def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0, surface: Surface | None = None) -> Floats:
     """Return (T, 4, 3) corners of one foot: at its footholds in stance, on its swing reference otherwise [m].
 
     Args:
         held: (T, 4) which corners stand.
         corners: (T, 4, 3) corners without footholds [m]: a stance uses their median, a swing their shape.
         fixed: number of frames at the start that stay unchanged; a stance that began there keeps its place.
+        surface: the surface under the foot; None for the floor.
     """
     stands, places = np.asarray(held.any(axis=1)), corners.copy()
     for start, stop in intervals(stands):
@@ -158,7 +206,8 @@ def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0) -> Float
         whole = np.asarray(held[known].all(axis=1))
         seen = corners[known][whole if whole.any() else slice(None)]
         pose = median_pose(seen)
-        places[start:stop] = flattened(pose) if held[start:stop].all(axis=1).any() else _edges_down(pose)
+        flat = flattened(pose) if held[start:stop].all(axis=1).any() else _edges_down(pose)
+        places[start:stop] = flat if surface is None else raised(flat, *surface.over(slice(start, stop)))
     stands[:fixed] = True
     places[~stands] += _blended(stands, places - corners)[~stands]
     return places

@@ -22,6 +22,7 @@ from robot_retarget.graph.rows import RowState as RowState
 from robot_retarget.graph.track import Track as Track
 from robot_retarget.graph.track import exact as exact
 from robot_retarget.human.features import HumanFeatures
+from robot_retarget.scene.scene import Scene
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -140,6 +141,10 @@ class Kind:
             phase: the coarse path, a playback or a stand.
         """
         return phase.of(track)
+
+    def bodies(self, track: Track) -> Scene | None:
+        """Return the bodies around the robot at the frames of a track, where the kind knows them."""
+        return None
 
     def of(self, edges: np.ndarray) -> "Kind":
         """Return the kind of some of the edges, where it stores data per edge."""

@@ -45,6 +45,8 @@ class RowState:
     """The frame before, for costs with the stencil (−1, 0); None at the first frame."""
     contacts: ContactRows | None = None
     """The rows of the numeric inequalities, for costs with the stencil (−1, 0); None without such kinds."""
+    targets: tuple[Floats, Floats, Floats] | None = None
+    """Lower bounds, upper bounds and π (E,) of the kind's edges at the frame; None where a repair asks for overlaps."""
     memory: dict[str, Any] = field(default_factory=dict)
     """What the kind keeps from one evaluation to the next, per solver and track."""
 

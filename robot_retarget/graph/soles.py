@@ -50,6 +50,17 @@ def flattened(corners: Floats) -> Floats:
     return np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1)
 
 
+def raised(corners: Floats, place: Floats, normal: Floats) -> Floats:
+    """Return corners (4, 3) on the floor moved straight up to a plane.
+
+    Args:
+        place: (3,) a point of the plane [m].
+        normal: (3,) its unit normal, pointing up.
+    """
+    height = place[2] - (corners[:, :2] - place[:2]) @ normal[:2] / normal[2]
+    return corners + height[:, None] * [0.0, 0.0, 1.0]
+
+
 def smoothstep(share: Floats) -> Floats:
     """Return 3 s² − 2 s³: from 0 to 1, with zero slope at both ends."""
     return share**2 * (3 - 2 * share)

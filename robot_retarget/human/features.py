@@ -14,6 +14,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.segments import facing, heading
 from robot_retarget.human.stance import StanceRule
+from robot_retarget.human.touches import Surroundings, surroundings_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,8 @@ class HumanFeatures:
     fps: float
     ankle_height: float = 0.0
     """Height of the lowest ankle above the floor while it stands [m]."""
+    around: Surroundings | None = None
+    """The bodies around, where the human touches them, and the ground under the feet; None without a scene."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -70,6 +73,7 @@ class HumanFeatures:
             contacts={foot: stands[frames] for foot, stands in self.contacts.items()},
             supported=self.supported[frames],
             flying=self.flying[frames],
+            around=None if self.around is None else self.around.at(frames),
         )
 
 
@@ -77,19 +81,22 @@ def features_of(motion: Motion, match: Match) -> HumanFeatures:
     """Return the features of a motion; a part of a clip uses the whole clip for its constants."""
     clip, fps, rule = motion.clip, motion.fps, ActivityRule()
     x = match.human_positions(clip)
-    floor = floor_under(x, match, fps)
+    floor = floor_under(x, match, fps) if clip.scene is None else np.zeros(len(x))
     x = x - floor[:, None, None] * [0.0, 0.0, 1.0]
-    contacts = contact_schedule(x, match, fps, clip.contacts)
+    around = None if clip.scene is None else surroundings_of(clip, match, x)
+    level = x if around is None else around.levelled(x, match)
+    contacts = contact_schedule(level, match, fps, clip.contacts)
     calibration = calibrate(clip, match, x, floor, contacts)
     whole = HumanFeatures(
         x,
         calibration.segments(x, clip.rotations),
         contacts,
-        is_supported(x, match, rule),
-        is_flying(x, match, fps, rule),
+        is_supported(level, match, rule),
+        is_flying(level, match, fps, rule),
         calibration,
         fps,
-        _ankle_height(x, match),
+        _ankle_height(level, match),
+        None if around is None else around.without_stances(contacts),
     )
     return whole.at(motion.span)
 

@@ -8,7 +8,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.errors import SceneError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.scene.geoms import SceneModel
-from robot_retarget.scene.scene import RigidBody, Scene, composed, world_corners
+from robot_retarget.scene.scene import RigidBody, Scene, composed
 
 FARTHEST = 30.0
 """A body farther from the human has another unit or another origin [m]."""
@@ -40,6 +40,14 @@ def with_scene(motion: Motion, scene: Scene) -> Motion:
     _require_outside(placed, poses, clip)
     around = replace(placed, notes=(*scene.notes, *jumps, *_mesh_notes(placed)))
     whole = replace(clip, scene=around, whole=None)
+    return whole if motion.whole is None else whole.frames(motion.span.start, motion.span.stop)
+
+
+def rescaled(motion: Motion, scale: float) -> Motion:
+    """Return a motion with a scene of another size beside the robot, over the captured size [-]."""
+    clip = motion.clip
+    assert clip.scene is not None
+    whole = replace(clip, scene=replace(clip.scene, scale=scale), whole=None)
     return whole if motion.whole is None else whole.frames(motion.span.start, motion.span.stop)
 
 
@@ -103,8 +111,3 @@ def _mesh_notes(scene: Scene) -> list[str]:
         for name, count in opened.items()
         if count
     ]
-
-
-def lowest(body: RigidBody, poses: Floats) -> float:
-    """Return the height of the lowest corner of a body over poses (T, 7) [m]."""
-    return float(world_corners(body, poses)[..., 2].min())

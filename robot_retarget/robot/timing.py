@@ -80,7 +80,8 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     require_same_robot(trajectory, robot)
     times = np.arange(int(np.floor(trajectory.duration * fps + TICK)) + 1) / fps
     source = np.interp(times, np.arange(len(trajectory)) / trajectory.fps, trajectory.source_time)
-    return trajectory.altered(qpos=sample(trajectory, robot, times), fps=fps, source_time=source)
+    scene = None if trajectory.scene is None else trajectory.scene.resampled(times * trajectory.fps)
+    return trajectory.altered(qpos=sample(trajectory, robot, times), fps=fps, source_time=source, scene=scene)
 
 
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:

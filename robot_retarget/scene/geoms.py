@@ -14,6 +14,8 @@ PREFIX = "scene: "
 """Bodies and geoms of a scene have this before their name in a robot's model."""
 PROBE = 1e-5
 """Radius of the point from which distances are measured [m]."""
+CARTON = (0.76, 0.6, 0.42, 1.0)
+"""Colour of bodies in pictures: red, green, blue, alpha."""
 BASE = 0.01
 """Thickness of a height field under its lowest point [m]."""
 _GEOM = mujoco.mjtGeom
@@ -37,9 +39,9 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
         name, pose = PREFIX + body.name, body.poses if body.poses.ndim == 1 else body.poses[0]
         own = spec.worldbody.add_body(name=name, pos=pose[:3], quat=pose[3:], mocap=not (body.fixed or free))
         if free and not body.fixed:
-            own.add_freejoint()
+            own.add_freejoint(name=name)
         geom = own.add_geom(name=name, type=_TYPES[body.shape.kind], friction=[body.friction, 0.005, 0.0001])
-        geom.mass = body.weight
+        geom.mass, geom.rgba = body.weight, list(CARTON)
         _give_shape(spec, geom, body)
 
 
@@ -167,6 +169,11 @@ class SceneModel:
         place_bodies(self.data, poses, self._mocap)
         self.data.mocap_pos[self._place] = probe
         mujoco.mj_kinematics(self.model, self.data)
+
+
+def scene_geoms(model: mujoco.MjModel) -> Ints:
+    """Return the geoms of a scene in a model."""
+    return np.array([g for g in range(model.ngeom) if model.geom(g).name.startswith(PREFIX)], np.int64)
 
 
 def moving_bodies(model: mujoco.MjModel, scene: Scene) -> Ints:

@@ -84,8 +84,12 @@ class Scene:
     bodies: tuple[RigidBody, ...]
     source: str = ""
     notes: tuple[str, ...] = ()
+    scale: float | None = None
+    """Size beside the robot over the captured size [-]; None scales bodies with the human."""
 
     def __post_init__(self) -> None:
+        if self.scale is not None and not 0 < self.scale < np.inf:
+            raise SceneError(f"the scale of a scene is a positive number, got {self.scale}")
         names = [body.name for body in self.bodies]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -139,6 +143,17 @@ def composed(outer: Floats, inner: Floats) -> Floats:
     turn, own = (Rotation.from_quat(poses[:, 3:], scalar_first=True) for poses in (carrier, carried))
     place = carrier[:, :3] + turn.apply(carried[:, :3])
     return np.concatenate([place, (turn * own).as_quat(scalar_first=True)], axis=1).reshape(shape)
+
+
+def inverse(poses: Floats) -> Floats:
+    """Return the poses (N, 7) of the world relative to bodies with poses (N, 7)."""
+    turn = Rotation.from_quat(np.array(poses[:, 3:]), scalar_first=True).inv()
+    return np.concatenate([-turn.apply(np.array(poses[:, :3])), turn.as_quat(scalar_first=True)], axis=1)
+
+
+def as_pose(points: Floats) -> Floats:
+    """Return the poses (N, 7) of points (N, 3) without rotation [m]."""
+    return np.concatenate([points, np.broadcast_to(IDENTITY[3:], (len(points), 4))], axis=1)
 
 
 def world_corners(body: RigidBody, poses: Floats) -> Floats:

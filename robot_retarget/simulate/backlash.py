@@ -14,6 +14,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError, UsageError
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene.geoms import PREFIX
 
 MOST = 0.1
 """Largest backlash of a simulation [rad]; that of an XM430 is 0.0044."""
@@ -41,10 +42,12 @@ class Places:
     """(P,) ids of the passive hinges in the model ..."""
     play_qpos: Ints
     """... and their indices in the model's configuration."""
+    rest: Floats
+    """The model's reference configuration: play in the middle, free bodies of a scene where they begin."""
 
     def model_qpos(self, qpos: Floats) -> Floats:
         """Return configurations (…, nq) of the robot as those of the model, with the play in the middle."""
-        found = np.zeros((*np.shape(qpos)[:-1], len(self.qpos) + len(self.play)))
+        found = np.tile(self.rest, (*np.shape(qpos)[:-1], 1))
         found[..., self.qpos] = qpos
         return found
 
@@ -81,13 +84,15 @@ def add_play(spec: mujoco.MjSpec, robot: Robot, backlash: float) -> None:
 
 
 def places_of(model: mujoco.MjModel, robot: Robot) -> Places:
-    """Find the robot's coordinates in a model with or without passive hinges."""
-    added = np.array([model.joint(j).name.startswith(PLAY) for j in range(model.njnt)], dtype=bool)
+    """Find the robot's coordinates in a model with or without passive hinges and free bodies of a scene."""
+    names = [model.joint(j).name for j in range(model.njnt)]
+    passive = np.array([name.startswith(PLAY) for name in names], dtype=bool)
+    added = passive | np.array([name.startswith(PREFIX) for name in names], dtype=bool)
     joint_of = np.searchsorted(model.jnt_qposadr, np.arange(model.nq), side="right") - 1
-    play = np.flatnonzero(added)
+    play = np.flatnonzero(passive)
     return Places(
         np.flatnonzero(~added[joint_of]), np.flatnonzero(~added[model.dof_jntid]),
-        robot.qpos_index if play.size else np.zeros(0, np.int64), play, model.jnt_qposadr[play].astype(np.int64),
+        robot.qpos_index if play.size else np.zeros(0, np.int64), play, model.jnt_qposadr[play].astype(np.int64), np.array(model.qpos0),
     )  # fmt: skip
 
 

@@ -50,7 +50,9 @@ class Contacts:
 class ContactLog:
     """Collects MuJoCo's contacts over frames or steps."""
 
-    def __init__(self, model: mujoco.MjModel):
+    def __init__(self, model: mujoco.MjModel, bodies: int | None = None):
+        """Watch the first `bodies` of a model, by default all; those of a scene come last."""
+        self._watched = model.nbody if bodies is None else bodies
         self._body = np.asarray(model.geom_bodyid)
         self._frames: list[int] = []
         self._counts: list[int] = []
@@ -74,7 +76,8 @@ class ContactLog:
         frames = np.repeat(self._frames, self._counts)
         overlap = (distance < 0) & (geoms >= 0).all(1)  # negative ids belong to deformable bodies
         bodies = np.sort(self._body[geoms[overlap]], axis=1)
-        return Contacts(frames[overlap], bodies.astype(np.int64), -distance[overlap])
+        found = Contacts(frames[overlap], bodies.astype(np.int64), -distance[overlap])
+        return found.of(found.bodies[:, 1] < self._watched)
 
 
 def replay_contacts(robot: Robot, qpos: Floats) -> Contacts:

@@ -152,6 +152,7 @@ def rollout_figures(rollout: Rollout, robot: Robot, until: float | None) -> dict
         "unstable_s": None if rollout.unstable is None else round(rollout.unstable, 4),
         "steps_per_second": round(rollout.steps_per_second),
         "tracked_self_contacts": summary(contacts, robot, states),
+        **({"objects": rollout.bodies} if rollout.bodies else {}),
     }
 
 

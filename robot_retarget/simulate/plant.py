@@ -14,7 +14,10 @@ from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene.geoms import add_bodies
+from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.backlash import Places, add_play, places_of
+from robot_retarget.simulate.bodies import Objects, SimulatedBodies
 from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 
@@ -43,6 +46,8 @@ class Plant:
     notes: tuple[str, ...]
     drives: Drives | None = None
     """The servos; None if the model keeps its own actuators."""
+    bodies: SimulatedBodies | None = None
+    """The bodies around the robot; None without a scene."""
 
     @cached_property
     def places(self) -> Places:
@@ -137,14 +142,22 @@ class Plant:
         return leads
 
 
-def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None, backlash: float = 0.0) -> Plant:
+def build_plant(
+    robot: Robot,
+    mode: Mode,
+    drives: Drives | None = None,
+    backlash: float = 0.0,
+    scene: Scene | None = None,
+    objects: Objects = "carried",
+) -> Plant:
     """Compile the robot's MJCF for physics.
 
     With `drives` every hinge gets that servo instead of the actuator, damping, friction and armature of the model.
     Without, the model's position servos are kept; a hinge without one gets one, with gains from its torque bound or its limb's
     inertia, unless gears or closed chains move it (`robot/coupling.py`). Every other actuator, all sensors and keyframes are removed.
     `free` adds a floor where the scene has none; `pinned` takes the scene out of reach and makes the root immovable.
-    `backlash` puts a play between every hinge and its link, either way [rad].
+    `backlash` puts a play between every hinge and its link, either way [rad]. The bodies of a `scene` are solid; `objects`
+    states whether those that move are carried along their path or free.
 
     Raises:
         RobotError: the MJCF no longer compiles to the robot that was loaded, or a body has several hinges and backlash.
@@ -156,6 +169,8 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None, backlash
         added = _add_servos(spec, robot, kept) if drives is None else _add_drives(spec, robot, drives)
         floor = mode == "free" and _add_floor(spec, robot)
         add_play(spec, robot, backlash)
+        if scene is not None:
+            add_bodies(spec, scene, objects == "free")
         model = spec.compile()
     except ValueError as error:
         raise RobotError(f"{robot.path}: cannot be prepared for simulation: {' '.join(str(error).split())}") from error
@@ -180,7 +195,8 @@ def build_plant(robot: Robot, mode: Mode, drives: Drives | None = None, backlash
         said.append("no feet are recognised: the bodies that touch the floor first may stand on it")
     if backlash:
         said.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
-    return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives)
+    bodies = None if scene is None else SimulatedBodies(scene, model)
+    return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives, bodies)
 
 
 def root_coordinates(robot: Robot) -> Ints:

@@ -15,6 +15,8 @@ from robot_retarget.report_file import NAMES
 from robot_retarget.result import Result
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.played import on_robot
+from robot_retarget.scene.scene import Scene
+from robot_retarget.simulate.bodies import Objects
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import WORLDS, Draw, drawn
@@ -50,6 +52,7 @@ def simulate(
     draws: int = WORLDS,
     feedback: bool | None = None,
     backlash: float = 0.0,
+    objects: Objects = "carried",
     progress: Progress | None = None,
 ) -> Report:
     """Play a trajectory and judge it.
@@ -78,6 +81,8 @@ def simulate(
         feedback: judge goals together with the balance feedback of the robot's servo map. None does so in mode `free` if the
             map has a sensor and gains.
         backlash: play between every servo and its link, either way [rad]; goals and feedback have no information about it.
+        objects: whether the moving bodies of the trajectory's scene are `carried` along their path, or `free`: then they
+            have mass and are held by friction alone.
         progress: called with (steps done, steps in all), a step for each simulation.
 
     Raises:
@@ -88,7 +93,7 @@ def simulate(
     """
     played, robot = on_robot(trajectory, robot)
     mode = mode_of(played) if mode == "auto" else mode
-    plant = plant_of(robot, mode, drives, backlash)
+    plant = plant_of(robot, mode, drives, backlash, played.scene, objects)
     count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
     goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
@@ -130,7 +135,7 @@ def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | 
     if found is None or trajectory.goals is None or trajectory.goals.servos not in ("", servos):
         return found
     how, drives = found.figures["mode"], "auto" if trajectory.goals.servos else None
-    plant = judges(plant_of(robot, how, drives)).get(found.figures["servos"])
+    plant = judges(plant_of(robot, how, drives, scene=trajectory.scene)).get(found.figures["servos"])
     if plant is None:
         return found
     rollout = roll_out(plant, trajectory, how, None, trajectory.goals)
@@ -168,8 +173,15 @@ def _fell(rollout: Rollout, robot: Robot, trajectory: Trajectory) -> bool:
     return rollout.unstable is not None or fall_figures(rollout, robot, trajectory)["fall_s"] is not None
 
 
-def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto", backlash: float = 0.0) -> Plant:
-    """The physics of a robot in a mode; `drives` and `backlash` as in `simulate`.
+def plant_of(
+    robot: Robot,
+    mode: str,
+    drives: Drives | str | None = "auto",
+    backlash: float = 0.0,
+    scene: Scene | None = None,
+    objects: Objects = "carried",
+) -> Plant:
+    """The physics of a robot in a mode among the bodies of a scene; `drives`, `backlash` and `objects` as in `simulate`.
 
     Raises:
         UsageError: an unknown mode, `free` for a robot without a free root, or a backlash out of bounds.
@@ -179,7 +191,10 @@ def plant_of(robot: Robot, mode: str, drives: Drives | str | None = "auto", back
         raise UsageError(f"unknown mode {mode!r}; known: {', '.join(get_args(Mode))}")
     if mode == "free" and not robot.floating:
         raise UsageError(f"mode 'free' needs a robot with a free root; the root of {robot.name!r} is not free")
-    return build_plant(robot, cast(Mode, mode), drives_of(robot) if isinstance(drives, str) else drives, backlash)
+    if objects not in get_args(Objects):
+        raise UsageError(f"unknown objects {objects!r}; known: {', '.join(get_args(Objects))}")
+    chosen = drives_of(robot) if isinstance(drives, str) else drives
+    return build_plant(robot, cast(Mode, mode), chosen, backlash, scene, objects)
 
 
 def rollouts(

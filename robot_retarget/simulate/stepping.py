@@ -3,7 +3,8 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.goals import Goals
 from robot_retarget.robot.timing import sample
+from robot_retarget.scene.geoms import scene_geoms
 from robot_retarget.simulate.contacts import ContactLog, Contacts
 from robot_retarget.simulate.feedback import ClosedLoop, closed_loop
 from robot_retarget.simulate.goals import Playback, plain_goals
@@ -50,6 +52,8 @@ class Rollout:
     """Of physics."""
     added: Floats | None = None
     """(N, n) correction of the goals by the feedback [rad]; None without feedback."""
+    bodies: dict[str, Any] = field(default_factory=dict)
+    """Figures of free bodies of the scene."""
     stopped: float | None = None
     """When the feedback gave up on a lean and let the robot crouch [s], or None."""
 
@@ -82,14 +86,19 @@ def roll_out(
         roots = root_coordinates(robot)
         carried = plant.places.qpos[roots], plant.root_dofs, sample(trajectory, robot, times)[:, roots]
     loop = closed_loop(plant, goals, playback.seed) if mode == "free" else None
-    log = _Log(plant, len(times))
+    log, paths = _Log(plant, len(times)), None
+    if plant.bodies is not None:
+        paths = plant.bodies.paths(times * trajectory.fps)
+        plant.bodies.place(data, paths[0])
     began = time.perf_counter()
     with _quiet():
         late = round(playback.delay / model.opt.timestep)
-        done = _steps(plant, data, plant.controls(goals.angles), (late, nsub), carried, log, loop)
+        done = _steps(plant, data, plant.controls(goals.angles), (late, nsub), carried, log, loop, paths)
     pace = nsub * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
     rollout = log.rollout(times[:done] + dt, unstable, pace)
+    if plant.bodies is not None and paths is not None:
+        rollout = replace(rollout, bodies=plant.bodies.figures(paths, log.bodies[:done], times[:done]))
     if loop is None:
         return rollout
     stopped = None if loop.stopped is None else float(times[loop.stopped])
@@ -104,6 +113,7 @@ def _steps(
     carried: tuple[Ints, Ints, Floats] | None,
     log: "_Log",
     loop: ClosedLoop | None = None,
+    paths: Floats | None = None,
 ) -> int:
     """The plain loop; how many controls it came through before it broke down.
 
@@ -114,6 +124,8 @@ def _steps(
     for k in range(len(controls)):
         if carried is not None:
             data.qpos[carried[0]], data.qvel[carried[1]] = carried[2][k], 0.0
+        if paths is not None and plant.bodies is not None:
+            plant.bodies.place(data, paths[k])
         if loop is not None:
             controls[k] = loop.controls(k, data)
         if rest:
@@ -133,9 +145,11 @@ class _Log:
     def __init__(self, plant: Plant, count: int):
         self.plant = plant
         model, robot = plant.model, plant.robot
-        self.contacts = ContactLog(model)
+        self.contacts = ContactLog(model, robot.model.nbody)
         self.qpos, self.qvel = np.empty((count, model.nq)), np.empty((count, model.nv))
         self.torque, self.wrench = np.empty((count, model.nv)), np.zeros((count, 6))
+        self._bodies = plant.bodies.ids if plant.bodies else np.zeros(0, np.int64)
+        self.bodies = np.empty((count, len(self._bodies), 3))
         self.com, self.place, self.turn = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 9))
         self._body = robot.root_body
         self._root = plant.root_dofs if robot.floating else None
@@ -143,6 +157,7 @@ class _Log:
     def note(self, k: int, data: mujoco.MjData) -> None:
         self.qpos[k], self.qvel[k], self.torque[k] = data.qpos, data.qvel, data.qfrc_actuator
         self.com[k] = data.subtree_com[self._body]
+        self.bodies[k] = data.xpos[self._bodies]
         self.place[k], self.turn[k] = data.xpos[self._body], data.xmat[self._body]
         if self._root is not None:
             self.wrench[k] = data.qfrc_constraint[self._root]
@@ -171,8 +186,10 @@ def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Move the root vertically until the lowest geom touches the solid scene."""
     mujoco.mj_forward(model, data)
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    scene = np.flatnonzero(solid & (model.geom_bodyid == 0)).tolist()
-    own = np.flatnonzero(solid & (model.geom_bodyid != 0)).tolist()
+    bodies = np.isin(np.arange(model.ngeom), scene_geoms(model))
+    ground = (model.geom_bodyid == 0) | (bodies & (model.body_weldid[model.geom_bodyid] == 0))
+    scene = np.flatnonzero(solid & ground & (model.geom_type != mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
+    own = np.flatnonzero(solid & ~ground & ~bodies).tolist()
     far, ends = 100.0, np.zeros(6)
     gaps = [mujoco.mj_geomDistance(model, data, a, b, far, ends) for a in scene for b in own]
     gap = min(gaps, default=far)

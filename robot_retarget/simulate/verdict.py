@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget.simulate.bodies import dropped
 from robot_retarget.simulate.feedback_figures import feedback_reasons
 from robot_retarget.simulate.thresholds import UNLIKE, Check, Thresholds
 from robot_retarget.simulate.units import shown
@@ -59,6 +60,7 @@ def badge_of(reasons: tuple[str, ...], unlike: tuple[str, ...], figures: Mapping
 def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     """Return the reasons against a trajectory; none for a pass."""
     reasons = [*_upright(figures), *feedback_reasons(figures), *_servos(figures, most)]
+    reasons += dropped(figures)
     reasons += _overlaps(figures["self_contacts"], most.penetration, "overlap")
     if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
         depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]

@@ -97,24 +97,36 @@ class NumericTrack:
         self.problem, self.track, self.columns, self.reach = problem, track, problem.columns[track.name], reach
         self._memory: dict[str, object] = {}
 
-    def state(self, q: Floats, past: Past | None = None, contacts: ContactRows | None = None) -> RowState:
+    def state(
+        self,
+        q: Floats,
+        targets: EdgeTargets | None = None,
+        past: Past | None = None,
+        contacts: ContactRows | None = None,
+    ) -> RowState:
         """Return where the kind is evaluated."""
-        return RowState(self.problem.robot, self.problem.match, q, self.reach, past, contacts, self._memory)
+        sides = None if targets is None else (targets.lower, targets.upper, targets.priority)
+        own = None if sides is None else (sides[0][self.columns], sides[1][self.columns], sides[2][self.columns])
+        return RowState(self.problem.robot, self.problem.match, q, self.reach, past, contacts, own, self._memory)
 
-    def rows(self, q: Floats, past: Past | None = None, contacts: ContactRows | None = None) -> MeasureRows | None:
+    def rows(
+        self, q: Floats, targets: EdgeTargets, past: Past | None = None, contacts: ContactRows | None = None
+    ) -> MeasureRows | None:
         """Return the rows of the kind at a configuration."""
-        return self.track.kind.rows(self.track, self.state(q, past, contacts))
+        return self.track.kind.rows(self.track, self.state(q, targets, past, contacts))
 
     def terms(self, q: Floats, targets: EdgeTargets, past: Past | None, contacts: ContactRows | None) -> Terms | None:
         """Return the terms of a cost; None if no edge has a cost."""
-        rows = self.rows(q, past, contacts)
+        rows = self.rows(q, targets, past, contacts)
         if rows is None:
             return None
         return terms(self.track, rows.values, rows.slope, targets, self.columns, np.asarray(rows.edges))
 
     def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
         """Return the rows of an inequality."""
-        rows = self.rows(q) or MeasureRows(np.zeros(0), np.zeros((0, self.problem.robot.model.nv)), np.zeros(0, int))
+        rows = self.rows(q, targets) or MeasureRows(
+            np.zeros(0), np.zeros((0, self.problem.robot.model.nv)), np.zeros(0, int)
+        )
         edges = self.columns.start + np.asarray(rows.edges)
         return LinearizedDistances(q, rows.values, rows.slope, np.minimum(targets.lower[edges], rows.rest), edges)
 

@@ -1,6 +1,7 @@
 """Solve a graph: as a whole clip, or frame by frame."""
 
 import time
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -98,7 +99,8 @@ def solution_of(
         timings: durations of the stages [s].
     """
     qpos, problem = np.array([pose.qpos for pose in poses]), solver.problem
-    trajectory = trajectory_of(graph.motion, graph.robot, qpos)
+    scene = next((found for track in graph.tracks if (found := track.kind.bodies(track)) is not None), None)
+    trajectory = replace(trajectory_of(graph.motion, graph.robot, qpos), scene=scene)
     measured = measured_by(problem, graph, qpos)
     stress = {name: graph.kinds[name].stress(values).sum(axis=1) for name, values in measured.items()}
     stress |= _numeric_stress(solver, graph, qpos) | _temporal_stress(graph, qpos)

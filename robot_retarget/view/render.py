@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.scene.geoms import add_bodies, moving_bodies, place_bodies
 from robot_retarget.view import human
 from robot_retarget.view.gl import open_context
 from robot_retarget.view.picture import Pixels, Unavailable
@@ -42,6 +43,9 @@ class Stage:
         self._figure = human.stick_figure(staging)
         self._model = _scenery(staging, width, height, finish)
         self._data = mujoco.MjData(self._model)
+        scene = staging.scene
+        self._bodies = None if scene is None else moving_bodies(self._model, scene)
+        self._poses = None if scene is None else scene.poses(len(staging.qpos))
         self._scene = mujoco.MjvScene(self._model, MAX_GEOMS)
         self._option, self._perturb = mujoco.MjvOption(), mujoco.MjvPerturb()
         self._camera = mujoco.MjvCamera()
@@ -56,6 +60,8 @@ class Stage:
         """The k-th moment."""
         self._data.qpos[:] = self._staging.qpos[k]
         self._data.qvel[:] = 0
+        if self._bodies is not None and self._poses is not None:
+            place_bodies(self._data, self._poses[k], self._bodies)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
@@ -104,6 +110,8 @@ def _scenery(staging: Staging, width: int, height: int, finish: Finish) -> mujoc
         spec.delete(element)
     _paint_floor_and_sky(spec, staging)
     _light(spec, staging)
+    if staging.scene is not None:
+        add_bodies(spec, staging.scene)
     model = spec.compile()
     seen = visible(model)
     model.geom_group[seen], model.geom_rgba[seen, 3] = 0, np.maximum(model.geom_rgba[seen, 3], PALEST)

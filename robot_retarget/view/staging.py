@@ -12,6 +12,7 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 from robot_retarget.robot.timing import require_same_robot, sample
+from robot_retarget.scene.scene import Scene
 from robot_retarget.trajectory import Trajectory
 
 THREE_QUARTERS = 30.0
@@ -70,6 +71,8 @@ class Staging:
     """Its height [m]."""
     links: Floats
     """(F, L, 2, 3) ends of the robot's links, if no geom shows them [m]; else L = 0."""
+    scene: Scene | None = None
+    """The bodies around the robot, with a pose at every moment."""
 
     @property
     def right(self) -> Floats:
@@ -119,6 +122,7 @@ def arrange(robot: Robot, trajectory: Trajectory, human: Floats | None, bones: I
         aspect=aspect,
         floor=floor,
         links=links_of(robot, sample(trajectory, robot, times)),
+        scene=None if trajectory.scene is None else trajectory.scene.resampled(times * trajectory.fps),
     )
 
 

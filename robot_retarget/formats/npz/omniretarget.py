@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.errors import TrajectoryError
+from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.robot_motion import RobotMotion
@@ -31,9 +31,18 @@ UNIT = 1e-3
 
 
 def write(motion: RobotMotion, path: Path) -> None:
-    """Write the archive."""
+    """Write the archive; a moving body of the scene comes behind the joints.
+
+    Raises:
+        UsageError: several bodies move.
+    """
     motion.require_plain("omniretarget")
-    qpos = np.column_stack([motion.position, motion.quaternion, motion.angles])
+    scene = motion.trajectory.scene
+    moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
+    if len(moving) > 1:
+        raise UsageError(f"format 'omniretarget' holds one moving body, the trajectory has {len(moving)}")
+    behind = scene.poses(len(motion))[:, moving[0]] if scene is not None and moving else np.zeros((len(motion), 0))
+    qpos = np.column_stack([motion.position, motion.quaternion, motion.angles, behind])
     save_npz(path, qpos=qpos, joint_names=np.array(motion.joints))
 
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
@@ -19,15 +20,24 @@ from robot_retarget.formats.text.named_csv import rate
 EXACT = "%.17g"
 
 
-def write(motion: RobotMotion, path: Path) -> None:
-    """Write the keyframes."""
+def write(motion: RobotMotion, path: Path, bodies: Floats | None = None) -> None:
+    """Write the keyframes.
+
+    Args:
+        bodies: (T, M, 7) poses of mocap bodies, for a model that has them.
+    """
     top = ElementTree.Element("mujoco", model=motion.robot.name)
     keys = ElementTree.SubElement(top, "keyframe")
     for frame, qpos in enumerate(motion.qpos):
-        numbers = " ".join(EXACT % value for value in qpos)
-        ElementTree.SubElement(keys, "key", name=f"frame_{frame}", time=EXACT % (frame / motion.fps), qpos=numbers)
+        mocap = {} if bodies is None else {"mpos": _row(bodies[frame, :, :3]), "mquat": _row(bodies[frame, :, 3:])}
+        time = EXACT % (frame / motion.fps)
+        ElementTree.SubElement(keys, "key", {"name": f"frame_{frame}", "time": time, "qpos": _row(qpos), **mocap})
     ElementTree.indent(top)
     path.write_text(ElementTree.tostring(top, encoding="unicode") + "\n", encoding="utf-8")
+
+
+def _row(values: Floats) -> str:
+    return " ".join(EXACT % value for value in values.ravel())
 
 
 def read(source: TrajectorySource) -> Columns:

@@ -17,6 +17,7 @@ from robot_retarget.formats.scenes import keyframes
 from robot_retarget.formats.scenes.keyframes import read_keys
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene.mjcf_text import mjcf_text
 
 SCENE, ROBOT, KEYS = "scene.xml", "robot.xml", "keyframes.xml"
 PLAYER = '''"""Play the keyframes of scene.xml: python play.py (needs mujoco)."""
@@ -55,20 +56,23 @@ def write(motion: RobotMotion, path: Path) -> None:
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(robot.path.parent / file, copy)
     shutil.copyfile(robot.path, path / ROBOT)
-    keyframes.write(motion, path / KEYS)
-    (path / SCENE).write_text(_scene(robot), encoding="utf-8")
+    scene = motion.trajectory.scene
+    moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
+    poses = scene.poses(len(motion))[:, moving] if scene is not None and moving else None
+    keyframes.write(motion, path / KEYS, poses)
+    (path / SCENE).write_text(_scene(robot, "" if scene is None else mjcf_text(scene)), encoding="utf-8")
     (path / "play.py").write_text(PLAYER, encoding="utf-8")
 
 
-def _scene(robot: Robot) -> str:
-    """The MJCF text: robot, keyframes, and a floor and a light where the robot's file has none."""
+def _scene(robot: Robot, bodies: str) -> str:
+    """The MJCF text: robot, keyframes, bodies of a scene, and a floor and a light where the robot's file has none."""
     floor = (
         "" if (robot.model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).any() else '<geom type="plane" size="0 0 .05"/>'
     )
     light = "" if robot.model.nlight else '<light pos="0 0 3" dir="0 0 -1"/>'
     return (
         f'<mujoco model="{robot.name}">\n  <include file="{ROBOT}"/>\n  <include file="{KEYS}"/>\n'
-        f"  <worldbody>{light}{floor}</worldbody>\n</mujoco>\n"
+        f"  <worldbody>{light}{floor}</worldbody>\n{bodies}</mujoco>\n"
     )
 
 

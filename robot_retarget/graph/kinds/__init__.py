@@ -5,12 +5,15 @@ from importlib.metadata import entry_points
 
 from robot_retarget.errors import GraphError
 from robot_retarget.graph.kind import Kind
+from robot_retarget.graph.kinds.clearance import ClearanceKind
 from robot_retarget.graph.kinds.compass import CompassKind
+from robot_retarget.graph.kinds.contact import ContactKind
 from robot_retarget.graph.kinds.coupling import CouplingKind
 from robot_retarget.graph.kinds.floor import FloorKind
 from robot_retarget.graph.kinds.foothold import FootholdKind
 from robot_retarget.graph.kinds.interaction import InteractionKind
 from robot_retarget.graph.kinds.joints import RangeKind, SpeedKind
+from robot_retarget.graph.kinds.near import NearKind
 from robot_retarget.graph.kinds.orientation import OrientationKind
 from robot_retarget.graph.kinds.pelvis import PathKind
 from robot_retarget.graph.kinds.posture import PostureKind
@@ -24,6 +27,8 @@ GROUP = "robot_retarget.kinds"
 KINDS: tuple[Kind, ...] = (
     PostureKind(),
     TouchKind(),
+    ContactKind(),
+    NearKind(),
     CompassKind(),
     OrientationKind(),
     PathKind(),
@@ -34,6 +39,7 @@ KINDS: tuple[Kind, ...] = (
     CouplingKind(),
     FloorKind(),
     SeparationKind(),
+    ClearanceKind(),
     RangeKind(),
     SpeedKind(),
 )

@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.graph.causal.footholds import CausalFootholds
-from robot_retarget.graph.footholds import Footholds, foothold_corners, footholds_of, without_unreachable
+from robot_retarget.graph.footholds import Footholds, Surface, foothold_corners, footholds_of, without_unreachable
 from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
 from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase
 from robot_retarget.graph.soles import CORNER_NAMES
@@ -39,6 +39,11 @@ class FootholdKind(Kind):
 
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""
+        if context.scene is not None:  # a step has one place for a foot
+            return replace(self, reach=np.inf)._read(context)
+        return self._read(context)
+
+    def _read(self, context: RetargetContext) -> Track | None:
         footholds = footholds_of(context.human, context.match, context.robot)
         return self.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
 
@@ -97,8 +102,11 @@ class FootholdKind(Kind):
         """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
         stood = self._held(track)
         corners = measured.reshape(*stood.shape, len(AXES))
+        before = track.lower.reshape(corners.shape)
         held = without_unreachable(stood, corners, self.reach * float(track.scale[0]), fixed)
-        places = [foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])]
+        places = [
+            foothold_corners(held[:, k], corners[:, k], fixed, _plane(before[:, k])) for k in range(held.shape[1])
+        ]
         places = np.stack(places, axis=1).reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
@@ -124,3 +132,12 @@ class FootholdKind(Kind):
         pelvis = moves[sites["pelvis"].body] if "pelvis" in sites else moves[context.robot.root_body]
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
         return HARD if min(hinges, default=6) >= 6 else self.tilting
+
+
+def _plane(corners: Floats) -> Surface | None:
+    """Return the surface on which a foot's corners (T, 4, 3) are; None where they are on the floor."""
+    if not corners[..., 2].any():
+        return None
+    middle = corners.mean(axis=1)
+    normal = unit(np.cross(corners[:, 0] - corners[:, 3], corners[:, 1] - corners[:, 2]))
+    return Surface(middle, normal * np.sign(normal[:, 2:]), np.zeros_like(middle))

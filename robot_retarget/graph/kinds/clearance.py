@@ -1,0 +1,109 @@
+"""Clearance: links stay out of the bodies around the robot, by MuJoCo's distances; the pair that touches may touch.
+
+The bodies are vertices with known coordinates: besides its pairs of a link and a body, the track has edges between
+each body and the world, whose lower bounds are the pose of the body at each frame and which no row can miss.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_retarget.arrays import Bools, Floats
+from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
+from robot_retarget.graph.placed_scene import PlacedScene
+from robot_retarget.graph.weights import RAMP
+from robot_retarget.human.touches import Surroundings
+from robot_retarget.robot.geoms import solid_geoms
+from robot_retarget.scene.scene import Scene
+
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Coordinates of a body in the world."""
+
+
+@dataclass(frozen=True)
+class ClearanceKind(Kind):
+    """Distance of a link from a body [m], at least the margin; 0 for pairs that touch."""
+
+    name: str = "clearance"
+    role = Role.INEQUALITY
+    form = Form.NUMERIC
+    margin: float = 0.006
+    """Over the leg [-], as between links."""
+    scene: PlacedScene | None = None
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return [margin, ∞) for every link and body, [0, ∞) where they touch, and the poses of the bodies."""
+        scene, around = context.scene, context.human.around
+        if scene is None or around is None:
+            return None
+        frames, links = len(context.human), list(solid_geoms(context.robot))
+        names = [context.robot.model.body(link).name for link in links]
+        touching = touching_links(context, around)
+        margin = np.where(touching[:, :, links], 0.0, self.margin * context.leg).reshape(frames, -1)
+        poses = scene.poses(frames).reshape(frames, -1)
+        ends = [(link, body) for body in scene.names for link in names] + pose_ends(scene)
+        lower = np.hstack([margin, poses])
+        axes = ("",) * margin.shape[1] + POSE * len(scene)
+        kind, infinite = replace(self, scene=scene), np.full(lower.shape, np.inf)
+        return Track(kind, tuple(ends), lower, infinite, infinite, np.ones(len(ends)), axes)
+
+    def bodies(self, track: Track) -> Scene | None:
+        """Return the bodies with their poses at the frames of the track."""
+        if self.scene is None:
+            return None
+        poses = track.lower[:, -len(POSE) * len(self.scene) :].reshape(len(track.lower), -1, len(POSE))
+        every = enumerate(self.scene.scene.bodies)
+        moved = (body if body.fixed else replace(body, poses=poses[:, k] / _norms(poses[:, k])) for k, body in every)
+        return replace(self.scene.scene, bodies=tuple(moved))
+
+    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
+        """Return the distances of near links and bodies."""
+        assert self.scene is not None and state.targets is not None
+        among, poses = self.scene.among(state.robot), poses_of(state.targets[0], self.scene)
+        found = among.near(state.qpos, poses, max(state.reach, 2 * self.margin * state.match.robot_leg))
+        if not len(found.distance):
+            return None
+        links = list(solid_geoms(state.robot)) if "links" not in state.memory else state.memory["links"]
+        state.memory["links"] = links
+        column = {link: k for k, link in enumerate(links)}
+        edges = [b * len(links) + column[int(link)] for link, b in zip(found.links, found.bodies, strict=True)]
+        return MeasureRows(found.distance, found.slope, np.array(edges))
+
+
+def _norms(poses: Floats) -> Floats:
+    """Return (T, 7) divisors that make the quaternions of poses unit quaternions."""
+    norms = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    return np.concatenate([np.ones((len(poses), 3)), np.repeat(norms, 4, axis=1)], axis=1)
+
+
+def pose_ends(scene: PlacedScene) -> list[tuple[str, str]]:
+    """Return the ends of the edges that state the poses of B bodies, 7 a body."""
+    return [(name, "world") for name in scene.names for _ in POSE]
+
+
+def poses_of(values: Floats, scene: PlacedScene) -> Floats:
+    """Return the poses (B, 7) among the values (E,) of a track's edges at one frame, where they come last."""
+    poses = values[len(values) - 7 * len(scene) :].reshape(-1, 7)
+    return np.hstack([poses[:, :3], poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)])
+
+
+def touching_links(context: RetargetContext, around: Surroundings) -> Bools:
+    """Return (T, B, links) which links of the robot may touch which bodies: those of parts that touch or stand there."""
+    anatomy, weld = context.match.anatomy, np.asarray(context.robot.model.body_weldid)
+    found = np.zeros((len(context.human), len(around.scene), context.robot.model.nbody), bool)
+    for pair, (part, body) in enumerate(around.touches.pairs):
+        found[:, body, weld[anatomy.sites[part].body]] |= around.touches.held[:, pair]
+    for foot, sole in anatomy.soles.items():
+        on = around.ground.bodies[:, [k for k, name in enumerate(around.ground.keypoints) if name[0] == foot]]
+        for body in range(len(around.scene)):
+            found[:, body, weld[sole.bodies[0]]] |= (on == body).any(axis=1)
+    return _widened(found, round(RAMP * context.human.fps))
+
+
+def _widened(flags: Bools, frames: int) -> Bools:
+    """Return flags that hold for some frames before and after as well."""
+    wide = flags.copy()
+    for shift in range(1, frames + 1):
+        wide[shift:] |= flags[:-shift]
+        wide[:-shift] |= flags[shift:]
+    return wide

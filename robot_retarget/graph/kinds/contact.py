@@ -1,0 +1,97 @@
+"""Contact: a part that touches a body of the scene touches it on the robot, at the same place of the body.
+
+    d(link, body) = 0,    (I − n nᵀ)(x − p) = 0
+
+with x the keypoint, n the normal of the surface there and p the place of the human's touch, fixed in the frame of the body
+while the human's part stays on one place: the part does not slide. Both are exact while the human touches, and fade in and out.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.kind import AXES, Form, Kind, MeasureRows, RetargetContext, RowState, Track
+from robot_retarget.graph.kinds.clearance import POSE, pose_ends, poses_of
+from robot_retarget.graph.placed_scene import PlacedScene
+from robot_retarget.graph.track import HARD
+from robot_retarget.graph.weights import RAMP
+
+OWN = 1 + len(AXES)
+"""Edges of a pair: its distance, and the coordinates of its place."""
+
+
+@dataclass(frozen=True)
+class ContactKind(Kind):
+    """A part and a body: their distance, and where the part is along the surface [m]."""
+
+    name: str = "contact"
+    form = Form.NUMERIC
+    whole = True
+    along: float = 400.0
+    """π along the surface, over the squared leg [-]: below that of the distance, because no arm reaches every place."""
+    reach: float = 0.5
+    """The distance of a touching part is measured up to this, over the leg [-]."""
+    pairs: tuple[tuple[str, int], ...] = ()
+    scene: PlacedScene | None = None
+
+    def targets(self, context: RetargetContext) -> Track | None:
+        """Return distance 0 and the place of every touch, with the poses of the bodies."""
+        scene, around = context.scene, context.human.around
+        if scene is None or around is None:
+            return None
+        touched = [k for k, _ in enumerate(around.touches.pairs) if around.touches.held[:, k].any()]
+        if not touched:
+            return None
+        pairs = tuple(around.touches.pairs[k] for k in touched)
+        frames, poses = len(context.human), scene.poses(len(context.human))
+        places = scene.points(np.array([body for _, body in pairs]), around.touches.places[:, touched], poses)
+        strength = _gradual(around.touches.held[:, touched], round(RAMP * context.human.fps))
+        target = np.concatenate([np.zeros((frames, len(pairs), 1)), places], axis=2).reshape(frames, -1)
+        priority = (strength[..., None] * [HARD, *[self.along] * len(AXES)]).reshape(frames, -1)
+        lower = np.hstack([target, poses.reshape(frames, -1)])
+        ends = [(part, scene.names[body]) for part, body in pairs for _ in range(OWN)] + pose_ends(scene)
+        axes = ("", *AXES) * len(pairs) + POSE * len(scene)
+        priority = np.hstack([priority, np.zeros((frames, 7 * len(scene)))])
+        kind = replace(self, pairs=pairs, scene=scene)
+        return Track(kind, tuple(ends), lower, lower, priority, np.full(len(ends), context.leg), axes)
+
+    def rows(self, track: Track, state: RowState) -> MeasureRows | None:
+        """Return distance and place of the parts that touch at the frame."""
+        assert self.scene is not None and state.targets is not None
+        lower, _, priority = state.targets
+        active = [k for k in range(len(self.pairs)) if priority[OWN * k] > 0]
+        if not active:
+            return None
+        poses = poses_of(lower, self.scene)
+        measured = (self._pair(k, poses, state, lower[OWN * k + 1 : OWN * (k + 1)]) for k in active)
+        found = [each for each in measured if each is not None]
+        if not found:
+            return None
+        values, slopes, edges = zip(*found, strict=True)
+        return MeasureRows(np.concatenate(values), np.concatenate(slopes), np.concatenate(edges))
+
+    def _pair(
+        self, pair: int, poses: Floats, state: RowState, place: Floats
+    ) -> tuple[Floats, Floats, np.ndarray] | None:
+        """Return values (4,), slopes (4, nv) and edges of one pair; None where the part is out of reach."""
+        assert self.scene is not None
+        part, body = self.pairs[pair]
+        site, weld = state.match.anatomy.sites[part], state.robot.model.body_weldid
+        among, reach = self.scene.among(state.robot), self.reach * state.match.robot_leg
+        near = among.of_link(state.qpos, poses, int(weld[site.body]), body, reach)
+        if not len(near.distance):
+            return None
+        row = int(near.distance.argmin())
+        x, slope = among.point(site.body, site.offset)
+        along = np.eye(3) - np.outer(near.normal[row], near.normal[row])
+        values = np.append(near.distance[row], place + along @ (x - place))
+        return values, np.vstack([near.slope[row], along @ slope]), OWN * pair + np.arange(OWN)
+
+
+def _gradual(held: np.ndarray, frames: int) -> Floats:
+    """Return (T, C) strengths that rise to 1 before a touch and fall after it, within some frames."""
+    width = 2 * frames + 1
+    most = maximum_filter1d(held.astype(float), width, axis=0, mode="nearest")
+    return np.clip(uniform_filter1d(most, width, axis=0, mode="nearest"), 0.0, 1.0)

@@ -1,0 +1,103 @@
+"""The bodies of a scene in the robot's world: their size, their places, and the places of the human's touches on them.
+
+The human's world becomes the robot's by  y = r (x − o)  with r the ratio of the legs (`path`). A body of the scale s has its
+lengths multiplied by s; its point on the floor goes where the human's world puts it:
+
+    c′ = r (c − o) + (s − r) h ẑ,    h the height of its centre over its lowest point.
+
+A point of its surface, u in its frame, becomes s u in the same frame: places of touches are kept in the object's frame,
+whatever its size.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.graph.path import RootScaling, root_scaling_of
+from robot_retarget.human.features import HumanFeatures
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
+from robot_retarget.robot.body_distances import RobotAmongBodies
+from robot_retarget.scene.scene import RigidBody, Scene, world_corners
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedScene:
+    """B bodies in the robot's world over T frames."""
+
+    scene: Scene
+    """The bodies with their size and poses beside the robot."""
+    size: float
+    """s, robot's size of a body over its captured size [-]."""
+    ratio: float
+    """r, robot leg over human leg [-]."""
+    origin: Floats
+    """(2,) the point of the human's floor that becomes the origin [m]."""
+    _models: dict[Path, RobotAmongBodies] = field(default_factory=dict, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+    def poses(self, frames: int) -> Floats:
+        """Return (T, B, 7) poses over T frames."""
+        return self.scene.poses(frames)
+
+    def points(self, bodies: Ints, local: Floats, poses: Floats) -> Floats:
+        """Return points of bodies in the world [m].
+
+        Args:
+            bodies: (P,) indices of bodies.
+            local: (T, P, 3) in the frames of the captured bodies [m].
+            poses: (T, B, 7) of the bodies beside the robot.
+        """
+        own = poses[:, bodies]
+        turn = Rotation.from_quat(own[..., 3:].reshape(-1, 4), scalar_first=True)
+        return own[..., :3] + turn.apply(self.size * local.reshape(-1, 3)).reshape(local.shape)
+
+    def directions(self, bodies: Ints, local: Floats, poses: Floats) -> Floats:
+        """Return directions (T, P, 3) of the bodies' frames in the world, of the robot's size [m]."""
+        turn = Rotation.from_quat(poses[:, bodies, 3:].reshape(-1, 4), scalar_first=True)
+        return turn.apply(self.ratio * local.reshape(-1, 3)).reshape(local.shape)
+
+    def among(self, robot: Robot) -> RobotAmongBodies:
+        """Return the robot's model among the bodies, compiled once."""
+        if robot.path not in self._models:
+            self._models[robot.path] = RobotAmongBodies(robot, self.scene)
+        return self._models[robot.path]
+
+    def at(self, frames: slice | np.ndarray) -> "PlacedScene":
+        """Return the bodies at some frames."""
+        return replace(self, scene=self.scene.at(frames))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return self.scene.names
+
+
+def placed_scene(human: HumanFeatures, match: Match, scaling: RootScaling | None = None) -> PlacedScene | None:
+    """Return the bodies around a human in the robot's world; None without a scene.
+
+    Args:
+        human: features of T frames.
+        match: the matched bodies.
+        scaling: the map of the human's world; by default that of these frames.
+    """
+    if human.around is None:
+        return None
+    scene, known = human.around.scene, scaling or root_scaling_of(human, match)
+    size = known.ratio if scene.scale is None else scene.scale
+    bodies = tuple(_placed(body, known, size) for body in scene.bodies)
+    return PlacedScene(replace(scene, bodies=bodies), size, known.ratio, known.origin[:2])
+
+
+def _placed(body: RigidBody, scaling: RootScaling, size: float) -> RigidBody:
+    poses = np.array(np.atleast_2d(body.poses))
+    lift = float((poses[:, 2] - world_corners(body, poses)[..., 2].min(axis=1)).flat[poses[:, 2].argmin()])
+    poses[:, :3] = scaling.ratio * (poses[:, :3] - [*scaling.origin[:2], 0.0])
+    poses[:, 2] += (size - scaling.ratio) * lift
+    return replace(body, shape=body.shape.scaled(size), poses=poses.reshape(body.poses.shape), mass=body.mass)

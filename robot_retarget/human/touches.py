@@ -1,0 +1,185 @@
+"""Where parts of the human touch the bodies around: found by distance, held in the frame of the body.
+
+A part touches a body while any of its joints is within a thickness of flesh of the surface: a joint lies under the skin, and captures err
+by centimetres. The place of a touch is the point of the surface nearest to the part's keypoint. A part that stays on one
+place keeps the median of it, so that the robot's hand does not slide where the human's does not.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.human.match import Match
+from robot_retarget.human.motion import Motion
+from robot_retarget.human.stance import StanceRule, intervals, without_flicker
+from robot_retarget.scene.geoms import SceneModel
+from robot_retarget.scene.scene import Scene
+from robot_retarget.scene.shape import ShapeKind
+
+FINGERS = 0.055
+"""A hand with finger joints touches within this distance of one of them, over the leg [-] ..."""
+FLESH = {"hand": 0.11, "elbow": 0.07, "knee": 0.09, "pelvis": 0.16, "toe": 0.07}
+"""... and other parts within these distances of their joint; a hand without finger joints ends a palm's length from the wrist
+[-]."""
+SLIDES = 0.07
+"""A touch whose place moves less than this over the leg stays on one place [-]."""
+SMOOTH = 0.15
+"""The place of a sliding touch is the mean over this time [s]."""
+SUNK = 0.12
+"""Surfaces up to this height over a foot's joint are under it, over the leg [-]: captured feet sink in."""
+FAR = 1.0
+"""Bodies farther away are not looked at [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """C pairs of a keypoint and a body over T frames."""
+
+    pairs: tuple[tuple[str, int], ...]
+    """(C,) keypoint, and index of the body in the scene."""
+    held: Bools
+    """(T, C) while the part touches the body."""
+    distance: Floats
+    """(T, C) distance of the keypoint from the surface [m]."""
+    places: Floats
+    """(T, C, 3) nearest point of the surface, in the frame of the body [m]."""
+    offsets: Floats
+    """(T, C, 3) from there to the keypoint, in the frame of the body [m]."""
+
+    def at(self, frames: slice | np.ndarray) -> "Touches":
+        """Return the touches at some frames."""
+        columns = ("held", "distance", "places", "offsets")
+        return replace(self, **{name: getattr(self, name)[frames] for name in columns})
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """The surface under the joints of the feet, K of them, over T frames."""
+
+    keypoints: tuple[str, ...]
+    """(K,) toes and ankles."""
+    places: Floats
+    """(T, K, 3) point of the surface under each [m]."""
+    normals: Floats
+    """(T, K, 3) pointing up."""
+    bodies: Ints
+    """(T, K) index of the body in the scene, −1 for the floor."""
+
+    def at(self, frames: slice | np.ndarray) -> "Ground":
+        """Return the ground at some frames."""
+        return replace(self, places=self.places[frames], normals=self.normals[frames], bodies=self.bodies[frames])
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """The bodies around a human over T frames."""
+
+    scene: Scene
+    touches: Touches
+    ground: Ground
+
+    def at(self, frames: slice | np.ndarray) -> "Surroundings":
+        """Return the surroundings at some frames."""
+        return Surroundings(self.scene.at(frames), self.touches.at(frames), self.ground.at(frames))
+
+    def without_stances(self, contacts: Mapping[str, Bools]) -> "Surroundings":
+        """Return the surroundings without touches of feet that stand, from their contact schedule: footholds hold those."""
+        held = self.touches.held.copy()
+        for pair, (part, _) in enumerate(self.touches.pairs):
+            if part.endswith("_toe") and part[0] in contacts:
+                held[:, pair] &= ~contacts[part[0]].any(axis=1)
+        return replace(self, touches=replace(self.touches, held=held))
+
+    def levelled(self, x: Floats, match: Match) -> Floats:
+        """Return keypoints (T, K, 3) with toes and ankles at their height over the ground under them [m]."""
+        level = x.copy()
+        level[:, [match.index(k) for k in self.ground.keypoints], 2] -= self.ground.places[..., 2]
+        return level
+
+
+def surroundings_of(motion: Motion, match: Match, x: Floats) -> Surroundings:
+    """Return the bodies around a human, where it touches them, and the ground under its feet.
+
+    Args:
+        motion: a motion with a scene.
+        match: keypoints that human and robot share.
+        x: (T, K, 3) keypoints in the frame of the scene [m].
+    """
+    assert motion.scene is not None
+    ground, touches = _ground(motion, match, x), touches_of(motion, match, x)
+    return Surroundings(motion.scene, touches, ground)
+
+
+def _ground(motion: Motion, match: Match, x: Floats) -> Ground:
+    scene = motion.scene
+    assert scene is not None
+    feet = tuple(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle") if f"{side}_{part}" in match.keypoints)
+    points = x[:, [match.index(k) for k in feet]]
+    heights, normals, bodies = SceneModel(scene).heights(points, scene.poses(len(motion)), SUNK * match.human_leg)
+    places = np.concatenate([points[..., :2], heights[..., None]], axis=2)
+    return Ground(feet, places, normals, bodies)
+
+
+def touches_of(motion: Motion, match: Match, keypoints: Floats) -> Touches:
+    """Find the touches of a motion with a scene.
+
+    Args:
+        keypoints: (T, K, 3) in the order of the match [m].
+    """
+    scene, leg = motion.scene, match.human_leg
+    assert scene is not None
+    poses, model = scene.poses(len(motion)), SceneModel(scene)
+    parts = [k for k in match.keypoints if k.split("_")[-1] in FLESH]
+    solid = [
+        b for b, body in enumerate(scene.bodies) if body.shape.kind not in (ShapeKind.PLANE, ShapeKind.HEIGHT_FIELD)
+    ]
+    pairs = tuple((part, b) for part in parts for b in solid)
+    at = keypoints[:, [match.index(part) for part in parts]]
+    distance, surface = model.nearest(at, poses, FAR)
+    close = np.stack(
+        [_closeness(motion, match, model, poses, part, at[:, k], leg) for k, part in enumerate(parts)], axis=1
+    )
+    held = without_flicker(close[:, :, solid].reshape(len(motion), -1) < 0, motion.fps, StanceRule())
+    turn = Rotation.from_quat(poses[:, solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
+    turn = turn.reshape(len(motion), 1, len(solid), 3, 3)
+    local = np.einsum("tkbji,tkbj->tkbi", turn, surface[:, :, solid] - poses[:, None, solid, :3])
+    away = np.einsum("tkbji,tkbj->tkbi", turn, at[:, :, None] - surface[:, :, solid])
+    shape = (len(motion), len(pairs), 3)
+    places = _settled(local.reshape(shape), held, SLIDES * leg, motion.fps)
+    return Touches(pairs, held, distance[:, :, solid].reshape(shape[:2]), places, away.reshape(shape))
+
+
+def _closeness(
+    motion: Motion, match: Match, model: SceneModel, poses: Floats, part: str, at: Floats, leg: float
+) -> Floats:
+    """Return (T, B) distance of a part from the bodies, beyond that of a touch [m]."""
+    fingers = _below(motion, match, part) if part.endswith("_hand") else []
+    if len(fingers) > 1:
+        return model.nearest(motion.positions[:, fingers], poses, FAR)[0].min(axis=1) - FINGERS * leg
+    return model.nearest(at[:, None], poses, FAR)[0][:, 0] - FLESH[part.split("_")[-1]] * leg
+
+
+def _below(motion: Motion, match: Match, part: str) -> list[int]:
+    """Return the joints that a keypoint's joint carries, without it."""
+    parents, own = motion.skeleton.parents, set(match.recognition.marks[part].joints)
+    carried: set[int] = set(own)
+    for joint in range(len(parents)):
+        if int(parents[joint]) in carried:
+            carried.add(joint)
+    return sorted(carried - own)
+
+
+def _settled(places: Floats, held: Bools, slides: float, fps: float) -> Floats:
+    """Return the places (T, C, 3), each touch that stays on one place at its median, the others smoothed."""
+    settled = uniform_filter1d(places, max(1, round(SMOOTH * fps)), axis=0, mode="nearest")
+    for pair in range(places.shape[1]):
+        for start, stop in intervals(held[:, pair]):
+            own = places[start:stop, pair]
+            median = np.median(own, axis=0)
+            if np.linalg.norm(own - median, axis=1).max() < slides:
+                settled[start:stop, pair] = median
+    return settled

@@ -1,0 +1,136 @@
+"""Distances between the links of a robot and the bodies of a scene, and their Jacobians, by MuJoCo.
+
+The bodies are mocap bodies in the robot's model. Spheres around geoms find the pairs that may be near; `mj_geomDistance`
+measures those. A mesh is its convex hull, and a height field has no distance: the height under each sole stands for it.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.errors import SceneError
+from robot_retarget.robot.geoms import solid_geoms
+from robot_retarget.robot.model import Robot
+from robot_retarget.scene.geoms import PREFIX, add_bodies, moving_bodies, place_bodies
+from robot_retarget.scene.scene import Scene
+
+TOUCHING = 1e-9
+"""Surfaces this near have no direction between them [m]."""
+MEASURED = tuple(
+    int(kind) for kind in (
+        mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_MESH,
+        mujoco.mjtGeom.mjGEOM_PLANE,
+    )
+)  # fmt: skip
+"""Types of geoms of bodies that have a distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyDistances:
+    """N pairs of a link's geom and a body near each other."""
+
+    distance: Floats
+    """(N,) [m], negative inside."""
+    links: Ints
+    """(N,) bodies of the robot's model."""
+    bodies: Ints
+    """(N,) indices in the scene."""
+    normal: Floats
+    """(N, 3) from the body to the link."""
+    slope: Floats
+    """(N, nv) of the distance by the tangent v."""
+
+
+class RobotAmongBodies:
+    """One robot among the bodies of a scene."""
+
+    def __init__(self, robot: Robot, scene: Scene):
+        """Compile the robot's model with the bodies.
+
+        Raises:
+            SceneError: a body's name is one of the robot's, or MuJoCo refuses its shape.
+        """
+        spec = robot.spec()
+        add_bodies(spec, scene)
+        try:
+            self.model = spec.compile()
+        except ValueError as error:
+            raise SceneError(
+                f"{scene.source}: does not compile with {robot.name}: {' '.join(str(error).split())}"
+            ) from error
+        self.robot, self.scene, self.data = robot, scene, mujoco.MjData(self.model)
+        self._moving = moving_bodies(self.model, scene)
+        ids = [self.model.geom(PREFIX + name).id for name in scene.names]
+        self._bodies = [b for b, geom in enumerate(ids) if int(self.model.geom_type[geom]) in MEASURED]
+        self._body_geoms = np.array([ids[b] for b in self._bodies], np.int64)
+        solid = solid_geoms(robot)
+        self._geoms = np.array([g for own in solid.values() for g in own], np.int64)
+        self._links = np.array([link for link, own in solid.items() for _ in own], np.int64)
+        self._radii = np.asarray(self.model.geom_rbound)[self._geoms][:, None]
+        self._middle, self._half = (
+            np.asarray(self.model.geom_aabb)[self._body_geoms].reshape(-1, 2, 3).transpose(1, 0, 2)
+        )
+        flat = np.asarray(self.model.geom_type)[self._body_geoms] == mujoco.mjtGeom.mjGEOM_PLANE
+        self._half = np.where(flat[:, None], [np.inf, np.inf, 0.0], self._half)
+        self._known: tuple[bytes, float, BodyDistances] | None = None
+
+    def near(self, qpos: Floats, poses: Floats, reach: float) -> BodyDistances:
+        """Return the pairs within a reach.
+
+        Args:
+            qpos: (nq,) configuration of the robot.
+            poses: (B, 7) of the bodies.
+            reach: [m].
+        """
+        key = qpos.tobytes() + poses.tobytes()
+        if self._known is None or self._known[:2] != (key, reach):
+            self._known = key, reach, self._measured(qpos, poses, reach)
+        return self._known[2]
+
+    def of_link(self, qpos: Floats, poses: Floats, link: int, body: int, reach: float) -> BodyDistances:
+        """Return the distances of the geoms of one link from one body, within a reach; `near` states the arguments."""
+        self._place(qpos, poses)
+        if body not in self._bodies:
+            return self._rows([], reach)
+        return self._rows([[int(k), self._bodies.index(body)] for k in np.flatnonzero(self._links == link)], reach)
+
+    def point(self, body: int, offset: Floats) -> tuple[Floats, Floats]:
+        """Return the place (3,) [m] and the Jacobian (3, nv) of a point of a link in the last measured configuration."""
+        place = self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ offset
+        slope = np.empty((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, slope, None, place, body)
+        return place, slope
+
+    def _measured(self, qpos: Floats, poses: Floats, reach: float) -> BodyDistances:
+        self._place(qpos, poses)
+        data = self.data
+        turn = data.geom_xmat[self._body_geoms].reshape(-1, 3, 3)
+        way = data.geom_xpos[self._geoms][:, None] - data.geom_xpos[self._body_geoms]
+        out = np.maximum(np.abs(np.einsum("bij,gbi->gbj", turn, way) - self._middle) - self._half, 0.0)
+        near = np.sqrt((out * out).sum(axis=2)) - self._radii < reach
+        return self._rows(np.argwhere(near).tolist(), reach)
+
+    def _place(self, qpos: Floats, poses: Floats) -> None:
+        self.data.qpos[:] = qpos
+        place_bodies(self.data, poses, self._moving)
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def _rows(self, pairs: list[list[int]], reach: float) -> BodyDistances:
+        """Return distances with their slopes: along the normal, a point of the link moves by n · J v."""
+        measured, ends = [], np.zeros(6)
+        for k, b in pairs:
+            geoms = int(self._body_geoms[b]), int(self._geoms[k])
+            least = mujoco.mj_geomDistance(self.model, self.data, *geoms, reach, ends)
+            if least < reach and abs(least) > TOUCHING:
+                measured.append((least, k, b, *ends))
+        found = np.array(measured).reshape(-1, 9)
+        distance, geoms, bodies = found[:, 0], found[:, 1].astype(int), found[:, 2].astype(int)
+        normal = (found[:, 6:] - found[:, 3:6]) / distance[:, None]
+        slope, jacobian = np.empty((len(found), self.model.nv)), np.empty((3, self.model.nv))
+        for row, (k, place) in enumerate(zip(geoms, found[:, 6:], strict=True)):
+            mujoco.mj_jac(self.model, self.data, jacobian, None, place, int(self.model.geom_bodyid[self._geoms[k]]))
+            slope[row] = normal[row] @ jacobian
+        return BodyDistances(distance, self._links[geoms], np.array(self._bodies)[bodies], normal, slope)

@@ -1,0 +1,78 @@
+"""Bodies of a scene in a simulation: carried along their path, or free, with mass, held by friction alone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from robot_retarget.arrays import Floats, Ints
+from robot_retarget.scene.geoms import PREFIX, moving_bodies, place_bodies
+from robot_retarget.scene.scene import Scene
+
+Objects = Literal["carried", "free"]
+"""Whether moving bodies follow their path, or move by contact and gravity."""
+LOST = 0.5
+"""A free body is dropped when it is farther from its path than this share of its longest edge [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBodies:
+    """The bodies of a scene in a plant's model."""
+
+    scene: Scene
+    """With poses at the frames of the trajectory."""
+    model: mujoco.MjModel
+
+    @cached_property
+    def carried(self) -> Ints:
+        """(M, 2) mocap ids and indices of the bodies that follow their path."""
+        return moving_bodies(self.model, self.scene)
+
+    @cached_property
+    def free(self) -> tuple[int, ...]:
+        """Indices of the bodies that move by contact and gravity."""
+        carried = set(self.carried[:, 1].tolist())
+        return tuple(k for k, body in enumerate(self.scene.bodies) if not body.fixed and k not in carried)
+
+    @cached_property
+    def ids(self) -> Ints:
+        """Ids of the bodies in the model."""
+        return np.array([self.model.body(PREFIX + name).id for name in self.scene.names], np.int64)
+
+    def paths(self, frames: Floats) -> Floats:
+        """Return (N, B, 7) poses at fractional frames (N,)."""
+        return self.scene.resampled(frames).poses(len(frames))
+
+    def place(self, data: mujoco.MjData, poses: Floats) -> None:
+        """Set the carried bodies to their poses (B, 7)."""
+        place_bodies(data, poses, self.carried)
+
+    def figures(self, paths: Floats, places: Floats, times: Floats) -> dict[str, Any]:
+        """Return when each free body was dropped, how far it was from its path and its mass, by name.
+
+        Args:
+            paths: (N, B, 7) poses of the trajectory.
+            places: (N, B, 3) places in the simulation [m].
+            times: (N,) [s].
+        """
+        found = {}
+        for k in self.free:
+            body = self.scene.bodies[k]
+            off = np.linalg.norm(places[:, k] - paths[: len(places), k, :3], axis=1)
+            lost = np.flatnonzero(off > LOST * body.shape.size.max())
+            when = round(float(times[lost[0]]), 2) if lost.size else None
+            found[body.name] = {
+                "dropped_s": when,
+                "off_m": round(float(off.max(initial=0.0)), 4),
+                "mass_kg": round(body.weight, 4),
+            }
+        return found
+
+
+def dropped(figures: Mapping[str, Any]) -> list[str]:
+    """Return the reasons of free bodies against a trajectory."""
+    lost = {name: facts["dropped_s"] for name, facts in figures.get("objects", {}).items()}
+    return [f"{name} is dropped at {when:g} s" for name, when in lost.items() if when is not None]
