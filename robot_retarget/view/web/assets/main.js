@@ -14,6 +14,7 @@ import { Timeline } from "#timeline";
 import { Touch } from "#touch";
 
 const ROOMY = 1.08; // what is shown is so much smaller than the picture
+const MOMENTS = 12; // of a clip, at which the camera's distance is measured
 const scene = document.getElementById("scene"), canvas = document.getElementById("canvas");
 const show = await embedded();
 const takes = show.takes, { casts, span } = castsOf(takes);
@@ -59,16 +60,26 @@ function target(time) {
   return casts.reduce((sum, cast) => sum.add(cast.target(time)), new Vector3()).divideScalar(casts.length);
 }
 
-/** How far the camera is from the middle for all takes to be in the picture at a time [m]; one take keeps its distance. */
-function distance(time) {
-  const { aspect, fov } = stage.camera, narrow = Math.max(1, 1.25 / Math.max(aspect, 0.2));
-  if (takes.length === 1) return 0.72 * takes[0].distance * narrow;
+/** How far the camera is from the middle for all takes to be in the picture at a time [m]. */
+function fitted(time) {
   const right = rightOf(takes[0].azimuth), away = new Vector3(-right.y, right.x, 0);
-  const tall = Math.tan((fov * Math.PI) / 360), wide = tall * aspect, middle = target(time);
+  const { aspect, fov } = stage.camera, tall = Math.tan((fov * Math.PI) / 360), wide = tall * aspect, middle = target(time);
   return Math.max(...casts.flatMap((cast) => cast.corners(time, right)).map((corner) => {
     const from = corner.sub(middle);
     return ROOMY * (Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.z) / tall) - from.dot(away));
   }));
+}
+
+const still = { aspect: 0, distance: 0 };
+
+/** The camera's distance at a time [m]: one take keeps the largest of the clip, so that the picture does not breathe. */
+function distance(time) {
+  if (takes.length > 1) return fitted(time);
+  if (still.aspect !== stage.camera.aspect) {
+    const moments = Array.from({ length: MOMENTS }, (_, k) => (k / (MOMENTS - 1)) * player.duration);
+    Object.assign(still, { aspect: stage.camera.aspect, distance: Math.max(...moments.map(fitted)) });
+  }
+  return still.distance;
 }
 
 function pose() {
