@@ -19,7 +19,7 @@ from robot_retarget.view.web import Viewer, view
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Sample clips on {robots}</title>
+<title>robot-retarget: sample clips on {robots}</title>
 <style>
 :root {{ color-scheme: light dark; --ink: #1f2933; --faint: #616e7c; --line: #e4e7eb; --ground: #f5f7fa; --card: #fff; --link: #0b7285; }}
 @media (prefers-color-scheme: dark) {{
@@ -30,6 +30,7 @@ section {{ background: var(--card); border: 1px solid var(--line); border-radius
 h1 {{ font-size: 22px; }} h2 {{ font-size: 17px; margin: 0 0 8px; }} a {{ color: var(--link); }}
 figure {{ margin: 10px 0; }} img {{ width: 100%; border-radius: 6px; }} figcaption {{ color: var(--faint); font-size: 13px; }}
 </style></head><body>
+<p><a href="{back}">robot-retarget</a></p>
 <h1>Sample clips on {robots}</h1>
 <p>Every row leads to a page on which the clip is seen from all sides, with footholds, near pairs, limits and curves.</p>
 {sections}
@@ -38,25 +39,26 @@ figure {{ margin: 10px 0; }} img {{ width: 100%; border-radius: 6px; }} figcapti
 
 
 def main() -> None:
-    """Make the gallery that the command line asks for."""
+    """Write the gallery."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("robots", nargs="+", help="shipped names, MJCF files or robot_descriptions names")
     parser.add_argument(
         "--clips", nargs="*", type=Path, default=sorted(SAMPLES.glob("*.bvh")), help="by default the samples"
     )
-    parser.add_argument("--seconds", type=float, default=8.0, help="so much of every clip [s]")
+    parser.add_argument("--seconds", type=float, default=8.0, help="longest part of a clip [s]")
     parser.add_argument("--out", type=Path, default=Path("gallery"))
-    asked = parser.parse_args()
-    target, robots = folder(asked.out), [rr.load_robot(name) for name in asked.robots]
-    sections = [_section(clip, robots, asked.seconds, target) for clip in asked.clips]
+    parser.add_argument("--back", default="../index.html", help="address of the page that leads here")
+    given = parser.parse_args()
+    target, robots = folder(given.out), [rr.load_robot(name) for name in given.robots]
+    sections = [_section(clip, robots, given.seconds, target) for clip in given.clips]
     names = html.escape(", ".join(robot.name for robot in robots))
     with replacing(target / "index.html") as scratch:
-        scratch.write_text(PAGE.format(robots=names, sections="\n".join(sections)), encoding="utf-8")
+        scratch.write_text(PAGE.format(robots=names, back=html.escape(given.back), sections="\n".join(sections)), encoding="utf-8")
     print(f"wrote {target / 'index.html'}")
 
 
 def _section(path: Path, robots: list[rr.Robot], seconds: float, target: Path) -> str:
-    """A clip on every robot that can have it; who cannot is said."""
+    """Return the section of a clip: a strip for each robot, or the reason for its absence."""
     motion = rr.read_motion(path)
     motion = motion.frames(0, min(len(motion), round(seconds * motion.fps) + 1))
     takes, figures = [], []
@@ -72,7 +74,7 @@ def _section(path: Path, robots: list[rr.Robot], seconds: float, target: Path) -
     if takes:
         Viewer(tuple(takes)).save(target / page)
     title = html.escape(path.stem.replace("_", " "))
-    return f'<section><h2>{title} · <a href="{page}">look at it</a></h2>{"".join(figures)}</section>'
+    return f'<section><h2>{title} · <a href="{page}#play">look at it</a></h2>{"".join(figures)}</section>'
 
 
 def _figure(clip: str, result: rr.Result, target: Path) -> str:
@@ -81,7 +83,7 @@ def _figure(clip: str, result: rr.Result, target: Path) -> str:
     if not isinstance(drawn, Picture):
         return f"<figure><figcaption>{html.escape(f'{name}: {drawn.reason}')}</figcaption></figure>"
     picture = drawn.save(target / f"{clip}_{name}.png")
-    return f'<figure><a href="{clip}.html"><img alt="{clip} on {html.escape(name)}" src="{picture.name}"></a><figcaption>{html.escape(name)}</figcaption></figure>'
+    return f'<figure><a href="{clip}.html#play"><img alt="{clip} on {html.escape(name)}" src="{picture.name}"></a><figcaption>{html.escape(name)}</figcaption></figure>'
 
 
 if __name__ == "__main__":

@@ -96,6 +96,7 @@ player.onpace = (interval) => stage.keepPace(interval);
 panel.onreset = home;
 pose();
 requestAnimationFrame(home);
+if (location.hash === "#play") player.play();
 
 // What is under the pointer: the body, and the joint that moves it; a click shows that joint's curves.
 const ray = new Raycaster(), pointer = new Vector2(), said = document.getElementById("said");
