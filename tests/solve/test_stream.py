@@ -174,7 +174,7 @@ def test_wrong_use_is_told(robot: Robot, walk: Motion, wave: Motion) -> None:
 
 
 MODELS = {
-    "op3": ("squat", "wave", "clap", "hips_and_bow"),
+    "op3": ("squat", "wave", "hips_and_bow"),
     "booster_t1": ("walk", "squat", "wave", "clap", "hips_and_bow"),
 }
 MODELS["unitree_g1"] = ("walk", "squat", "wave", "hips_and_bow")
@@ -187,7 +187,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "clip"), CASES)
 def test_half_a_second_on_it_does_not_matter_where_a_stream_began(name: str, clip: str) -> None:
-    """On the G1 hands that meet may pass each other on either side."""
+    """On the OP3 and the G1 hands that meet in a clap may pass each other on either side: rounding decides."""
     robot = rr.load_robot(name if name == "op3" else str(SHARED / f"robots/{name}/{name}.xml"))
     motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30)
     whole, later = ([p.qpos for p in followed(known(robot, motion), motion, range(t, len(motion)))] for t in (0, 40))
