@@ -53,7 +53,9 @@ def main() -> None:
     sections = [_section(clip, robots, given.seconds, target) for clip in given.clips]
     names = html.escape(", ".join(robot.name for robot in robots))
     with replacing(target / "index.html") as scratch:
-        scratch.write_text(PAGE.format(robots=names, back=html.escape(given.back), sections="\n".join(sections)), encoding="utf-8")
+        scratch.write_text(
+            PAGE.format(robots=names, back=html.escape(given.back), sections="\n".join(sections)), encoding="utf-8"
+        )
     print(f"wrote {target / 'index.html'}")
 
 
