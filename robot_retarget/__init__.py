@@ -88,7 +88,10 @@ _FOLDERS = ("score", "simulate", "solve", "view")
 
 def public(name: str) -> Any:
     """Load a public function or class from its module on first use."""
-    return getattr(importlib.import_module(f"robot_retarget.{_HOME[name]}"), name)
+    value = getattr(importlib.import_module(f"robot_retarget.{_HOME[name]}"), name)
+    if name in _FOLDERS:
+        value.__name__ = f"robot_retarget.{name}"  # `import … as` finds a module of the folder by this name
+    return value
 
 
 def __getattr__(name: str) -> Any:
@@ -104,6 +107,8 @@ def __dir__() -> list[str]:
 
 class _Package(ModuleType):
     """The package as a module: `rr.solve` is the function, `from robot_retarget.solve import …` the folder.
+
+    So are `import robot_retarget.solve.compiled as compiled` and its like.
 
     Python sets a folder as an attribute of its package when it first imports it. Properties of the module's class take
     precedence and ignore that.

@@ -193,3 +193,19 @@ def test_every_file_of_tests_has_a_name_of_its_own() -> None:
     """They are imported by their names alone: two of one name cannot be collected together."""
     names = [path.name for path in Path(__file__).parent.rglob("*.py")]
     assert not {name for name in names if names.count(name) > 1}
+
+
+def test_modules_of_folders_with_the_name_of_a_function_are_imported_in_every_form() -> None:
+    code = ["import pickle", "import robot_retarget as rr"]
+    for module in ("solve.compiled", "score.score", "simulate.rollout", "view.picture"):
+        folder, name = module.split(".")
+        code += [
+            f"assert callable(rr.{folder}) and pickle.loads(pickle.dumps(rr.{folder})) is rr.{folder}",
+            f"import robot_retarget.{module} as one",
+            f"from robot_retarget.{folder} import {name} as two",
+            "assert one is two",
+        ]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(code)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert not done.stderr

@@ -7,11 +7,11 @@ foot flat in place. The robot lifts a foot only if the human lifts it well, or p
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter, minimum_filter1d, uniform_filter1d
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.stance import intervals
+from robot_retarget.human.stance import StanceRule, intervals, without_flicker
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class StepRule:
     """... and lower than this stands, regardless of the human's label."""
     drift: float = 0.6
     """The lowest sole within this time to either side is on the floor: captures drift in height [s]."""
-    shortest: float = 0.12
-    """A shorter stance or swing is noise; a longer time without a foot on the floor is a jump [s]."""
+    flight: float = 0.12
+    """A longer time without a foot on the floor is a jump [s]."""
     lift: float = 0.12
     """A foot lifted less ..."""
     travel: float = 0.3
@@ -43,7 +43,7 @@ def planted_feet(
     """Return (T, F) the feet of the robot on the floor or nearly so; at least one at every frame.
 
     Args:
-        stances: the human's, per foot (T, 2) toe and heel (`contacts.stances`).
+        stances: the human's, per foot (T, 2) toe and heel (`contacts.contact_schedule`).
         corners: (T, F, 4, 3) corners of the robot's retargeted soles [m].
 
     Raises:
@@ -54,7 +54,7 @@ def planted_feet(
     _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
     labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
-    planted = median_filter(planted, (2 * round(chosen.shortest * fps / 2) + 1, 1), mode="nearest")
+    planted = without_flicker(planted, fps, StanceRule())
     nobody = np.flatnonzero(~planted.any(axis=1))
     planted[nobody, speed[nobody].argmin(axis=1)] = True
     return planted
@@ -110,7 +110,7 @@ def _speed(corners: Floats, fps: float) -> Floats:
 
 def _refuse_flight(airborne: np.ndarray, fps: float, rule: StepRule) -> None:
     for start, stop in intervals(airborne):
-        if (stop - start) / fps > rule.shortest:
+        if (stop - start) / fps > rule.flight:
             raise BalanceError(
                 f"no foot is on the floor from {start / fps:.1f} to {stop / fps:.1f} s: a robot that stands free cannot "
                 "play that; keep both feet on the floor (legs 'stand'), or do without balance (balance 'off')"

@@ -8,7 +8,7 @@ class Status(Enum):
 
     CONVERGED = "the step fell below the tolerance"
     OUT_OF_ITERATIONS = "the iterations ran out; the pose is usable, not final"
-    BLOCKED = "no admissible step was found; the previous pose is kept"
+    BLOCKED = "no further step keeps all limits; the pose is usable, not final"
     CALIBRATING = "the performer is being watched; the robot stands meanwhile"
     HELD = "no frame came; the robot comes to rest"
     UNREACHED = "a hard edge cannot be reached; the pose comes as near as it can"

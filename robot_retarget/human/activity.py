@@ -20,7 +20,7 @@ class ActivityRule:
     brief: float = 0.1
     """Activities with a smaller share of the time are ignored [-]: single steps in place, brief support."""
     high: float = 0.12
-    """A flight has both feet higher than this, for longer than the shortest stance."""
+    """A flight has both feet higher than this, for longer than `StanceRule.flight`."""
     low: float = 0.62
     """A supported human has the pelvis lower than this share of its usual height [-] ..."""
     seat_offset: float = 0.3
@@ -51,7 +51,7 @@ def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps
         return Activity(IN_PLACE)
     if supported.mean() > brief:
         return _longest(SUPPORTED, supported, fps)
-    if any((stop - start) / fps > StanceRule().shortest for start, stop in intervals(flying)):
+    if any((stop - start) / fps > StanceRule().flight for start, stop in intervals(flying)):
         return _longest(FLIGHT, flying, fps)
     planted = [foot.any(axis=1) for foot in contacts.values()]
     return Activity(IN_PLACE if np.logical_and.reduce(planted).mean() >= 1 - brief else STEPPING)

@@ -1,6 +1,6 @@
 """The contact schedule: when toe and heel of each foot stand, for a clip and for a stream.
 
-Both use the detector of `stance`. A clip is smoothed over time; a stream holds a change for half of the
+Both use the detector of `stance`. A clip is smoothed over time; a stream holds a change for the
 shortest stance instead. The ankle represents the heel.
 """
 
@@ -92,7 +92,7 @@ class CausalContacts:
         self._measure_speed(points, seconds)
         enter, stay = self.rule.triggers(self.speed, (points[:, 2] - self.floor) / self.leg)
         self.since += seconds
-        changed = (np.where(self.stands, stay, enter) != self.stands) & (self.since >= self.rule.shortest / 2)
+        changed = (np.where(self.stands, stay, enter) != self.stands) & (self.since >= self.rule.shortest)
         self.stands = self.stands ^ changed
         self.since[changed] = 0.0
         found = np.zeros((len(self.feet), 1, len(PARTS)), dtype=bool)

@@ -25,8 +25,10 @@ class StanceRule:
     enter_height: float = 0.08
     leave_height: float = 0.10
     """Above the floor [leg lengths]."""
-    shortest: float = 0.15
-    """Shorter stances and swings are noise [s]."""
+    shortest: float = 0.075
+    """Stances and swings no longer than this are noise [s]."""
+    flight: float = 0.15
+    """A longer time with both feet in the air is a flight [s]."""
     averaged: float = 0.1
     """Time over which speeds are averaged [s]: one tenth, so that the frame rate does not matter."""
     floor: float = 0.02
@@ -66,14 +68,14 @@ def standing(points: Floats, height: Floats, fps: float, rule: StanceRule) -> Bo
 
 
 def without_flicker(stands: Bools, fps: float, rule: StanceRule) -> Bools:
-    """Remove stances and swings (T, …) that are shorter than `rule.shortest`.
+    """Remove stances and swings (T, …) no longer than `rule.shortest`.
 
     Args:
         stands: (T, …) whether points stand.
         fps: frames per second [1/s].
         rule: thresholds.
     """
-    width = 2 * int(rule.shortest * fps / 2) + 1
+    width = 2 * int(rule.shortest * fps) + 1
     size = (width, *(1,) * (stands.ndim - 1))
     return median_filter(stands.astype(np.uint8), size, mode="nearest").astype(bool)
 

@@ -41,7 +41,7 @@ class UpAxisRule:
     """Of evidence that fails in one file of five: the head is over the ankles in the rest pose, x does not point up."""
     near: float = 0.2
     """Height within which the lowest point of a clip begins at 0."""
-    airborne: float = StanceRule.shortest
+    airborne: float = StanceRule.flight
     """Duration of a flight that counts fully [s]."""
     free: float = 0.25
     """Share of gravity by which the acceleration of a free fall may differ from it [-]."""

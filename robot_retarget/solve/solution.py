@@ -88,10 +88,6 @@ class Solution:
         """Return (T,) the mean of |d − δ|/τ over the posture edges."""
         return np.abs(self.errors("posture")).mean(axis=1) if "posture" in self.measured else np.zeros(len(self.cost))
 
-    def unsolved(self) -> list[int]:
-        """Return the frames that did not converge."""
-        return [t for t, s in enumerate(self.status) if s is not Status.CONVERGED]
-
     def largest_step(self) -> float:
         """Return the largest change of one hinge between two frames [rad]; it shows a jump."""
         hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]

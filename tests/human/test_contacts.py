@@ -8,6 +8,7 @@ import robot_retarget as rr
 from robot_retarget.human.contacts import contact_schedule
 from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
+from robot_retarget.human.stance import StanceRule, without_flicker
 from robot_retarget.motion import read_motion
 
 NPZ = SHARED / "motions" / "other" / "npz"
@@ -35,6 +36,18 @@ def test_a_contact_too_short_to_be_true_is_passed_over(walk):
     said = np.zeros((len(motion), 4), dtype=bool)
     said[20:22, 0] = True
     assert not contact_schedule(x, matched, motion.fps, said)["l"].any()
+
+
+@pytest.mark.parametrize("fps", [15, 24, 25, 30, 50, 60, 100, 120])
+@pytest.mark.parametrize("shortest", [0.075, 0.15, 0.3])
+def test_stances_and_swings_no_longer_than_the_shortest_go_and_longer_ones_stay(fps: int, shortest: float) -> None:
+    rule = StanceRule(shortest=shortest)
+    for length in range(1, 2 * int(shortest * fps) + 3):
+        alone = np.zeros(400, dtype=bool)
+        alone[150 : 150 + length] = True
+        longer = length > shortest * fps
+        assert without_flicker(alone, fps, rule).sum() == length * longer
+        assert (~without_flicker(~alone, fps, rule)).sum() == length * longer
 
 
 @needs_shared
