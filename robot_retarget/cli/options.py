@@ -121,6 +121,10 @@ Servos = Annotated[
 ]
 Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
 Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
+Height = Annotated[
+    float | None,
+    typer.Option(help="Stature of the human [m], which sets the scale; by default the unit of the file."),
+]
 Up = Annotated[
     str | None,
     typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default inferred from the poses."),

@@ -15,6 +15,7 @@ from robot_retarget.cli.options import (
     Fps,
     Frames,
     Freeze,
+    Height,
     Json,
     Legs,
     Limits,
@@ -47,6 +48,7 @@ def run(
     body_model: BodyModel = None,
     up: Up = None,
     repair: Repair = True,
+    height: Height = None,
     map_file: Overrides = None,
     freeze: Freeze = None,
     only: Only = None,
@@ -66,7 +68,7 @@ def run(
     """Retarget, warn, simulate, report: trajectory.npz, report.json, report.html, viewer.html, warnings.csv, strip.png."""
     options = RetargetOptions(fps, map_file, legs, balance, preset=preset, scene=scene, scene_scale=scene_scale)
     verdict = fill_folder(
-        read_clip(motion, frames, source_fps, body_model, up, repair),
+        read_clip(motion, frames, source_fps, body_model, up, repair, height),
         load(robot, limits, servos, freeze, only),
         out,
         options,

@@ -16,6 +16,7 @@ from robot_retarget.cli.options import (
     Fps,
     Frames,
     Freeze,
+    Height,
     Json,
     Legs,
     Limits,
@@ -51,6 +52,7 @@ def solve(
     body_model: BodyModel = None,
     up: Up = None,
     repair: Repair = True,
+    height: Height = None,
     map_file: Overrides = None,
     freeze: Freeze = None,
     only: Only = None,
@@ -71,7 +73,8 @@ def solve(
     require_suffix(output, ".npz", "`export` writes trajectories in other formats")
     require_writable(output)
     options = RetargetOptions(fps, map_file, legs, balance, edges, preset, scene, scene_scale)
-    clip, model = read_clip(motion, frames, source_fps, body_model, up, repair), load(robot, limits, None, freeze, only)
+    clip = read_clip(motion, frames, source_fps, body_model, up, repair, height)
+    model = load(robot, limits, None, freeze, only)
     with progress({"retarget": retarget_cost(clip)}) as stages:
         result = retargeted(clip, model, options, stages.begin("retarget"))
     _save(result, output, explain, json)

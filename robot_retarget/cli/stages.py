@@ -334,12 +334,13 @@ def read_clip(
     body_model: Path | None = None,
     up: str | None = None,
     repair: bool = True,
+    height: float | None = None,
 ) -> "Motion":
     """The motion of a file, or the part of it that `START:STOP` names."""
     from robot_retarget.motion import read_motion
     from robot_retarget.motion.span import part_of
 
-    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair)
+    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair, height=height)
     return part_of(motion, frames)
 
 

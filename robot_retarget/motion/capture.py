@@ -29,6 +29,8 @@ class Capture:
     """(T, 4) as `Motion.contacts`, where the file says them."""
     up: str | None = None
     """The signed axis that points up, such as `+y`, where the format fixes it; else it is inferred from the poses."""
+    camera: bool = False
+    """Whether positions are in the frame of a camera, whose up axis may be tilted."""
 
     def __post_init__(self) -> None:
         for values in (self.positions, self.rotations):

@@ -9,7 +9,7 @@ from robot_retarget.errors import FileError, MotionError, UsageError
 from robot_retarget.human.motion import Motion
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of
-from robot_retarget.motion.upright import upright
+from robot_retarget.motion.upright import STATURES, upright
 from robot_retarget.untrusted.limits import refusing
 
 
@@ -21,6 +21,7 @@ def read_motion(
     body_model: str | Path | None = None,
     up: str | None = None,
     repair: bool = True,
+    height: float | None = None,
 ) -> Motion:
     """Read a human motion, in metres and z up.
 
@@ -33,6 +34,7 @@ def read_motion(
         body_model: the `.npz` of a body model, for the rest skeleton of SMPL parameters.
         up: the axis of the file that points up (`x`, `y`, `z`, `-y`, …), in place of the one inferred from the poses.
         repair: repair jumps, gaps under 0.3 s and noise; without, they are only reported.
+        height: the human's stature, from which the scale is found, in place of the file's unit [m].
 
     Raises:
         MotionError: the file cannot be read, or the poses do not decide the up axis; names the line or field, or the frame and joint, and the expected content.
@@ -41,6 +43,8 @@ def read_motion(
     file, clip = _part(Path(path))
     if fps is not None and not 0 < fps < float("inf"):
         raise UsageError(f"frames per second must be positive, got {fps}")
+    if height is not None and not STATURES[0] <= height <= STATURES[1]:
+        raise UsageError(f"height must be a stature from {STATURES[0]:g} to {STATURES[1]:g} m, got {height:g}")
     if file.is_dir():
         raise MotionError("is a folder; expected a motion file", file)
     if not file.exists():
@@ -55,7 +59,7 @@ def read_motion(
         raise MotionError(str(error)) from error
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
-    return replace(upright(capture, up, repair), source_sha256=_hashed(file, clip))
+    return replace(upright(capture, up, repair, height), source_sha256=_hashed(file, clip))
 
 
 def as_motion(motion: Motion | str | Path, repair: bool = True) -> Motion:

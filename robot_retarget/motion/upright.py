@@ -11,6 +11,7 @@ from robot_retarget.human.motion import Motion
 from robot_retarget.human.recognition.recognise import Recognition, recognise
 from robot_retarget.human.stature import LEG, leg_length, stature
 from robot_retarget.motion.calibration import calibration_frames, calibration_pose_notes
+from robot_retarget.motion.camera import levelled
 from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.performers import first_performer
 from robot_retarget.motion.repair import FootingRule, RepairRule, footing, repaired
@@ -29,7 +30,7 @@ STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
 
 
-def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Motion:
+def upright(capture: Capture, up: str | None = None, repair: bool = True, height: float | None = None) -> Motion:
     """Make a motion in metres, z up, from a capture; calibration frames at its ends are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
@@ -38,6 +39,7 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
     Args:
         up: the axis of the file that points up (`x`, `-y`, …), in place of the axis of the format or of the poses.
         repair: repair defects (`repair.repaired`); without, they are only reported.
+        height: the human's stature, from which the scale is found, in place of the file's unit [m].
 
     Raises:
         UsageError: `up` is no axis.
@@ -51,9 +53,12 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True) -> Mot
         return _other_body(capture, given, str(error))
     proper, calibration = calibration_frames(recognition, capture.positions, capture.fps)
     capture = capture.part(proper)
-    metres, unit_note = unit_of(recognition, capture.positions)
+    metres, unit_note = unit_of(recognition, capture.positions, height)
     raw, (capture, broken) = capture, repaired(capture, recognition, metres, RepairRule(mend=repair))
     axis, axis_notes = _up(recognition, capture, raw, metres) if given is None else (given, ())
+    if capture.camera:
+        capture, tilt = levelled(capture, recognition, turn_to_z(axis)[2])
+        axis_notes = (*axis_notes, tilt)
     level = metres * capture.positions @ turn_to_z(axis).T
     feet = footing(recognition, level, capture.fps, FootingRule())
     ends = calibration_pose_notes(recognition, level, capture.fps)
@@ -76,14 +81,17 @@ def signed_axis(name: str) -> str:
     return axis
 
 
-def unit_of(recognition: Recognition, positions: Floats) -> tuple[float, str]:
+def unit_of(recognition: Recognition, positions: Floats, height: float | None = None) -> tuple[float, str]:
     """Metres in the file's unit, and a sentence: the known unit that makes an adult's stature, else one that fits.
 
     Args:
         recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [file units].
+        height: the human's stature, if it is known [m].
     """
     tall = stature(recognition, positions)
+    if height is not None:
+        return height / tall, f"Scaled to a stature of {height:.2f} m, by {height / tall:.4g}."
     for name, metres in UNITS.items():
         if STATURES[0] <= tall * metres <= STATURES[1]:
             return metres, f"The unit is the {name}: a stature of {tall * metres:.2f} m."

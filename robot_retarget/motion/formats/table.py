@@ -18,6 +18,7 @@ from robot_retarget.motion.formats import (
     optitrack_csv,
     positions,
     refused,
+    sam3d,
     smpl,
     trc,
     vicon_csv,
@@ -55,6 +56,7 @@ FORMATS = (
     MotionFormat("DeepMimic", (), deepmimic.matches_format, deepmimic.read),
     MotionFormat("HumanML3D features", (), humanml3d.matches_format, humanml3d.read),
     MotionFormat("MediaPipe or FreeMoCap landmarks", (".csv", ".json"), landmarks.matches_format, landmarks.read),
+    MotionFormat("SAM 3D Body", (), sam3d.matches_format, sam3d.read, frozenset({"clip"})),
     MotionFormat("Motion-X", (), smpl.motion_x.matches_format, smpl.motion_x.read, frozenset({"body_model"})),
     MotionFormat("SMPL parameters", (), smpl.matches_format, smpl.read, frozenset({"body_model"})),
     MotionFormat(

@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_retarget.errors import MotionError
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.formats import positions
+from robot_retarget.motion.formats import positions, sam3d
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
@@ -39,13 +39,15 @@ def read(path: Path, request: Request) -> Capture:
     if isinstance(content, np.ndarray) and content.ndim == 2 and content.shape[1] >= INTERMIMIC.stop:
         joints = content[:, INTERMIMIC].reshape(len(content), -1, 3)
         return replace(positions.captured({"positions": joints}, path, request), up="+z")
+    if sam3d.holds_people(content):
+        return sam3d.people_of(content, path, request)
     bodies = dict(_bodies(content, ""))
     if not bodies:
         raise MotionError(sentence(content), path)
     names = sorted(bodies, key=lambda name: "incam" in name)
     which, notes = request.choose(names, path)
     capture = captured(bodies[names[which]], path, request)
-    return replace(capture, notes=(*notes, *capture.notes))
+    return replace(capture, notes=(*notes, *capture.notes), camera="incam" in names[which])
 
 
 def _bodies(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
