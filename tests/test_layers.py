@@ -19,6 +19,7 @@ BASE = {
     "keypoints",
     "notebook",
     "progress",
+    "ramps",
     "report_file",
     "shipped",
     "toml_lines",

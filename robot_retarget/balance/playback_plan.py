@@ -13,6 +13,7 @@ from robot_retarget.balance.timeline import Timeline
 from robot_retarget.balance.zmp import Polygon, Steadiness, ZmpPlan, plan_centre, support
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.soles import flattened
+from robot_retarget.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
@@ -122,9 +123,8 @@ def _lead_shares(ik: BalancedIk, stand: Floats, clip: PlaybackClip, frame: int, 
     """Return shares from 0 to 1 with minimum jerk within the joint speed, then `lift` frames for a foot in the air."""
     index = ik.robot.qpos_index
     way = np.abs(clip.qpos[frame, index] - stand[index]).max()
-    count = max(2, round(max(LEAD, 1.875 * way / LEAD_SPEED) * clip.fps))
-    s = np.linspace(0.0, 1.0, count)
-    shares = s**3 * (10 - 15 * s + 6 * s**2)
+    count = max(2, round(max(LEAD, JERK_PEAK * way / LEAD_SPEED) * clip.fps))
+    shares = minimum_jerk(np.linspace(0.0, 1.0, count))
     lifting = lift + round(SETTLED * clip.fps) if lift else 0
     return np.concatenate([shares, np.ones(lifting)])
 

@@ -4,8 +4,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.foot_spacing import gaps, left
-from robot_retarget.graph.soles import flattened, smoothstep
+from robot_retarget.graph.soles import flattened
 from robot_retarget.human.stance import intervals
+from robot_retarget.ramps import smoothstep
 
 APART = 8
 """Rounds of moving footholds apart: a step to the side may reduce the next gap."""

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, UsageError
+from robot_retarget.ramps import minimum_jerk
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.robot.model import Robot
@@ -117,7 +118,7 @@ def _following(before: Floats, qpos: Floats, robot: Robot, fps: float, seam: flo
     away, faster = difference(robot, placed[0], goes_on), pace - own
     frames = max(min(round(seam * fps), len(placed) - 1), 1)
     u = np.clip(np.arange(len(placed)) / frames, 0, 1)[:, None]
-    fading = away * (1 - 10 * u**3 + 15 * u**4 - 6 * u**5) + faster * frames * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
+    fading = away * (1 - minimum_jerk(u)) + faster * frames * (u - 6 * u**3 + 8 * u**4 - 3 * u**5)
     blended = np.array([integrate(robot, q, o) for q, o in zip(placed, fading, strict=True)])
     hinges = blended[:, robot.qpos_index]
     bounds = np.minimum(robot.lower, placed[:, robot.qpos_index]), np.maximum(robot.upper, placed[:, robot.qpos_index])

@@ -17,8 +17,8 @@ from robot_retarget.graph.added import SOFT, end_name
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit, edited, end_of
 from robot_retarget.graph.kinds.own import OwnKind
-from robot_retarget.graph.soles import smoothstep
 from robot_retarget.progress import Count
+from robot_retarget.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.solve.clip import clip_of, clip_passes, measured_by, renewed_tracks
 from robot_retarget.solve.options import Smoothing, SolveOptions
@@ -32,8 +32,6 @@ AROUND = 0.5
 """Least time before and after an edge that is solved with it [s]."""
 FADING = 0.25
 """Time after that, in which the change fades out [s]."""
-SMOOTHSTEP_PEAK = 1.5
-"""Largest slope of 3 u² − 2 u³ [-]."""
 MISSED = 1.0
 """The report of a soft edge that misses its interval by more in every frame suggests a higher priority [cm]."""
 FIXED = 2

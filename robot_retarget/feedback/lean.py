@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.feedback.reading import Reading, tilt_of
+from robot_retarget.ramps import minimum_jerk
 
 LEAN = 0.06
 """Lean of the trunk [rad]: 3.4°, 30 times the error of a mean over `HELD` with the data sheet's noise."""
@@ -84,8 +85,7 @@ class LeanTest:
 
 def _there_and_back(rate: float) -> Floats:
     """(N,) from 0 to 1 and back on minimum-jerk paths, held at the top and at the end."""
-    u = np.linspace(0.0, 1.0, round(RISE * rate) + 1)
-    up = 10 * u**3 - 15 * u**4 + 6 * u**5
+    up = minimum_jerk(np.linspace(0.0, 1.0, round(RISE * rate) + 1))
     held = round(HELD * rate)
     return np.concatenate([up, np.ones(held), up[::-1], np.zeros(held)])
 

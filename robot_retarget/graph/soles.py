@@ -59,8 +59,3 @@ def raised(corners: Floats, place: Floats, normal: Floats) -> Floats:
     """
     height = place[2] - (corners[:, :2] - place[:2]) @ normal[:2] / normal[2]
     return corners + height[:, None] * [0.0, 0.0, 1.0]
-
-
-def smoothstep(share: Floats) -> Floats:
-    """Return 3 s² − 2 s³: from 0 to 1, with zero slope at both ends."""
-    return share**2 * (3 - 2 * share)

@@ -13,10 +13,11 @@ import numpy as np
 from robot_retarget.actuators.map import Limits, ServoMap
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
+from robot_retarget.ramps import minimum_jerk
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
-from robot_retarget.servo.plan import approach_time, eased
+from robot_retarget.servo.plan import approach_time
 from robot_retarget.servo.play import Player, perform
 from robot_retarget.servo.record import Record
 
@@ -84,7 +85,7 @@ class Approach:
 
     def at(self, target: Floats, now: float) -> Floats:
         """Return the present goal [rad]."""
-        return self.start + eased(np.array(min((now - self.began) / self.duration, 1.0))) * (target - self.start)
+        return self.start + minimum_jerk(np.array(min((now - self.began) / self.duration, 1.0))) * (target - self.start)
 
     def over(self, now: float) -> bool:
         """Return whether the approach is complete."""

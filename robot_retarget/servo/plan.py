@@ -10,10 +10,9 @@ from robot_retarget.errors import ServoError
 from robot_retarget.feedback.law import Feedback
 from robot_retarget.feedback.reading import vertical_in
 from robot_retarget.goals import RATE
+from robot_retarget.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.trajectory import FREE_ROOT, Trajectory
 
-PEAK = 1.875
-"""The top speed of a minimum-jerk path, as a multiple of its mean."""
 SEAM = 0.1
 """Largest distance between the ends of a looped motion [rad]."""
 
@@ -114,18 +113,13 @@ def part_of(
 def glide(start: Floats, end: Floats, rate: float, limits: Limits) -> ServoPlan:
     """The minimum-jerk path between two poses, within the limits of an approach."""
     frames = max(2, round(approach_time(start, end, limits) * rate) + 1)
-    return ServoPlan(start + eased(np.linspace(0.0, 1.0, frames)[:, None]) * (end - start), rate)
+    return ServoPlan(start + minimum_jerk(np.linspace(0.0, 1.0, frames)[:, None]) * (end - start), rate)
 
 
 def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
     """Return the duration of an approach between two poses [s]."""
     far = float(np.abs(end - start).max(initial=0.0))
-    return max(limits.approach_time, PEAK * far / min(limits.approach_speed, limits.speed))
-
-
-def eased(u: Floats) -> Floats:
-    """The minimum-jerk path s(u) = 10 u³ − 15 u⁴ + 6 u⁵ from 0 to 1 in as much time."""
-    return 10 * u**3 - 15 * u**4 + 6 * u**5
+    return max(limits.approach_time, JERK_PEAK * far / min(limits.approach_speed, limits.speed))
 
 
 def _hinges(trajectory: Trajectory) -> Floats:

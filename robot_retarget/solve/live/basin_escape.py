@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.soles import smoothstep
+from robot_retarget.ramps import smoothstep
 from robot_retarget.solve.options import RealTime
 from robot_retarget.solve.problem import EdgeTargets
 from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
