@@ -16,6 +16,8 @@ PROBE = 1e-5
 """Radius of the point from which distances are measured [m]."""
 CARTON = (0.76, 0.6, 0.42, 1.0)
 """Colour of bodies in pictures: red, green, blue, alpha."""
+FLOOR = 2
+"""Contact type of a floor for bodies alone."""
 BASE = 0.01
 """Thickness of a height field under its lowest point [m]."""
 _GEOM = mujoco.mjtGeom
@@ -42,7 +44,14 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
             own.add_freejoint(name=name)
         geom = own.add_geom(name=name, type=_TYPES[body.shape.kind], friction=[body.friction, 0.005, 0.0001])
         geom.mass, geom.rgba = body.weight, list(CARTON)
+        geom.conaffinity = 1 | FLOOR
         _give_shape(spec, geom, body)
+
+
+def add_floor_of_bodies(spec: mujoco.MjSpec) -> None:
+    """Add a floor z = 0 that bodies touch and the robot does not: for a robot that is carried in the air."""
+    floor = spec.worldbody.add_body(name=f"{PREFIX}the floor")
+    floor.add_geom(type=_GEOM.mjGEOM_PLANE, size=[0, 0, 0.05], contype=FLOOR, conaffinity=0)
 
 
 def _give_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, body: RigidBody) -> None:

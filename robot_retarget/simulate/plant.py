@@ -14,7 +14,7 @@ from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.model import Robot
-from robot_retarget.scene.geoms import add_bodies
+from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
 from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.backlash import Places, add_play, places_of
 from robot_retarget.simulate.bodies import Objects, SimulatedBodies
@@ -171,6 +171,8 @@ def build_plant(
         add_play(spec, robot, backlash)
         if scene is not None:
             add_bodies(spec, scene, objects == "free")
+            if mode == "pinned":
+                add_floor_of_bodies(spec)
         model = spec.compile()
     except ValueError as error:
         raise RobotError(f"{robot.path}: cannot be prepared for simulation: {' '.join(str(error).split())}") from error

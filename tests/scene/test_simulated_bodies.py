@@ -28,10 +28,10 @@ def test_a_free_body_in_the_air_is_dropped_and_said_so() -> None:
     assert any("box is dropped at" in reason for reason in report.reasons)
 
 
-def test_a_free_body_on_the_floor_stays() -> None:
-    report = rr.simulate(
-        replace(STAND, scene=beside(0.05)), OP3, mode="free", objects="free", draws=0, compensate=False
-    )
+@pytest.mark.parametrize("mode", ["free", "pinned"])
+def test_a_free_body_on_the_floor_stays(mode: str) -> None:
+    played = replace(STAND, scene=beside(0.05))
+    report = rr.simulate(played, OP3, mode=mode, objects="free", draws=0, compensate=False)
     assert report.figures["objects"]["box"]["dropped_s"] is None
     assert report.figures["objects"]["box"]["off_m"] < 0.005
 
