@@ -13,7 +13,7 @@ import robot_retarget
 from robot_retarget.cli import app
 
 GROUPS = {
-    "Read": ("read_motion", "Motion", "Skeleton", "write_bvh", "load_robot", "Robot"),
+    "Read": ("read_motion", "Motion", "Skeleton", "write_bvh", "read_scene", "Scene", "load_robot", "Robot"),
     "Describe": ("describe", "RobotGraph", "Graph", "match", "Match"),
     "Solve": ("retarget", "solve", "Result", "Solution", "stream", "Stream", "interaction_distance"),
     "Judge and look": ("simulate", "Report", "score", "Score", "view"),
