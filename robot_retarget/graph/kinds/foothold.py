@@ -37,15 +37,16 @@ class FootholdKind(Kind):
     [-]: 0.03 … 0.1 in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips
     do."""
 
+    on_bodies: float = 1000.0
+    """π normal to the surface among bodies, over the leg [-]: below `HARD`, because their clearance knows the whole foot."""
+
     def targets(self, context: RetargetContext) -> Track | None:
         """Footholds read off the human."""
+        kind, across = self, self.across(context)
         if context.scene is not None:  # a step has one place for a foot
-            return replace(self, reach=np.inf)._read(context)
-        return self._read(context)
-
-    def _read(self, context: RetargetContext) -> Track | None:
+            kind, across = replace(self, reach=np.inf), min(across, self.on_bodies)
         footholds = footholds_of(context.human, context.match, context.robot)
-        return self.track(footholds, context.leg, context.weights, self.across(context)) if footholds.feet else None
+        return kind.track(footholds, context.leg, context.weights, across) if footholds.feet else None
 
     def track(self, footholds: Footholds, leg: float, weights: Weights, across: float = HARD) -> Track:
         """Return edges to given footholds.
