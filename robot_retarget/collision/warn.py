@@ -5,7 +5,8 @@ at a configuration q, the interaction distance over a horizon of H steps is
 
     D = min_{0 ≤ k ≤ H} d(q + k v),    α = 1 + the k of the minimum.
 
-A pair is flagged while D is at most the margin and the links approach, or while they overlap. A flag is held for the
+The minimum includes fractions of a step where a hinge turns by more than `robot.swept.TURN` in it. A pair is flagged while
+D is at most the margin and the links approach, or when they overlap now or on the way since the previous step. A flag is held for the
 release time, so that it does not flicker. A stretch of flagged frames is an event. Everything at a frame depends on this
 frame and earlier ones only. Pairs are evaluated once in every step, so that the frame rate does not matter.
 """
@@ -17,11 +18,12 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.collision.events import Event, events_of
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot
 from robot_retarget.robot.distances import LinkDistances
+from robot_retarget.robot.swept import parts_between
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
 
@@ -74,8 +76,10 @@ class Warnings:
     """(T, P) now [m], negative where links overlap; at most the reach of `LinkDistances`."""
     ahead: Floats
     """(T, P) interaction distance D [m]."""
-    alpha: Ints
+    alpha: Floats
     """(T, P) α: D is reached α − 1 steps of 1/30 s from now."""
+    swept: Floats
+    """(T, P) least distance since the previous step [m], now included."""
     flagged: Bools
     """(T, P) whether a warning is raised or held."""
     closing: Bools
@@ -93,8 +97,8 @@ class Warnings:
 
     @property
     def touching(self) -> Bools:
-        """(T, P) whether the links overlap now."""
-        return self.distance <= 0
+        """(T, P) whether the links overlap now, or did since the previous step."""
+        return self.swept <= 0
 
     @property
     def state(self) -> np.ndarray:
@@ -125,7 +129,7 @@ def warnings_of(
         raise TrajectoryError("warnings need two frames: a step is the way from one frame to the next; got 1")
     warner = Warner(robot, trajectory.fps, options, links)
     frames = [warner.update(qpos) for qpos in trajectory.qpos]
-    columns = ("distance", "ahead", "alpha", "flagged", "closing", "time_to_contact")
+    columns = ("distance", "ahead", "alpha", "swept", "flagged", "closing", "time_to_contact")
     joined = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in columns}
     return replace(frames[0], **joined)
 
@@ -181,33 +185,36 @@ class Warner:
 
     def _evaluated(self) -> Warnings:
         """Return the warnings of the present frame; other frame rates evaluate the same frames."""
-        along = self.links.along(self._continued())
-        now, ahead, alpha = along[0], along.min(axis=0), 1 + along.argmin(axis=0)
+        before, now = self._past[0], self._past[-1]
+        parts = parts_between(self.robot, before, now)
+        along = self.links.along(self._path(np.arange(1 - parts, self.steps * parts + 1) / parts))
+        swept, along = along[:parts].min(axis=0), along[parts - 1 :]
+        now, ahead, alpha = along[0], along.min(axis=0), 1 + along.argmin(axis=0) / parts
         closing = ahead < now - self.options.dead_band
         near = closing & (ahead <= self.options.margin)
         release = round(self.options.release / self.step) + 1
-        self._held = np.where(near | (now <= 0), release, np.maximum(self._held - 1, 0))
-        contact = self._time_to_zero(along, np.where(near, (alpha - 1) * self.step, np.inf))
-        fields = {"distance": now, "ahead": ahead, "alpha": alpha, "closing": closing, "time_to_contact": contact}
-        rows = {name: values[None] for name, values in fields.items()}
+        self._held = np.where(near | (swept <= 0), release, np.maximum(self._held - 1, 0))
+        contact = _time_to_zero(along, self.step / parts, np.where(near, (alpha - 1) * self.step, np.inf))
+        fields = {"distance": now, "ahead": ahead, "alpha": alpha, "swept": swept, "closing": closing}
+        rows = {name: values[None] for name, values in (fields | {"time_to_contact": contact}).items()}
         return Warnings(self.links.names, self.fps, flagged=self._held[None] > 0, reach=self.links.reach, **rows)
 
-    def _continued(self) -> Floats:
-        """Return the configurations (1 + H, nq) now and after every step of the horizon."""
-        now, before = self._past[-1], self._past[0]
-        share = self.span / max(len(self._past) - 1, 1)
-        path = now + np.arange(self.steps + 1)[:, None] * share * (now - before)
+    def _path(self, k: Floats) -> Floats:
+        """Return the configurations (N, nq) k steps (N,) from now, along the last step."""
+        now = self._past[-1]
+        path = now + k[:, None] * (now - self._past[0])
         columns, robot = self.robot.qpos_index, self.robot
         low, high = np.minimum(robot.lower, now[columns]), np.maximum(robot.upper, now[columns])
         path[:, columns] = np.clip(path[:, columns], low, high)
         return path
 
-    def _time_to_zero(self, along: Floats, otherwise: Floats) -> Floats:
-        """Return the times at which distances (1 + H, P) first reach zero, linear between steps [s], else `otherwise`."""
-        after = (along <= 0).argmax(axis=0)
-        pairs = np.flatnonzero((along <= 0).any(axis=0))
-        time = otherwise.copy()
-        k = after[pairs]
-        outer, inner = along[np.maximum(k - 1, 0), pairs], along[k, pairs]
-        time[pairs] = np.where(k > 0, (k - 1 + outer / np.maximum(outer - inner, 1e-12)) * self.step, 0.0)
-        return time
+
+def _time_to_zero(along: Floats, interval: float, otherwise: Floats) -> Floats:
+    """Return the times at which distances (N, P), one every interval [s], first reach zero [s], else `otherwise`."""
+    after = (along <= 0).argmax(axis=0)
+    pairs = np.flatnonzero((along <= 0).any(axis=0))
+    time = otherwise.copy()
+    k = after[pairs]
+    outer, inner = along[np.maximum(k - 1, 0), pairs], along[k, pairs]
+    time[pairs] = np.where(k > 0, (k - 1 + outer / np.maximum(outer - inner, 1e-12)) * interval, 0.0)
+    return time

@@ -14,6 +14,7 @@ from robot_retarget.graph.status import Status
 from robot_retarget.graph.track import Track, concatenated
 from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
 from robot_retarget.solve.candidates import coarse_path
 from robot_retarget.solve.limits import JointBounds
 from robot_retarget.solve.options import Search, Smoothing
@@ -22,7 +23,6 @@ from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
-from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 from robot_retarget.solve.windows import ClipPiece
 
 ROUNDS = 3

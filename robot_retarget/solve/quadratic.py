@@ -12,10 +12,10 @@ from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState
 from robot_retarget.graph.track import Track
 from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
+from robot_retarget.robot.swept import SweptConfiguration
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import EdgeTargets, Problem
 from robot_retarget.solve.stencils import Neighbours, Terms, terms
-from robot_retarget.solve.swept_collision import SweptConfiguration
 
 TIE = 1e-6
 """Rows whose room differs by less are equal [m]: far above the rounding of distances."""

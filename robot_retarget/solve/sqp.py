@@ -11,13 +11,13 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
+from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
 from robot_retarget.solve.compiled import QuadraticProgram
 from robot_retarget.solve.limits import JointBounds
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
 from robot_retarget.solve.stencils import Neighbours
-from robot_retarget.solve.swept_collision import SweptConfiguration, swept_configurations
 
 SHORT = 0.1
 """A refused step hands its contact rows to the next one if it moved nothing farther [rad, m]: slopes from farther off do not

@@ -13,6 +13,7 @@ from robot_retarget.collision.warn import State, Warner, Warnings, WarnOptions, 
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.distances import LinkDistances
+from robot_retarget.robot.swept import parts_between
 from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.trajectory import Trajectory
 
@@ -97,6 +98,41 @@ def test_every_contact_is_warned_of_before_it_happens(
     assert seen >= 5
 
 
+@pytest.fixture(scope="module")
+def hasty(op3: Robot, links: LinkDistances) -> tuple[Trajectory, np.ndarray]:
+    """A fast motion, and (T, P) whether MuJoCo finds an overlap on the way to each frame, in 16 configurations."""
+    trajectory, parts = replace(wander(op3, 60, 7.5, seed=5), fps=30.0), 16
+    times = np.arange(59 * parts + 1) / parts
+    dense = np.column_stack([np.interp(times, np.arange(60), column) for column in trajectory.qpos.T])
+    contacts, index = replay_contacts(op3, dense), {tuple(pair): k for k, pair in enumerate(links.links.tolist())}
+    swept = np.zeros((60, len(links)), dtype=bool)
+    for frame, bodies, depth in zip(contacts.frame, contacts.bodies.tolist(), contacts.depth, strict=True):
+        if depth > 1e-3 and (column := index.get(tuple(sorted(bodies)))) is not None:
+            swept[-(-frame // parts), column] = True
+    return trajectory, swept
+
+
+def test_links_that_sweep_past_each_other_between_frames_are_warned_of(
+    op3: Robot, links: LinkDistances, hasty: tuple[Trajectory, np.ndarray]
+) -> None:
+    trajectory, swept = hasty
+    found = warnings_of(trajectory, op3, links=links)
+    passed = swept[1:] & (found.distance[1:] > 0) & (found.distance[:-1] > 0)
+    assert passed.sum() >= 3
+    assert found.touching[1:][passed].all() and found.flagged[1:][passed].all()
+
+
+def test_links_that_close_4_cm_in_a_frame_are_warned_of_before_or_then(
+    op3: Robot, links: LinkDistances, hasty: tuple[Trajectory, np.ndarray]
+) -> None:
+    trajectory, swept = hasty
+    found, far = warnings_of(trajectory, op3, links=links), LinkDistances(op3, 0.05).along(trajectory.qpos)
+    closed = swept[1:] & (far[:-1] > 0.04)
+    closed[0] = False  # no step is known before
+    assert closed.sum() >= 3
+    assert found.flagged[1:][closed].all()
+
+
 def test_a_stream_says_what_the_whole_says(
     op3: Robot, links: LinkDistances, waving: tuple[Trajectory, Warnings]
 ) -> None:
@@ -147,8 +183,11 @@ def test_the_interaction_distance_is_the_least_along_the_continued_steps(
     found = warnings_of(trajectory, op3, WarnOptions(horizon=0.1), links)
     for t in range(1, 30):
         step = trajectory.qpos[t] - trajectory.qpos[t - 1]
-        ahead = np.array([links.at(_in_range(op3, trajectory.qpos[t], k * step)) for k in range(4)])
-        assert np.allclose(found.ahead[t], ahead.min(axis=0)) and (found.alpha[t] == 1 + ahead.argmin(axis=0)).all()
+        k = np.arange(3 * (parts := parts_between(op3, step, 0 * step)) + 1) / parts
+        ahead = np.array([links.at(_in_range(op3, trajectory.qpos[t], share * step)) for share in k])
+        assert np.allclose(found.ahead[t], ahead.min(axis=0)) and np.allclose(
+            found.alpha[t], 1 + k[ahead.argmin(axis=0)]
+        )
 
 
 def _in_range(robot: Robot, qpos: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -13,11 +13,11 @@ from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Robot, load_robot
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.swept import TURN, SweptConfiguration, swept_configurations
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.problem import EdgeTargets, build_problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.sqp import FrameSolver
-from robot_retarget.solve.swept_collision import TURN, SweptConfiguration, swept_configurations
 
 Asked = tuple[FrameSolver, EdgeTargets]
 

@@ -166,7 +166,7 @@ def _warnings(take: Take, staging: Staging, packer: Packer) -> dict[str, Any]:
         "ends": packer.add(near.ends, LENGTH),
         "now": packer.add(warnings.distance[:, columns], LENGTH),
         "ahead": packer.add(warnings.ahead[:, columns], LENGTH),
-        "alpha": packer.add(warnings.alpha[:, columns]),
+        "alpha": packer.add(warnings.alpha[:, columns], COARSE),
         "state": packer.add(warnings.state[:, columns]),
         "contact": packer.add(warnings.time_to_contact[:, columns], COARSE),
         "events": [

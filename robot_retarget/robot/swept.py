@@ -9,7 +9,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference, integrate
 
 TURN = 0.07
-"""Links are checked once between two frames, and once more for every multiple of this hinge angle [rad]."""
+"""Largest change of a hinge between two checks of the links [rad]."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +25,19 @@ class SweptConfiguration:
         return integrate(robot, self.neighbour, self.share * difference(robot, self.neighbour, q))
 
 
+def parts_between(robot: Robot, first: Floats, second: Floats) -> int:
+    """Return the number of equal parts of the way between two configurations (nq,), each below `TURN` in every hinge."""
+    hinges = robot.qpos_index
+    return int(np.abs(second[hinges] - first[hinges]).max(initial=0.0) / TURN) + 1
+
+
 def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[SweptConfiguration, ...]:
-    """Return evenly spaced configurations between two frames, less than `TURN` apart in every hinge.
+    """Return evenly spaced configurations between two frames, one at least, less than `TURN` apart in every hinge.
 
     Args:
         robot: the robot.
         neighbour: (nq,) configuration of the neighbour in time.
         q: (nq,) configuration of the frame.
     """
-    hinges = robot.qpos_index
-    checks = int(np.abs(q[hinges] - neighbour[hinges]).max(initial=0.0) / TURN) + 1
+    checks = parts_between(robot, neighbour, q)
     return tuple(SweptConfiguration(neighbour, k / (checks + 1)) for k in range(1, checks + 1))
