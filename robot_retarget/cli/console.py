@@ -229,15 +229,15 @@ def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> 
 
 STREAMED = {
     "frames": ("frames solved", ""),
-    "seconds": ("from the first on", "s"),
-    "dropped": ("frames that gave way to newer ones", ""),
-    "late": ("frames that came late", ""),
-    "held": ("poses where no frame came", ""),
-    "latency_p50_ms": ("from a frame to its pose, half of them in", "ms"),
-    "latency_p99_ms": ("99 of 100 in", "ms"),
-    "latency_max_ms": ("the slowest", "ms"),
+    "seconds": ("length of the stream", "s"),
+    "dropped": ("frames dropped for newer ones", ""),
+    "late": ("late frames", ""),
+    "held": ("poses without a new frame", ""),
+    "latency_p50_ms": ("latency from frame to pose, median", "ms"),
+    "latency_p99_ms": ("latency, 99th percentile", "ms"),
+    "latency_max_ms": ("latency, maximum", "ms"),
     "tracking_rms_rad": ("tracking error of all joints (rms)", "rad"),
-    "fell_s": ("fell after", "s"),
+    "fell_s": ("time of the fall", "s"),
 }
 """Figures of a live stream that a person reads: words and unit."""
 

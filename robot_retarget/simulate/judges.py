@@ -1,7 +1,7 @@
 """Judges: servos that differ from those for which the goals were computed.
 
 Goals that make up for lag and load fit the servos of the model exactly. Real ones have other gears: published identifications of one servo
-differ by 3 in damping, by 4 in friction and by 38 in armature. A trajectory is judged on the servos it does worst on.
+differ by 3 in damping, by 4 in friction and by 38 in armature. A trajectory is judged on the servos with the worst outcome.
 """
 
 import copy

@@ -33,7 +33,7 @@ FACTS = (
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms)"),
-    Fact("servos", "gears that judge", "", "of several identifications of the servos, the one on which the motion does worst"),
+    Fact("servos", "gears that judge", "", "the identification of the servos with the worst outcome"),
     Fact("nominal_tracking_rms_rad", "the same on modelled servos", "rad", "on the servos that the goals were computed for"),
     Fact("played_tracking_rms_rad", "the same as played", "rad", "on the emulated bus with its own motor models"),
     Fact("played_worst_joint_rms_rad", "the worst joint as played", "rad", "rms, on the emulated bus"),

@@ -73,7 +73,7 @@ def simulate(
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback as well.
-        others: judge on other servos than the modelled ones too (`judges`), and report the servos on which the motion does worst.
+        others: judge on other servos than the modelled ones too (`judges`), and report the servos with the worst outcome.
         thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warn.warnings_of`), by default those of the result; the report then says
             how they agree with the contacts that happened.

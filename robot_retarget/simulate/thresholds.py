@@ -82,7 +82,7 @@ class Check(NamedTuple):
 
 CHECKS = (
     Check("tracking_rms", "worst_joint_rms_rad", "tracking error of the worst joint (rms)", "rad"),
-    Check("speed_ratio", "speed_ratio", "planned speed of the fastest joint, in its top speeds", ""),
+    Check("speed_ratio", "speed_ratio", "ratio of planned speed to top speed, fastest joint", ""),
     Check("saturated_share", "saturated_share", "time at torque limit", "of all"),
     Check("temperature_rise", "temperature_rise_K", "warming of the hottest servo", "K"),
     Check("penetration", "self_contact_depth_m", "overlap of the robot with itself, planned", "m"),
@@ -98,7 +98,7 @@ UNLIKE = (
     Check("unlike_trunk", "limb_rad_trunk", "mean angle of the trunk to the human's", "rad"),
     Check("unlike_legs", "limb_rad_legs", "mean angle of the legs to the human's", "rad"),
     Check("limbs_far", "limbs_far_share", "frames with limbs over 25° from the human's", "of all"),
-    Check("unlike_slowdown", "slowdown", "time it takes, over the human's", ""),
+    Check("unlike_slowdown", "slowdown", "ratio of durations, robot to human", ""),
     Check("contacts_lost", "contacts_lost", "hand contacts that are lost", "of all"),
     Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
     Check("path_off", "path_off", "root path deviation, over the path's extent", "of all"),

@@ -139,6 +139,6 @@ def test_every_figure_has_a_name_of_its_own() -> None:
 
 
 def test_the_document_lists_every_figure_with_its_unit() -> None:
-    text = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/reference/scores.md").read_text(encoding="utf-8")
     for figure in FIGURES.values():
         assert f"| `{figure.name}` | {figure.unit or '1'} | {figure.better} |" in text
