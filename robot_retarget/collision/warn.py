@@ -15,6 +15,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -196,7 +197,7 @@ class Warner:
         self._held = np.where(near | (swept <= 0), release, np.maximum(self._held - 1, 0))
         contact = _time_to_zero(along, self.step / parts, np.where(near, (alpha - 1) * self.step, np.inf))
         fields = {"distance": now, "ahead": ahead, "alpha": alpha, "swept": swept, "closing": closing}
-        rows = {name: values[None] for name, values in (fields | {"time_to_contact": contact}).items()}
+        rows: dict[str, Any] = {name: values[None] for name, values in (fields | {"time_to_contact": contact}).items()}
         return Warnings(self.links.names, self.fps, flagged=self._held[None] > 0, reach=self.links.reach, **rows)
 
     def _path(self, k: Floats) -> Floats:
