@@ -93,7 +93,7 @@ def names() -> Iterator[tuple[str, str]]:
     for group in groups().values():
         for name in group:
             value = robot_retarget.public(name)
-            yield name, f"{value.__module__}.{value.__name__}"
+            yield name, f"{value.__module__}.{value.__qualname__}"
     for name, path in OPTIONS.items():
         yield name, f"robot_retarget.{path}"
 
