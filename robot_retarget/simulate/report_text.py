@@ -29,19 +29,19 @@ class Fact(NamedTuple):
 FACTS = (
     Fact("duration_s", "length", "s", "of the robot's motion, including the stands before and after"),
     Fact("slowdown", "slowdown", "times", "the length of the human's clip; 1 is the human's own pace"),
-    Fact("limb_rad", "limbs to the human's", "rad", "mean angle; under 10° looks alike"),
+    Fact("limb_rad", "angle of limbs to the human's", "rad", "mean angle; under 10° looks alike"),
     Fact("stride", "length of steps", "times", "the human's, scaled to the robot's legs"),
     Fact("draws", "randomised simulations", "", "with other mass, friction, servos and tilt"),
     Fact("tracking_rms_rad", "tracking error of all joints", "rad", "measured minus planned angle (rms)"),
-    Fact("servos", "gears that judge", "", "the identification of the servos with the worst outcome"),
-    Fact("nominal_tracking_rms_rad", "the same on modelled servos", "rad", "on the servos that the goals were computed for"),
-    Fact("played_tracking_rms_rad", "the same as played", "rad", "on the emulated bus with its own motor models"),
-    Fact("played_worst_joint_rms_rad", "the worst joint as played", "rad", "rms, on the emulated bus"),
-    Fact("plain_tracking_rms_rad", "the same in plain playback", "rad", "with goals that do not compensate lag and load"),
+    Fact("servos", "servos of the verdict", "", "the identification of the servos with the worst outcome"),
+    Fact("nominal_tracking_rms_rad", "tracking error, modelled servos", "rad", "on the servos that the goals were computed for"),
+    Fact("played_tracking_rms_rad", "tracking error, emulated bus", "rad", "on the emulated bus with its own motor models"),
+    Fact("played_worst_joint_rms_rad", "worst joint, emulated bus", "rad", "tracking error (rms)"),
+    Fact("plain_tracking_rms_rad", "tracking error, plain playback", "rad", "with goals that do not compensate lag and load"),
     Fact("zmp_margin_m", "least margin of balance", "m", "distance of the zero moment point inside the soles; below 0 the robot tips over"),
     Fact("peak_supply_current_A", "largest current", "A", "peak load of the power supply"),
-    Fact("energy_J", "energy", "J", "taken from the supply in all"),
-    Fact("tracked_self_contact_share", "time touching itself", "of all", "on the servos, intended or not"),
+    Fact("energy_J", "energy", "J", "total from the supply"),
+    Fact("tracked_self_contact_share", "time in self-contact", "of all", "on the servos, intended or not"),
 )  # fmt: skip
 
 
