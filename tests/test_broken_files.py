@@ -181,7 +181,10 @@ def test_toml_that_is_none_is_refused_by_its_file(kind: str, text: str, tmp_path
         ("[speed]\nl_knee = true", "l_knee must be a number, got"),
         ("[torque]\nl_knee = 0.0", "l_knee must be a number, got"),
         ("[torque]\nl_knee = nan", "l_knee must be a number, got"),
-        ("[range]\nl_knee = [nan, 1.0]", r"l_knee must be \[lower, upper\], got .* \(within ±100 rad\)"),
+        (
+            "[range]\nl_knee = [nan, 1.0]",
+            r"l_knee must be \[lower, upper\], got .* \(radians within ±6.28; more looks like degrees\)",
+        ),
         ("[range]\nl_knee = [-1e9, 1e9]", r"l_knee must be \[lower, upper\]"),
     ],
 )
