@@ -153,5 +153,5 @@ def _format(name: str) -> TrajectoryFormat:
 
 
 def _about(path: Path, kind: TrajectoryFormat, error: FileError | TrajectoryError) -> str:
-    said = str(error)
+    said = str(error).removeprefix(f"{path}: ")
     return said if said.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {said}"

@@ -61,6 +61,7 @@ class mjtGeom(IntEnum):
     mjGEOM_MESH = 7
 
 class mjtIntegrator(IntEnum):
+    mjINT_IMPLICIT = 2
     mjINT_IMPLICITFAST = 3
 
 class mjtJacobian(IntEnum):
@@ -100,7 +101,9 @@ class mjtWrap(IntEnum):
     mjWRAP_JOINT = 1
 
 class MjOption:
+    cone: int
     disableflags: int
+    impratio: float
     integrator: int
     iterations: int
     jacobian: int
@@ -194,6 +197,7 @@ class MjModel:
     geom_quat: Floats
     geom_rbound: Floats
     geom_size: Floats
+    geom_solimp: Floats
     geom_solref: Floats
     jnt_actfrcrange: Floats
     jnt_axis: Floats
