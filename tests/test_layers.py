@@ -19,11 +19,13 @@ BASE = {
     "keypoints",
     "notebook",
     "progress",
+    "rendering",
     "ramps",
     "report_file",
     "shipped",
     "toml_lines",
     "untrusted",
+    "versions",
 }
 """Modules that know nothing of motions and robots; every layer may import them."""
 CORE = {"trajectory", "motion", "robot", "human", "graph", "solve", "balance"}
@@ -51,7 +53,7 @@ LAYERS = {
     "score": {"result", "trajectory", "motion", "robot", "human", "graph", "simulate"},
     "formats": {"actuators", "trajectory", "motion", "robot", "scene"},
     "view": {"trajectory", "motion", "robot", "human", "solve", "result", "collision", "simulate", "scene"},
-    "doctor": {"robot", "view"},
+    "doctor": {"view"},
     "batch": {"trajectory", "motion", "robot", "graph", "solve", "pipeline", "score", "formats", "edit", "view"},
     "live": {"actuators", "goals", "motion", "robot", "human", "servo", "collision", "simulate", "view"},
 }

@@ -3,6 +3,13 @@
 `read` reads files to a `Scene`, `Motion.with_scene` brings it to the frames of a motion, `geoms` gives it to MuJoCo.
 """
 
+from robot_retarget.rendering import require_usable_gl
+from robot_retarget.versions import require_mujoco
+
+require_mujoco()
+require_usable_gl()
+# ruff: noqa: E402 (the imports below import MuJoCo)
+
 from robot_retarget.scene.read import read_scene as read_scene
 from robot_retarget.scene.scene import RigidBody as RigidBody
 from robot_retarget.scene.scene import Scene as Scene

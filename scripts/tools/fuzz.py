@@ -149,7 +149,6 @@ def motion_target(folder: Path, more: list[Path]) -> Target:
     (folder / "a.pkl").write_bytes(pickle.dumps(turns))
     np.savez(folder / "smpl.npz", **turns)  # pyright: ignore[reportArgumentType]
     np.savez_compressed(folder / "points.npz", positions=rng.normal(0, 1, (9, 22, 3)), fps=30)
-    np.save(folder / "points.npy", rng.normal(0, 1, (9, 22, 3)))
     np.save(folder / "marks.npy", rng.normal(0, 1, (9, 33, 3)))
     features = np.zeros((9, 263))
     features[:, 4:67] = rng.normal(0, 0.4, 63)

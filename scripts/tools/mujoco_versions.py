@@ -12,7 +12,7 @@ import tempfile
 import venv
 from pathlib import Path
 
-from robot_retarget.robot.versions import OLDEST
+from robot_retarget.versions import OLDEST
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = ("tests/robot", "tests/solve/test_itself.py", "tests/solve/test_look.py", "tests/simulate/test_servo_model.py")

@@ -34,7 +34,8 @@ def done(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def workers() -> list[psutil.Process]:
-    return [p for p in psutil.Process().children() if "robot_retarget.batch.worker" in " ".join(p.cmdline())]
+    running = [p for p in psutil.Process().children() if p.status() != psutil.STATUS_ZOMBIE]
+    return [p for p in running if "robot_retarget.batch.worker" in " ".join(p.cmdline())]
 
 
 def test_processes_write_the_same_bytes_as_one(clips: Path, done: Path, tmp_path: Path) -> None:

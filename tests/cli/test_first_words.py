@@ -16,8 +16,8 @@ from robot_retarget.cli.kinds import kind_of
 from robot_retarget.doctor import examine, ports
 from robot_retarget.errors import UsageError, known
 from robot_retarget.motion.span import span_of
+from robot_retarget.rendering import unusable
 from robot_retarget.robot import load_robot
-from robot_retarget.robot.rendering import unusable
 
 WAVE = ROOT / "samples/wave.bvh"
 

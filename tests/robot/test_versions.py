@@ -3,7 +3,7 @@
 import pytest
 
 from robot_retarget.errors import RobotError
-from robot_retarget.robot.versions import check, require_mujoco
+from robot_retarget.versions import check, require_mujoco
 
 
 @pytest.mark.parametrize("version", ["3.12.0", "3.17.0", "4.0.1", "4.1.0rc1", "10.0"])
