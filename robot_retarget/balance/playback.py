@@ -152,7 +152,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
     count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
     start = list(plan.targets) if near else _in_turn(ik, plan, solver_clip, count)
-    poses = clip_passes(solver_clip, start, count)
+    poses = clip_passes(solver_clip, np.array(start), count)
     qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK)
     margin = np.array([p.margin(x) for p, x in zip(plan.supports, pressed.point, strict=True)])

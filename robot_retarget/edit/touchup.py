@@ -75,7 +75,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     first, last = edit.values.get("frames", (0, len(graph) - 1))
     solver = FrameSolver(build_problem(graph.robot, graph.match, edited_graph.tracks), SolveOptions())
     known = [np.array(q) for q in trajectory.qpos]
-    tracks = renewed_tracks(solver, edited_graph, known)
+    tracks = renewed_tracks(solver, edited_graph, np.array(known))
     all_targets = targets_of(tracks)
     offsets = _offsets(solver, all_targets, known, first, last)
     speed = solver.problem.limits.bounds(all_targets).speed.min(axis=0)
@@ -90,7 +90,7 @@ def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditRes
     ]
     fixed = 0 if start == 0 else min(FIXED, first - start)
     clip = clip_of(solver, [track.at(slice(start, stop)) for track in tracks], Smoothing(), graph.fps, fixed)
-    poses = [pose.qpos for pose in clip_passes(clip, begin, Count(None, len(begin) * Smoothing().passes))]
+    poses = [pose.qpos for pose in clip_passes(clip, np.array(begin), Count(None, len(begin) * Smoothing().passes))]
     qpos = np.array(trajectory.qpos)
     qpos[start:stop] = _faded(graph, known[start:stop], poses, 0 if stop == len(graph) else fading)
     done, window = trajectory.altered(qpos=qpos), slice(start, stop)

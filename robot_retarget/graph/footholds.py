@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.arrays import Bools, Floats, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, raised, sole_corners
@@ -19,6 +19,9 @@ from robot_retarget.human.stance import intervals
 from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.scene.scene import as_pose, composed, inverse
+
+STEP = 2
+"""Frames by which the step of a freed foot begins earlier and ends later than the feet are out of reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,36 +163,26 @@ def _hip_and_sole(robot: Robot, match: Match, foot: str) -> tuple[float, Floats]
     return float(np.linalg.norm((left - right)[:2])) / 2, own
 
 
-def without_unreachable(held: np.ndarray, corners: Floats, reach: float, fixed: int = 0) -> np.ndarray:
-    """Free both feet while the robot's legs cannot put them on their footholds together.
+def without_unreachable(held: np.ndarray, away: Floats, unreached: Bools, fixed: int = 0) -> np.ndarray:
+    """Free one foot while the robot's legs do not put both feet on their footholds together.
 
-    The legs alone put the feet at `corners`. Footholds that differ from these by more than `reach`, after the best
-    common shift and turn, require another placement of one foot relative to the other than the legs can give.
+    The foot that is farther from its foothold steps from its place before to its place afterwards.
 
     Args:
         held: (T, F, 4) which corners stand.
-        corners: (T, F, 4, 3) corners where the legs put them [m].
-        reach: [m].
+        away: (T, F) distances of the feet on the coarse path from their footholds [m].
+        unreached: (T,) frames at which footholds are out of reach.
         fixed: number of frames at the start that keep their value.
 
     Returns:
         (T, F, 4) which corners stand.
     """
     held = held.copy()
-    while True:
-        places = np.stack([foothold_corners(held[:, k], corners[:, k], fixed) for k in range(held.shape[1])], axis=1)
-        both = np.flatnonzero(np.asarray(held.any(axis=2)).sum(axis=1) > 1)
-        apart = [t for t in both if t >= fixed and _misfit(corners[t][held[t]], places[t][held[t]]) > reach]
-        if not apart:
-            return held
-        held[apart] = False
-
-
-def _misfit(corners: Floats, places: Floats) -> float:
-    """Return the largest distance between points (N, 3) along the floor after the best common shift and turn [m]."""
-    a, b = ((x[:, 0] + 1j * x[:, 1]) - (x[:, 0] + 1j * x[:, 1]).mean() for x in (corners, places))
-    turn = (a.conj() * b).sum()
-    return float(np.abs(a * turn / max(abs(turn), 1e-12) - b).max())
+    apart = unreached & (np.asarray(held.any(axis=2)).sum(axis=1) > 1)
+    apart[:fixed] = False
+    for start, stop in intervals(apart):
+        held[max(start - STEP, fixed) : stop + STEP, away[start:stop].mean(axis=0).argmax()] = False
+    return held
 
 
 def foothold_corners(held: np.ndarray, corners: Floats, fixed: int = 0, surface: Surface | None = None) -> Floats:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.graph.role import Form, Role
 from robot_retarget.graph.track import Track
 
@@ -19,12 +19,14 @@ class CoarsePhase(Phase):
     """The coarse path is sought; no measures of the robot are known."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolvedPhase(Phase):
     """The coarse path is known; the kind receives its measures (T, E)."""
 
     fixed: int = 0
     """Number of frames at the start that keep their targets."""
+    unreached: Bools | None = None
+    """(T,) frames at which no pose meets the hard edges together, once that is known."""
 
 
 @dataclass(frozen=True, eq=False)

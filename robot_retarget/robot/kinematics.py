@@ -191,15 +191,18 @@ class Bodies:
 
 
 def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
-    """q ⊕ v: (nq,) moved by the tangent vector (nv,).
+    """q ⊕ v: configurations (…, nq) moved by tangent vectors (…, nv).
 
     Args:
         robot: the robot.
-        qpos: (nq,) configuration.
-        velocity: (nv,) tangent vector.
+        qpos: (…, nq) configurations.
+        velocity: (…, nv) tangent vectors.
     """
     moved = np.array(qpos)
-    mujoco.mj_integratePos(robot.model, moved, velocity, 1.0)
+    if moved.ndim == 1:
+        mujoco.mj_integratePos(robot.model, moved, velocity, 1.0)
+    for one, change in zip(moved, velocity, strict=True) if moved.ndim > 1 else ():
+        mujoco.mj_integratePos(robot.model, one, change, 1.0)
     return moved
 
 
@@ -212,15 +215,20 @@ def tangent_names(robot: Robot) -> list[str]:
 
 
 def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
-    """The tangent vector (nv,) that leads from one configuration to another: start ⊕ v = end.
+    """The tangent vectors (…, nv) that lead from configurations to others: start ⊕ v = end.
 
     Args:
         robot: the robot.
-        start: (nq,) configuration.
-        end: (nq,) configuration.
+        start: (…, nq) configurations, or one for all.
+        end: (…, nq) configurations.
     """
-    velocity = np.empty(robot.model.nv)
-    mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
+    velocity = np.empty((*end.shape[:-1], robot.model.nv))
+    if end.ndim == 1:
+        mujoco.mj_differentiatePos(robot.model, velocity, 1.0, start, end)
+    elif end.ndim > 1:
+        begins = np.broadcast_to(start, end.shape)
+        for k in np.ndindex(end.shape[:-1]):
+            mujoco.mj_differentiatePos(robot.model, velocity[k], 1.0, begins[k], end[k])
     return velocity
 
 

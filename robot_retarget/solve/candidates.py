@@ -6,6 +6,10 @@ forward and backward at a low frame rate until it meets another pose, and choose
 programming.
 """
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
@@ -44,12 +48,21 @@ def coarse_path(
     stride = max(1, round(search.every * fps / step))
     if first:
         found.start_from(first[-1])
-    for moment in range(stride if first else 0, len(frames), stride):
-        found.search_moment(moment)
+    found.search(np.unique([*range(stride if first else 0, len(frames), stride), len(frames) - 1]))
     found.bridge()
     path = found.cheapest()
     before = first[max(start - 2, 0) : start]
     return [*first[:start], *interpolated(solver.robot, frames - start, [pose.qpos for pose in path], before)]
+
+
+@dataclass(frozen=True, eq=False)
+class PoseChain:
+    """A pose that is followed from moment to moment."""
+
+    pose: FrameSolution
+    moment: int
+    way: int
+    """1 forward, −1 backward."""
 
 
 class Candidates:
@@ -58,8 +71,8 @@ class Candidates:
     solver: FrameSolver
     graph: RobotGraph
     all_targets: ClipTargets
-    search: Search
-    frames: Floats
+    search_options: Search
+    frames: Ints
     times: Floats
     hinges: Ints
     first: int
@@ -67,7 +80,7 @@ class Candidates:
     def __init__(
         self, solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: np.ndarray, search: Search
     ):
-        self.solver, self.graph, self.all_targets, self.search = solver, graph, all_targets, search
+        self.solver, self.graph, self.all_targets, self.search_options = solver, graph, all_targets, search
         self.frames, self.times = frames, frames / graph.fps
         self.poses: list[list[FrameSolution]] = [[] for _ in frames]
         self.hinges, self.first = solver.robot.qpos_index, 0
@@ -78,14 +91,22 @@ class Candidates:
         pose = FrameSolution(qpos, Status.CONVERGED, 0.0, 0)
         self.poses[0].append(pose)
         self.first = 1
-        self._follow(pose, 0, range(1, len(self.frames)))
+        self._follow([PoseChain(pose, 0, 1)])
 
-    def search_moment(self, moment: int) -> None:
-        """Find the cheapest pose of a moment and follow it to both sides, to the ends if it meets no other."""
-        pose = multistart(self.solver, self.graph, self.all_targets, int(self.frames[moment]), self.search)[0]
-        if self._add(moment, pose):
-            self._follow(pose, moment, range(moment + 1, len(self.frames)))
-            self._follow(pose, moment, range(moment - 1, self.first - 1, -1))
+    def search(self, moments: Ints) -> None:
+        """Find poses of some moments and follow each to both sides, until it meets another or an end.
+
+        The first and the last of the moments are followed over the whole clip before the others.
+        """
+        frames, search = self.frames[moments].tolist(), self.search_options
+        found = multistart(self.solver, self.graph, self.all_targets, frames, search)
+        self._start(moments[[0, -1]].tolist(), [found[0][:1], found[-1][:1]])
+        self._start(moments.tolist(), [ends[: search.followed] for ends in found])
+
+    def _start(self, moments: list[int], found: list[list[FrameSolution]]) -> None:
+        """Follow the poses of moments that are in no known basin."""
+        starts = [(pose, k) for k, poses in zip(moments, found, strict=True) for pose in poses if self._add(k, pose)]
+        self._follow([PoseChain(pose, moment, way) for pose, moment in starts for way in (1, -1)])
 
     def bridge(self) -> None:
         """Add poses that the joints can reach in time where the path would jump to a cheaper basin."""
@@ -93,17 +114,18 @@ class Candidates:
         angles = np.array([pose.qpos[self.hinges] for pose in path])
         reach = self.bounds.speed.min(axis=0) * np.diff(self.times).max(initial=0.0)
         paced = within_speeds(angles, reach, self.first)
-        for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search.same):
+        for k in np.flatnonzero(np.abs(paced - angles).max(axis=1) > self.search_options.same):
             start = path[k].qpos.copy()
             start[self.hinges] = paced[k]
             near = [(paced[j], reach) for j in (k - 1, k + 1) if 0 <= j < len(path)]
-            pose = self._descend(start, int(k), self._ranges(int(k)).around(near))
+            box = self._ranges(np.array([k])).around(near)
+            pose = self._descend(start[None], np.array([k]), box)[0]
             paced[k] = pose.qpos[self.hinges]
             self.poses[k].append(pose)
 
     def cheapest(self, beyond_speed: float | None = None) -> list[FrameSolution]:
         """Return Viterbi's path: the least sum of the moments' costs and of the changes between them."""
-        beyond = self.search.beyond_speed if beyond_speed is None else beyond_speed
+        beyond = self.search_options.beyond_speed if beyond_speed is None else beyond_speed
         total = np.array([p.cost for p in self.poses[0]])
         back: list[np.ndarray] = []
         for k in range(1, len(self.poses)):
@@ -117,50 +139,56 @@ class Candidates:
 
     def _changes(self, k: int, beyond_speed: float) -> Floats:
         """Return (A, B) the cost of the change from every pose of the previous moment to every pose of this moment."""
-        robot, before, current = self.solver.robot, self.poses[k - 1], self.poses[k]
-        turned = np.array([[difference(robot, a.qpos, b.qpos) for b in current] for a in before])
-        reach = self._reach(k - 1, k)
-        beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - reach, 0.0)
-        return self.search.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
+        robot, before = self.solver.robot, np.array([pose.qpos for pose in self.poses[k - 1]])
+        turned = np.stack(
+            [difference(robot, before, np.broadcast_to(pose.qpos, before.shape)) for pose in self.poses[k]], 1
+        )
+        beyond = np.maximum(np.abs(turned[..., robot.dof_index]) - self._reach(k - 1, k), 0.0)
+        return self.search_options.change * (turned**2).sum(axis=2) + beyond_speed * (beyond**2).sum(axis=2)
 
-    def _follow(self, pose: FrameSolution, last: int, moments: range) -> None:
-        """Descend at one moment after the other, within the angles that the joints can reach from one to the next."""
-        for moment in moments:
-            near = (pose.qpos[self.hinges], self._reach(last, moment))
-            pose = self._descend(pose.qpos, moment, self._ranges(moment).around([near]))
-            if not self._add(moment, pose):
-                return
-            last = moment
+    def _follow(self, chains: "list[PoseChain]") -> None:
+        """Take all chains from moment to moment, within the angles that the joints reach, until they meet known poses."""
+        while chains := [chain for chain in chains if self.first <= chain.moment + chain.way < len(self.frames)]:
+            moments = [chain.moment + chain.way for chain in chains]
+            near = [(c.pose.qpos[self.hinges], self._reach(c.moment, m)) for c, m in zip(chains, moments, strict=True)]
+            angles, reach = (np.array(side) for side in zip(*near, strict=True))
+            box = self._ranges(np.array(moments)).around([(angles, reach)])
+            found = self._descend(np.array([chain.pose.qpos for chain in chains]), np.array(moments), box)
+            steps = zip(chains, moments, found, strict=True)
+            chains = [PoseChain(pose, moment, chain.way) for chain, moment, pose in steps if self._add(moment, pose)]
 
     def _reach(self, one: int, other: int) -> Floats:
         """Return (n,) how far the hinges turn between two moments, at the least speed of the frames between [rad]."""
         first, last = sorted((int(self.frames[one]), int(self.frames[other])))
         return self.bounds.speed[first + 1 : last + 1].min(axis=0) * abs(self.times[other] - self.times[one])
 
-    def _ranges(self, moment: int) -> Box:
-        """Return the ranges of the hinges at a moment."""
-        frame = int(self.frames[moment])
-        return Box(self.bounds.lower[frame], self.bounds.upper[frame])
+    def _ranges(self, moments: Ints) -> Box:
+        """Return the ranges of the hinges at moments (N,)."""
+        frames = self.frames[moments]
+        return Box(self.bounds.lower[frames], self.bounds.upper[frames])
 
-    def _descend(self, qpos: Floats, moment: int, box: Box | None = None) -> FrameSolution:
-        """Where a rough descent ends whose hinges stay in a box."""
-        targets = self.all_targets.at(int(self.frames[moment]))
-        return self.solver.solve_frame(
-            qpos, targets, iterations=self.search.iterations, tolerance=self.search.tolerance, box=box
+    def _descend(self, qpos: Floats, moments: Ints, box: Box) -> list[FrameSolution]:
+        """Return where rough descents from configurations (N, nq) end whose hinges stay in a box."""
+        targets, search = self.all_targets.frames(self.frames[moments]), self.search_options
+        return self.solver.solve_frames(
+            qpos, targets, iterations=search.iterations, tolerance=search.tolerance, box=box
         )
 
     def _add(self, moment: int, pose: FrameSolution) -> bool:
-        """Keep a pose unless the moment has it already."""
-        if any(same_basin(self.solver, pose, other, self.search) for other in self.poses[moment]):
-            return False
-        self.poses[moment].append(pose)
+        """Keep a pose unless the moment has one in its basin; of two in one basin, keep the cheaper."""
+        known = self.poses[moment]
+        for k, other in enumerate(known):
+            if same_basin(self.solver, pose, other, self.search_options):
+                known[k] = min(pose, other, key=lambda each: each.cost) if moment >= self.first else other
+                return False
+        known.append(pose)
         return True
 
 
 def multistart(
-    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frame: int, search: Search
-) -> list[FrameSolution]:
-    """Return the minima of a frame that descents from several starts reach, the cheapest first.
+    solver: FrameSolver, graph: RobotGraph, all_targets: ClipTargets, frames: Sequence[int], search: Search
+) -> list[list[FrameSolution]]:
+    """Return per frame the minima that descents from several starts reach, the cheapest first.
 
     Of several ends in one basin, that of the first start is kept.
 
@@ -170,16 +198,24 @@ def multistart(
     times within its ranges, and the draws are sorted by cost: the first start has the best draw of each limb, the
     second start the second best, and so on.
     """
-    targets, robot = all_targets.at(frame), solver.robot
-    placed = [place_root(graph, q, frame) for q in (robot.neutral(), robot.standing())]
-    placed += [solver.clear_of_links(placed[1], q) for q in _limbs_drawn(solver, placed[1], targets, search)]
+    limbs, placed = limb_starts(solver, search), []
+    for frame in frames:
+        reference, standing = (place_root(graph, q, frame) for q in (solver.robot.neutral(), solver.robot.standing()))
+        drawn = _limbs_drawn(solver, standing, all_targets.at(frame), limbs, search)
+        placed.append([reference, standing, *(solver.clear_of_links(standing, q) for q in drawn)])
+    every = all_targets.frames(np.repeat(frames, len(placed[0])))
     most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
-    ends: list[FrameSolution] = []
-    for start in placed:
-        end = solver.solve_frame(start, targets, iterations=most, tolerance=tolerance)
-        if not any(same_basin(solver, end, other, search) for other in ends):
-            ends.append(end)
-    return sorted(ends, key=lambda end: end.cost)
+    found = iter(solver.solve_frames(np.concatenate(placed), every, iterations=most, tolerance=tolerance))
+    return [_minima(solver, list(islice(found, len(starts))), search) for starts in placed]
+
+
+def _minima(solver: FrameSolver, ends: list[FrameSolution], search: Search) -> list[FrameSolution]:
+    """Return one end of every basin, the cheapest first."""
+    minima: list[FrameSolution] = []
+    for end in ends:
+        if not any(same_basin(solver, end, other, search) for other in minima):
+            minima.append(end)
+    return sorted(minima, key=lambda end: end.cost)
 
 
 def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution, search: Search) -> bool:
@@ -188,13 +224,16 @@ def same_basin(solver: FrameSolver, first: FrameSolution, second: FrameSolution,
     return bool(np.abs(first.qpos - second.qpos)[hinges].max(initial=0.0) < search.same)
 
 
-def _limbs_drawn(solver: FrameSolver, base: Floats, targets: EdgeTargets, search: Search) -> list[Floats]:
+def _limbs_drawn(
+    solver: FrameSolver, base: Floats, targets: EdgeTargets, limbs: Mapping[tuple[int, ...], Floats], search: Search
+) -> list[Floats]:
+    """Return poses with the best draw of each limb, the second best, and so on."""
     best = [base.copy() for _ in range(search.starts)]
-    for limb, angles in limb_starts(solver, search).items():
+    for limb, angles in limbs.items():
         columns = solver.robot.qpos_index[list(limb)]
         poses = np.repeat(base[None], len(angles), axis=0)
         poses[:, columns] = angles
-        cost = [solver.problem.cost(pose, targets) for pose in poses]
+        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
         for start, k in zip(best, np.argsort(cost, kind="stable"), strict=False):
             start[columns] = angles[k]
     return best

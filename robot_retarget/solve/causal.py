@@ -26,12 +26,12 @@ def causal_poses(solver: FrameSolver, graph: RobotGraph, search: Search, count: 
         T solved frames.
     """
     all_targets, poses = targets_of(graph.tracks), []
-    before = multistart(solver, graph, all_targets, 0, search)[0].qpos
+    before = multistart(solver, graph, all_targets, [0], search)[0][0].qpos
     for t in range(len(graph)):
         targets = all_targets.at(t)
         box = solver.reachable(before, targets, 1 / graph.fps) if t else solver.ranges(targets)
         start = predicted(solver.robot, poses, box) if t > 2 else before
-        around = solver.around(poses, all_targets, t, 1 / graph.fps)
+        around = solver.around([pose.qpos for pose in poses], all_targets, t, 1 / graph.fps)
         pose = solver.solve_frame(start, targets, around=around, box=box)
         if t > 2 and pose.clearance_deficit > 0:  # links may have gone around each other on the wrong side
             again = solver.solve_frame(before, targets, around=around, box=box)

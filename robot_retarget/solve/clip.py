@@ -1,12 +1,11 @@
 """The whole clip at once: a coarse path through the candidates, then the smooth path all frames agree on."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.phase import CoarsePhase, Phase, SolvedPhase
 from robot_retarget.graph.role import SECOND_DIFFERENCE
@@ -22,7 +21,7 @@ from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.smooth import smooth_offsets
 from robot_retarget.solve.speeds import within_speeds
-from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
+from robot_retarget.solve.sqp import Box, Descent, FrameSolution, FrameSolver
 from robot_retarget.solve.windows import ClipPiece
 
 ROUNDS = 3
@@ -31,6 +30,9 @@ another."""
 
 COARSE = 4
 """The coarse path takes about as long as this number of passes; the progress counts it as such."""
+
+UNREACHED = 0.01
+"""A hard edge that the solved clip misses by more is out of reach [m]."""
 
 LOOSE = 5e-4
 """A hard edge that misses its interval by more is solved again [m]."""
@@ -55,12 +57,16 @@ class ClipProblem:
     def __len__(self) -> int:
         return len(self.all_targets)
 
-    def box(self, poses: Sequence[FrameSolution], t: int) -> Box:
-        """Return the angles that the hinges reach at a frame from the poses before and after it."""
-        index, bounds = self.solver.robot.qpos_index, self.bounds
-        near = [(t - 1, t), (t + 1, t + 1)]  # the speed of a frame is that from the frame before
-        reach = [(poses[k].qpos[index], bounds.speed[own] / self.fps) for k, own in near if 0 <= k < len(poses)]
-        return Box(bounds.lower[t], bounds.upper[t]).around(reach)
+    def box(self, qpos: Floats, frames: Ints) -> Box:
+        """Return the angles that the hinges reach at frames (N,) from the frames before and after, at qpos (T, nq)."""
+        bounds, box = self.bounds, Box(self.bounds.lower[frames], self.bounds.upper[frames])
+        angles, ends = qpos[:, self.solver.robot.qpos_index], (0, len(qpos) - 1)
+        near = []
+        for shift in (-1, 1):
+            other = (frames + shift).clip(*ends)
+            reach = bounds.speed[np.maximum(frames, other)] / self.fps  # a frame's speed is that from the frame before
+            near.append((angles[other], np.where((other == frames)[:, None], np.inf, reach)))
+        return box.around(near)
 
 
 def clip_poses(
@@ -85,14 +91,27 @@ def clip_poses(
         own, before = graph.frames(window.first, window.last), [pose.qpos for pose in poses[window.first :]]
         coarse = coarse_path(solver, own, targets_of(coarse_tracks(own)), search, before)
         count.advance(COARSE * (len(own) - window.fixed))
-        tracks = renewed_tracks(solver, own, coarse, window.fixed)
-        clip = clip_of(solver, tracks, smoothing, graph.fps, window.fixed)
+        tracks, found = _window_poses(solver, own, np.array(coarse), smoothing, window.fixed, count)
         kept = slice(window.fixed, window.final - window.first)
-        poses += [replace(pose, model=None) for pose in clip_passes(clip, coarse, count)[kept]]
+        poses += found[kept]
         asked.append([track.at(kept) for track in tracks])
     solved = graph if part is None else graph.at(slice(len(known), len(poses)))
     renewed = tuple(concatenated(parts) for parts in zip(*asked, strict=True))
     return poses[len(known) :], replace(solved, tracks=renewed)
+
+
+def _window_poses(
+    solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
+) -> tuple[list[Track], list[FrameSolution]]:
+    """Return the tracks and the poses of a window; where they miss hard edges, it is solved again without these."""
+    tracks = renewed_tracks(solver, graph, coarse, fixed)
+    clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
+    poses = clip_passes(clip, coarse, count)
+    unreached = solver.problem.missed(_qpos(poses), clip.all_targets) > UNREACHED
+    again = renewed_tracks(solver, graph, coarse, fixed, unreached) if unreached.any() else tracks
+    if all((one.priority == other.priority).all() for one, other in zip(tracks, again, strict=True)):
+        return tracks, poses
+    return again, clip_passes(clip_of(solver, again, smoothing, graph.fps, fixed), _qpos(poses), count)
 
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
@@ -100,16 +119,19 @@ def coarse_tracks(graph: RobotGraph) -> list[Track]:
     return renewed(graph.tracks, {}, CoarsePhase())
 
 
-def renewed_tracks(solver: FrameSolver, graph: RobotGraph, coarse: list[Floats], fixed: int = 0) -> list[Track]:
+def renewed_tracks(
+    solver: FrameSolver, graph: RobotGraph, coarse: Floats, fixed: int = 0, unreached: Bools | None = None
+) -> list[Track]:
     """Return the tracks of a graph with targets that depend on the coarse path.
 
     Args:
         solver: measures the edges.
         graph: T frames.
-        coarse: T configurations (nq,).
+        coarse: (T, nq) configurations.
         fixed: number of first frames that stay unchanged.
+        unreached: (T,) frames at which hard edges are out of reach.
     """
-    return renewed(graph.tracks, measured_by(solver.problem, graph, np.array(coarse)), SolvedPhase(fixed))
+    return renewed(graph.tracks, measured_by(solver.problem, graph, coarse), SolvedPhase(fixed, unreached))
 
 
 def renewed(tracks: Sequence[Track], measured: Mapping[str, Floats], phase: Phase) -> list[Track]:
@@ -134,7 +156,7 @@ def measured_by(problem: Problem, graph: RobotGraph, qpos: Floats) -> dict[str, 
     Returns:
         Name of the kind → (T, E) measured values.
     """
-    every = np.array([problem.values(q) for q in qpos])
+    every = problem.values(qpos)
     ends = np.cumsum([len(track) for track in graph.costs])[:-1]
     found = {track.name: part for track, part in zip(graph.costs, np.split(every, ends, axis=1), strict=True)}
     return found | {cost.track.name: cost.values(qpos) for cost in problem.stencils}
@@ -157,149 +179,178 @@ def clip_of(
     return ClipProblem(solver, targets, smoothing, smooth, inertia, limits.bounds(targets), fps, fixed)
 
 
-def clip_passes(clip: ClipProblem, start: list[Floats], count: Count) -> list[FrameSolution]:
+def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSolution]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
-    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Frames whose cost still falls
-    after the last pass take more steps (`Smoothing.extra`). The function returns the frames, not the path, because the
-    frames satisfy all limits. Joint speeds hold between the frames: the start is slowed down to them, and no step
-    exceeds them relative to a neighbour. The first `fixed` frames stay unchanged.
+    multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Even frames step together, then odd
+    ones, so that the neighbours of a stepping frame stay where they are. After the first passes, only frames whose cost
+    still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
+    limits. Joint speeds hold between the frames: the start is slowed down to them, and no step exceeds them relative to a
+    neighbour. The first `fixed` frames stay unchanged.
+
+    Args:
+        start: (T, nq) configurations.
+        count: receives one step per frame and pass.
     """
-    solver, smoothing, robot = clip.solver, clip.smoothing, clip.solver.robot
-    path = _at_speeds(clip, start)
-    poses = [FrameSolution(q, Status.OUT_OF_ITERATIONS, np.inf, 0) for q in path]
-    dual = np.zeros((len(poses), robot.model.nv))
-    rho = smoothing.proximal * clip.inertia
-    interpenetrating: set[int] = set()
-    for number in range(smoothing.passes + smoothing.extra):
-        moving = _moving(poses, clip.fixed) if number >= smoothing.passes else range(clip.fixed, len(poses))
-        if not moving:
+    passes = _Passes(clip, start)
+    for number in range(clip.smoothing.passes + clip.smoothing.extra):
+        if not passes.step(number):
             break
+        if number < clip.smoothing.passes:
+            count.advance(len(clip) - clip.fixed)
+    proximal = Proximal(passes.path, -passes.dual, passes.rho)
+    poses = _separated(clip, _hard_edges_met(clip, passes.poses(), proximal), proximal)
+    depth = clip.solver.depths_under_floor(_qpos(poses), clip.all_targets)
+    return [clip.solver.raised(pose, float(deep)) for pose, deep in zip(poses, depth, strict=True)]
+
+
+class _Passes:
+    """The state of the passes over a clip."""
+
+    def __init__(self, clip: ClipProblem, start: Floats):
+        self.clip, robot = clip, clip.solver.robot
+        self.qpos = start.copy()
+        hinges = robot.qpos_index
+        self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
+        self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
+        self.rho = clip.smoothing.proximal * clip.inertia
+        self.halves = [np.arange(clip.fixed + k, len(start), 2) for k in (0, 1)]
+        boxes = [clip.box(self.qpos, half) for half in self.halves]
+        self.descents = [
+            clip.solver.begin(self.qpos[half], clip.all_targets.frames(half), box)
+            for half, box in zip(self.halves, boxes, strict=True)
+        ]
+        for descent in self.descents:
+            descent.tolerance = clip.smoothing.tolerance
+        self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
+        self.interpenetrating: set[int] = set()
+
+    def step(self, number: int) -> bool:
+        """Take one pass; return whether frames still move."""
+        clip, smoothing = self.clip, self.clip.smoothing
         if number in smoothing.collision_checks:
-            interpenetrating |= _interpenetrating(clip, poses)
-        relaxed = _over_relaxed(clip, poses, path)
-        moved = np.array([integrate(robot, q, y) for q, y in zip(relaxed, dual, strict=True)])
-        path = _smooth_path(clip, moved, clip.smooth / rho)
-        dual += [difference(robot, s, q) for s, q in zip(path, relaxed, strict=True)]
-        dual[: clip.fixed] = 0.0
-        for t in moving:
-            poses[t] = _stepped(clip, poses, t, Proximal(path[t], -dual[t], rho), interpenetrating)
-            if number < smoothing.passes:
-                count.advance()
-    proximal = [Proximal(s, -y, rho) for s, y in zip(path, dual, strict=True)]
-    met = _separated(clip, _hard_edges_met(clip, poses, proximal), proximal)
-    return [solver.raise_above_floor(pose, clip.all_targets.at(t)) for t, pose in enumerate(met)]
+            self.interpenetrating |= _interpenetrating(clip, self.qpos)
+        self._smooth()
+        for half, descent, moving in zip(self.halves, self.descents, self.moving, strict=True):
+            active = np.flatnonzero(moving) if number >= smoothing.passes else np.arange(len(half))
+            if active.size:
+                self._step_half(half, descent, moving, active)
+        return any(moving.any() for moving in self.moving) or number + 1 < smoothing.passes
+
+    def _smooth(self) -> None:
+        """Move the path and the multipliers."""
+        clip, robot = self.clip, self.clip.solver.robot
+        away = clip.smoothing.relaxation * difference(robot, self.path, self.qpos)
+        relaxed = integrate(robot, self.path, away)  # beyond the path: s ⊕ α (q ⊖ s)
+        drawn = integrate(robot, relaxed, self.dual)
+        speed = difference(robot, drawn[:-1], drawn[1:])
+        self.path = integrate(robot, drawn, smooth_offsets(speed, clip.smooth / self.rho, clip.fixed))
+        self.dual += difference(robot, self.path, relaxed)
+        self.dual[: clip.fixed] = 0.0
+
+    def _step_half(self, half: Ints, descent: Descent, moving: Bools, active: Ints) -> None:
+        """Step some of the even or odd frames."""
+        clip, solver = self.clip, self.clip.solver
+        descent.box = clip.box(self.qpos, half)
+        descent.proximal = Proximal(self.path[half], -self.dual[half], self.rho)
+        descent.around = solver.neighbours(self.qpos, clip.all_targets, half, 1 / clip.fps)
+        if self.interpenetrating:
+            descent.between = [_between(clip, self.qpos, t, self.interpenetrating) for t in half.tolist()]
+            solver.renew(descent, np.flatnonzero([bool(ways) for ways in descent.between]))
+        before, cost = descent.qpos.copy(), descent.base.cost.copy()
+        solver.step_frames(descent, active)
+        self.qpos[half] = descent.qpos
+        moved = np.abs(difference(solver.robot, before, descent.qpos)).max(axis=1)
+        falls = descent.base.cost < (1 - clip.smoothing.settled) * cost
+        tried = (descent.regions.refused > 0) & (descent.regions.refused < solver.options.refusals)
+        open_ = descent.status == Status.OUT_OF_ITERATIONS
+        moving[:] = open_ & (((moved >= clip.smoothing.converged) & falls) | tried)
+
+    def poses(self) -> list[FrameSolution]:
+        """Return the frames."""
+        poses = [FrameSolution(q, Status.CONVERGED, 0.0, 0) for q in self.qpos]
+        for half, descent, moving in zip(self.halves, self.descents, self.moving, strict=True):
+            descent.status[~moving & (descent.status == Status.OUT_OF_ITERATIONS)] = Status.CONVERGED
+            for t, pose in zip(half.tolist(), self.clip.solver.ended(descent), strict=True):
+                poses[t] = pose
+        return poses
 
 
-def _moving(poses: list[FrameSolution], fixed: int) -> list[int]:
-    """Return the frames after the fixed ones whose cost still falls."""
-    return [t for t in range(fixed, len(poses)) if poses[t].status is Status.OUT_OF_ITERATIONS]
-
-
-def _at_speeds(clip: ClipProblem, start: list[Floats]) -> list[Floats]:
-    """Return the start slowed down to the joints' speeds; the boxes of each pass keep these speeds afterwards."""
-    hinges, paced = clip.solver.robot.qpos_index, np.array(start)
-    paced[:, hinges] = within_speeds(paced[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
-    return list(paced)
-
-
-def _over_relaxed(clip: ClipProblem, poses: list[FrameSolution], path: list[Floats]) -> list[Floats]:
-    """Return the frames beyond the path: s ⊕ α (q ⊖ s)."""
-    robot, alpha = clip.solver.robot, clip.smoothing.relaxation
-    return [integrate(robot, s, alpha * difference(robot, s, p.qpos)) for s, p in zip(path, poses, strict=True)]
-
-
-def _stepped(
-    clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
-) -> FrameSolution:
-    """A frame after one more step: within reach of its neighbours, with links apart between frames that interpenetrate."""
-    solver = clip.solver
-    after = solver.solve_frame(
-        poses[t],
-        clip.all_targets.at(t),
-        proximal=proximal,
-        around=solver.around(poses, clip.all_targets, t, 1 / clip.fps),
-        iterations=1,
-        tolerance=clip.smoothing.tolerance,
-        box=clip.box(poses, t),
-        between=_between(clip, poses, t, interpenetrating),
-    )
-    moved = float(np.abs(difference(solver.robot, poses[t].qpos, after.qpos)).max())
-    falls = after.cost < (1 - clip.smoothing.settled) * poses[t].cost
-    status = after.status if moved >= clip.smoothing.converged and falls else Status.CONVERGED
-    return replace(after, status=status, iterations=poses[t].iterations + after.iterations)
-
-
-def _smooth_path(clip: ClipProblem, moved: Floats, stiffness: Floats) -> list[Floats]:
-    """Return the smooth path nearest to configurations: s = q ⊕ δ with the offsets of `smooth_offsets`."""
-    robot = clip.solver.robot
-    speed = np.array([difference(robot, a, b) for a, b in pairwise(moved)]).reshape(-1, robot.model.nv)
-    offsets = smooth_offsets(speed, stiffness, clip.fixed)
-    return [integrate(robot, q, d) for q, d in zip(moved, offsets, strict=True)]
+def _qpos(poses: Sequence[FrameSolution]) -> Floats:
+    return np.array([pose.qpos for pose in poses])
 
 
 def _between(
-    clip: ClipProblem, poses: list[FrameSolution], t: int, interpenetrating: set[int]
+    clip: ClipProblem, qpos: Floats, t: int, interpenetrating: Collection[int]
 ) -> tuple[SweptConfiguration, ...]:
     """Where links are kept apart between a frame and its neighbours: after the frames in `interpenetrating`."""
-    neighbours = (poses[k].qpos for k in (t - 1, t + 1) if min(k, t) in interpenetrating)
-    return tuple(way for q in neighbours for way in swept_configurations(clip.solver.robot, q, poses[t].qpos))
+    neighbours = (qpos[k] for k in (t - 1, t + 1) if min(k, t) in interpenetrating)
+    return tuple(way for q in neighbours for way in swept_configurations(clip.solver.robot, q, qpos[t]))
 
 
-def _interpenetrating(clip: ClipProblem, poses: list[FrameSolution]) -> set[int]:
+def _interpenetrating(clip: ClipProblem, qpos: Floats) -> set[int]:
     """Return the frames t with links inside each other between t and t + 1."""
-    first, last, solver = max(clip.fixed - 1, 0), len(poses) - 1, clip.solver
-    depth = {t: solver.depth_between(poses[t].qpos, poses[t + 1].qpos) for t in range(first, last)}
+    first, last, solver = max(clip.fixed - 1, 0), len(qpos) - 1, clip.solver
+    depth = {t: solver.depth_between(qpos[t], qpos[t + 1]) for t in range(first, last)}
     return {t for t, deep in depth.items() if deep > solver.options.overlap}
 
 
-def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: list[Proximal]) -> list[FrameSolution]:
+def _hard_edges_met(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal) -> list[FrameSolution]:
     """Return the poses; those that miss a hard edge are solved to the end, because one step per pass may be too few."""
-    poses, solver = list(poses), clip.solver
     for _ in range(ROUNDS):
-        missing = [
-            t
-            for t in range(clip.fixed, len(poses))
-            if solver.problem.missed(poses[t].qpos, clip.all_targets.at(t)) > LOOSE
-        ]
-        for t in missing:
-            around, targets = solver.around(poses, clip.all_targets, t, 1 / clip.fps), clip.all_targets.at(t)
-            poses[t] = solver.solve_frame(
-                poses[t], targets, proximal=proximal[t], around=around, box=clip.box(poses, t)
-            )
-        if not missing:
+        missed = clip.solver.problem.missed(_qpos(poses), clip.all_targets)
+        missing = clip.fixed + np.flatnonzero(missed[clip.fixed :] > LOOSE)
+        if not missing.size:
             break
+        poses = _solved_again(clip, poses, missing, proximal)
     return poses
 
 
-def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: list[Proximal]) -> list[FrameSolution]:
+def _solved_again(
+    clip: ClipProblem,
+    poses: list[FrameSolution],
+    frames: Ints,
+    proximal: Proximal,
+    interpenetrating: Collection[int] = (),
+) -> list[FrameSolution]:
+    """Return the poses with some frames solved to the end: even frames together, then odd ones."""
+    poses, solver = list(poses), clip.solver
+    for half in (frames[frames % 2 == 0], frames[frames % 2 == 1]):
+        if not half.size:
+            continue
+        qpos = _qpos(poses)
+        ways = [_between(clip, qpos, t, interpenetrating) for t in half.tolist()]
+        found = solver.solve_frames(
+            qpos[half],
+            clip.all_targets.frames(half),
+            proximal=proximal.of(half),
+            around=solver.neighbours(qpos, clip.all_targets, half, 1 / clip.fps),
+            box=clip.box(qpos, half),
+            between=ways if any(ways) else None,
+        )
+        for t, pose in zip(half.tolist(), found, strict=True):
+            if not interpenetrating or solver.depth(pose.qpos) <= solver.depth(poses[t].qpos):
+                poses[t] = pose
+    return poses
+
+
+def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal) -> list[FrameSolution]:
     """Return the poses with links apart, at frames and between them, if such poses are found.
 
     If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with separation rows on
-    the way between them. A frame whose links still interpenetrate moves back towards the frame before.
+    the way between them, and taken if its links overlap less. A frame whose links still interpenetrate moves back towards
+    the frame before.
     """
-    poses, solver = list(poses), clip.solver
+    solver = clip.solver
     for _ in range(ROUNDS):
-        interpenetrating = _interpenetrating(clip, poses)
+        between = _interpenetrating(clip, _qpos(poses))
         inside = {t for t in range(clip.fixed, len(poses)) if solver.overlapping(poses[t].qpos)}
-        frames = sorted({t for k in interpenetrating for t in (k, k + 1) if t >= clip.fixed} | inside)
-        for t in frames:
-            poses[t] = _shallower(clip, poses, t, proximal[t], interpenetrating)
+        frames = sorted({t for k in between for t in (k, k + 1) if t >= clip.fixed} | inside)
         if not frames:
             break
+        poses = _solved_again(clip, poses, np.array(frames), proximal, between or {-1})
     for t in range(max(clip.fixed, 1), len(poses)):
         poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
     return poses
-
-
-def _shallower(
-    clip: ClipProblem, poses: list[FrameSolution], t: int, proximal: Proximal, interpenetrating: set[int]
-) -> FrameSolution:
-    """Return a frame solved again with links apart on the ways to its neighbours, if links overlap less afterwards."""
-    solver, box = clip.solver, clip.box(poses, t)
-    ways, targets = _between(clip, poses, t, interpenetrating), clip.all_targets.at(t)
-    around = solver.around(poses, clip.all_targets, t, 1 / clip.fps)
-    again = solver.solve_frame(poses[t].qpos, targets, proximal=proximal, around=around, box=box, between=ways)
-    return again if solver.depth(again.qpos) <= solver.depth(poses[t].qpos) else poses[t]

@@ -1,14 +1,20 @@
-"""CasADi functions called through their buffers: no conversion, and no allocation except for the results."""
+"""CasADi functions called through their buffers: no conversion, and no allocation except for the results.
+
+Functions of one frame are mapped over frames: one call evaluates a block of them.
+"""
 
 from collections.abc import Callable
+from functools import cached_property
 from threading import Thread
 
 import casadi as ca
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.solve.native import machine_code
 
+BLOCK = 32
+"""Frames of a mapped call; single calls evaluate the rest."""
 WITHIN = 1e-5
 """A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
 Hessian."""
@@ -45,6 +51,49 @@ class Compiled:
         ]
 
 
+class Mapped:
+    """A CasADi function of dense arrays, evaluated for one frame or for all rows of its arguments."""
+
+    single: Compiled
+
+    def __init__(self, function: ca.Function):
+        self.single, self._function = Compiled(function), function
+        self.shapes = self.single.shapes
+
+    @cached_property
+    def block(self) -> Compiled:
+        """The function of `BLOCK` frames."""
+        return Compiled(self._function.map(BLOCK))
+
+    def __call__(self, *values: Floats) -> list[Floats]:
+        """Return the results for arguments (N, …): vectors (N, rows), matrices (N, rows, columns); without N for one frame."""
+        if values[0].ndim == 1:
+            return self.single(*values)
+        count = len(values[0])
+        results = [np.empty((count, columns, rows)) for rows, columns in self.shapes]
+        for first in range(0, count, BLOCK):
+            last = min(first + BLOCK, count)
+            if 2 * (last - first) > BLOCK:
+                self._evaluate(self.block, values, results, first, last, BLOCK)
+            else:
+                for k in range(first, last):
+                    self._evaluate(self.single, values, results, k, k + 1, 1)
+        return [result[:, 0] if result.shape[1] == 1 else result.swapaxes(1, 2) for result in results]
+
+    @staticmethod
+    def _evaluate(
+        run: Compiled, values: tuple[Floats, ...], results: list[Floats], first: int, last: int, size: int
+    ) -> None:
+        """Fill in the results of some frames; unused places of a block keep what they hold."""
+        for argument, value in zip(run.arguments, values, strict=True):
+            part = value[first:last]
+            own = part if part.ndim < 3 else part.swapaxes(1, 2).reshape(len(part), -1)
+            argument.reshape(size, -1)[: last - first] = own
+        run.trigger()
+        for result, own in zip(results, run.results, strict=True):
+            result[first:last] = own.reshape(size, *result.shape[1:])[: last - first]
+
+
 class Upgraded:
     """A function that runs on CasADi's virtual machine until its machine code is ready; the results are the same."""
 
@@ -52,13 +101,13 @@ class Upgraded:
 
     def __init__(self, function: ca.Function, native: bool):
         """Compile in the background if `native` is set."""
-        self._serves, self.native = Compiled(function), False
+        self._serves, self.native = Mapped(function), False
         self._compiling = Thread(target=self._compile, args=(function,)) if native else None
         if self._compiling:
             self._compiling.start()
 
     def __call__(self, *values: Floats) -> list[Floats]:
-        """Evaluate as `Compiled` does."""
+        """Evaluate as `Mapped` does."""
         return self._serves(*values)
 
     def wait(self) -> None:
@@ -69,10 +118,10 @@ class Upgraded:
     def _compile(self, function: ca.Function) -> None:
         code = machine_code(function)
         if code is not None:
-            self._serves, self.native = Compiled(code), True
+            self._serves, self.native = Mapped(code), True
 
 
-def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Compiled:
+def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Mapped:
     """Compile expressions with dense outputs.
 
     Args:
@@ -80,36 +129,43 @@ def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Comp
         inputs: symbols, in the order of the arguments.
         outputs: expressions of the inputs.
     """
-    return Compiled(ca.Function(name, inputs, [ca.densify(o) for o in outputs]))
+    return Mapped(ca.Function(name, inputs, [ca.densify(o) for o in outputs]))
 
 
-class QuadraticProgram:
-    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  row_lower ≤ A x; solved by DAQP's dual active set.
+class QuadraticPrograms:
+    """minimise ½ xᵀHx + gᵀx  subject to  lower ≤ x ≤ upper,  row_lower ≤ A x, for N frames; DAQP's dual active set."""
 
-    H, g and the bounds are written in place (`hessian`, `gradient`, `lower`, `upper`); they start at 0.
-    """
+    def __init__(self, variables: int):
+        self.variables = variables
+        self._run: dict[int, Mapped] = {}
 
-    run: Compiled
-    hessian: Floats
-    gradient: Floats
-    lower: Floats
-    upper: Floats
-    rows: Floats
-    row_lower: Floats
+    def solve(
+        self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
+    ) -> tuple[Floats, Bools]:
+        """Return the minimisers (N, n) within their bounds, and whether rows hold within `WITHIN`.
 
-    def __init__(self, variables: int, rows: int):
-        shape = {"h": ca.Sparsity.dense(variables, variables), "a": ca.Sparsity.dense(rows, variables)}
-        function = ca.conic("program", "daqp", shape, {"error_on_fail": False})
-        self.run = Compiled(function)
-        given = dict(zip(function.name_in(), self.run.arguments, strict=True))
-        self.hessian, self.gradient = given["h"].reshape((variables, variables), order="F"), given["g"]
-        self.lower, self.upper = given["lbx"], given["ubx"]
-        self.rows, self.row_lower = given["a"].reshape((rows, variables), order="F"), given["lba"]
-        given["uba"][:] = np.inf
+        Args:
+            hessian: (N, n, n).
+            gradient: (N, n).
+            lower: (N, n).
+            upper: (N, n).
+            rows: (N, R, n).
+            row_lower: (N, R).
+        """
+        found = self._mapped(rows.shape[1])(hessian, gradient, rows, lower, upper, row_lower)[0]
+        x = found.clip(lower, upper)
+        kept = (np.einsum("trn,tn->tr", rows, x) >= row_lower - WITHIN).all(axis=1)
+        return x, kept & (np.abs(x - found).max(axis=1) <= WITHIN)
 
-    def solve(self, rows: Floats, row_lower: Floats) -> Floats | None:
-        """The minimiser, within its bounds, or None when rows A x ≥ row_lower cannot be kept within `WITHIN`."""
-        self.rows[:], self.row_lower[:] = rows, row_lower
-        found = self.run()[0]
-        x = np.clip(found, self.lower, self.upper)
-        return x if np.abs(x - found).max() <= WITHIN and (rows @ x >= row_lower - WITHIN).all() else None
+    def _mapped(self, count: int) -> Mapped:
+        """Return the program with a number of rows."""
+        if count not in self._run:
+            n = self.variables
+            shape = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity.dense(count, n)}
+            conic = ca.conic("program", "daqp", shape, {"error_on_fail": False})
+            h, g, a, low, high, row_low = (
+                ca.MX.sym("x", *size) for size in ((n, n), (n, 1), (count, n), (n, 1), (n, 1), (count, 1))
+            )
+            found = conic(h=h, g=g, a=a, lbx=low, ubx=high, lba=row_low, uba=np.inf)["x"]
+            self._run[count] = Mapped(ca.Function("program", [h, g, a, low, high, row_low], [found]))
+        return self._run[count]

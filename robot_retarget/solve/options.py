@@ -45,6 +45,8 @@ class Search:
     """Time between the moments at which candidates are sought [s]."""
     starts: int = 12
     """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    followed: int = 1
+    """Number of poses of a moment that are followed, the cheapest first."""
     drawn: int = 80
     """Number of poses drawn per limb for these starts."""
     iterations: int = 10

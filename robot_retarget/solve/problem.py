@@ -22,9 +22,9 @@ from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, ordered
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.solve.compiled import Compiled, Upgraded, dense_function
+from robot_retarget.solve.compiled import Mapped, Upgraded, dense_function
 from robot_retarget.solve.honoured import require_honoured
-from robot_retarget.solve.limits import JointLimits
+from robot_retarget.solve.limits import JointLimits, Targets
 from robot_retarget.solve.stencils import StencilCost
 from robot_retarget.solve.targets import ClipTargets as ClipTargets
 from robot_retarget.solve.targets import EdgeTargets as EdgeTargets
@@ -38,7 +38,7 @@ class CompiledTracks:
     edges: slice
     model: Upgraded
     cost: Upgraded
-    values: Compiled
+    values: Mapped
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
@@ -60,9 +60,9 @@ class CompiledTracks:
         normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
         return ca.Function("model", [q, *targets], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
 
-    def of(self, targets: EdgeTargets) -> tuple[Floats, Floats, Floats]:
+    def of(self, targets: Targets) -> tuple[Floats, Floats, Floats]:
         """Return lower bounds, upper bounds and priorities of these edges."""
-        return targets.lower[self.edges], targets.upper[self.edges], targets.priority[self.edges]
+        return targets.lower[..., self.edges], targets.upper[..., self.edges], targets.priority[..., self.edges]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,26 +111,26 @@ class Problem:
             part.model.wait()
             part.cost.wait()
 
-    def model(self, q: Floats, targets: EdgeTargets) -> tuple[float, Floats, Floats]:
-        """The cost at a configuration, gradient (nv) and normal matrix (nv, nv)."""
+    def model(self, q: Floats, targets: Targets) -> tuple[Floats, Floats, Floats]:
+        """The cost at configurations (…, nq), gradient (…, nv) and normal matrix (…, nv, nv)."""
         (cost, gradient, normal), *others = [part.model(q, *part.of(targets)) for part in self.parts]
         for more in others:
             cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
-        return float(cost[0]), gradient, normal
+        return cost[..., 0], gradient, normal
 
-    def cost(self, q: Floats, targets: EdgeTargets) -> float:
-        """The first of these alone."""
-        return float(sum(part.cost(q, *part.of(targets))[0][0] for part in self.parts))
+    def cost(self, q: Floats, targets: Targets) -> Floats:
+        """The first of these alone (…)."""
+        return np.sum([part.cost(q, *part.of(targets))[0][..., 0] for part in self.parts], axis=0)
 
-    def missed(self, q: Floats, targets: EdgeTargets) -> float:
-        """Return the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
+    def missed(self, q: Floats, targets: Targets) -> Floats:
+        """Return (…) the largest distance of a hard edge from its interval [m]; 0 without hard edges."""
         d = self.values(q)
-        lower, upper, priority = (side[: len(d)] for side in (targets.lower, targets.upper, targets.priority))
-        return float(np.abs(d - np.clip(d, lower, upper))[priority >= HARD].max(initial=0.0))
+        lower, upper, priority = (side[..., : d.shape[-1]] for side in (targets.lower, targets.upper, targets.priority))
+        return np.where(priority >= HARD, np.abs(d - np.clip(d, lower, upper)), 0.0).max(axis=-1, initial=0.0)
 
     def values(self, q: Floats) -> Floats:
-        """Return the measures (E,) of the symbolic costs of one frame, which are the first edges."""
-        return np.concatenate([part.values(q)[0] for part in self.parts])
+        """Return the measures (…, E) of the symbolic costs of one frame, which are the first edges."""
+        return np.concatenate([part.values(q)[0] for part in self.parts], axis=-1)
 
 
 class Inequalities:
@@ -146,7 +146,7 @@ class Inequalities:
         found = body.resolved([track.kind.measure(track, body) for track in own])
         rows = found.rows.tolist()
         values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
-        self._measure = Compiled(ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes]))
+        self._measure = Mapped(ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes]))
         self.columns = columns_of(own)
         """The edges of each kind among these rows."""
         self.edges = np.array([edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int)
@@ -157,24 +157,24 @@ class Inequalities:
     def __len__(self) -> int:
         return len(self._below) + len(self._above)
 
-    def rows(self, q: Floats, targets: EdgeTargets) -> tuple[Floats, Floats]:
-        """Return slopes (R, nv) and deficits (R,), bound minus value, at a configuration."""
+    def rows(self, q: Floats, targets: Targets) -> tuple[Floats, Floats]:
+        """Return slopes (…, R, nv) and deficits (…, R), bound minus value, at configurations (…, nq)."""
         values, slopes = self._measure(q)
-        slopes, lower = slopes.reshape(len(values), self._nv), targets.lower[self.edges]
+        slopes, lower = slopes.reshape(*values.shape, self._nv), targets.lower[..., self.edges]
+        below = slopes[..., self._below, :], (lower - values)[..., self._below]
         if not self._above.size:
-            return slopes[self._below], (lower - values)[self._below]
-        upper = targets.upper[self.edges]
-        deficit = np.concatenate([(lower - values)[self._below], (values - upper)[self._above]])
-        return np.concatenate([slopes[self._below], -slopes[self._above]]), deficit
+            return below
+        above = -slopes[..., self._above, :], (values - targets.upper[..., self.edges])[..., self._above]
+        return np.concatenate([below[0], above[0]], axis=-2), np.concatenate([below[1], above[1]], axis=-1)
 
     def values(self, q: Floats) -> Floats:
-        """Return the measures (E,) of the edges at a configuration."""
+        """Return the measures (…, E) of the edges at configurations (…, nq)."""
         return self._measure(q)[0]
 
-    def depth(self, q: Floats, targets: EdgeTargets) -> float:
-        """Return by how much the root must rise to meet the kinds that raise it [m]."""
-        raising = self._raising
-        return float((targets.lower[self.edges[raising]] - self._measure(q)[0][raising]).max(initial=0.0))
+    def depth(self, q: Floats, targets: Targets) -> Floats:
+        """Return (…) by how much the root must rise to meet the kinds that raise it [m]."""
+        own, raising = targets.lower[..., self.edges], self._raising
+        return (own - self._measure(q)[0])[..., raising].max(axis=-1, initial=0.0)
 
 
 def _where(chosen: Sequence[Any]) -> Ints:

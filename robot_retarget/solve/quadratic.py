@@ -1,12 +1,13 @@
 """The quadratic model of a frame's cost around a configuration, and the rows that bound a step from it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.graph.role import FRAME, Form, Role
 from robot_retarget.graph.rows import ContactRows, MeasureRows, Past, RowState
 from robot_retarget.graph.track import Track
@@ -14,27 +15,40 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.kinematics import difference
 from robot_retarget.robot.swept import SweptConfiguration
 from robot_retarget.solve.options import SolveOptions
-from robot_retarget.solve.problem import EdgeTargets, Problem
+from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.stencils import Neighbours, Terms, terms
 
+Between = Sequence[tuple[SweptConfiguration, ...]]
+"""Per frame, configurations between it and its neighbours."""
 TIE = 1e-6
 """Rows whose room differs by less are equal [m]: far above the rounding of distances."""
 
 
 @dataclass(frozen=True)
 class Proximal:
-    """Σ w (q ⊖ anchor − offset)²: draws a pose towards another, per tangent direction."""
+    """Σ w (q ⊖ anchor − offset)²: draws poses towards others, per tangent direction."""
 
     anchor: Floats
+    """(N, nq) or (nq,)."""
     offset: Floats
+    """(N, nv) or (nv,)."""
     weight: Floats
+    """(nv,)."""
+
+    @property
+    def clip(self) -> "Proximal":
+        """The term of one frame as that of a clip."""
+        return Proximal(self.anchor[None], self.offset[None], self.weight)
+
+    def of(self, frames: Ints) -> "Proximal":
+        """Return the term of some frames."""
+        return Proximal(self.anchor[frames], self.offset[frames], self.weight)
 
 
 @dataclass(frozen=True, eq=False)
 class LinearizedDistances:
     """Distances of links near each other, measured at a configuration."""
 
-    qpos: Floats
     distance: Floats
     """(C,) [m]."""
     slope: Floats
@@ -51,40 +65,88 @@ class LinearizedDistances:
 
     def of(self, kept: Ints) -> "LinearizedDistances":
         """Return some of the pairs."""
-        return LinearizedDistances(self.qpos, self.distance[kept], self.slope[kept], self.bound[kept], self.edges[kept])
+        return LinearizedDistances(self.distance[kept], self.slope[kept], self.bound[kept], self.edges[kept])
 
 
-@dataclass(frozen=True, eq=False)
+class NearLinks:
+    """Distances of links near each other of N frames, each measured at a configuration; absent ones are infinite."""
+
+    def __init__(self, qpos: Floats, most: int, nv: int):
+        count = len(qpos)
+        self.qpos = qpos.copy()
+        """(N, nq)."""
+        self.deficit = np.full((count, most), -np.inf)
+        """(N, C) bound minus distance [m]."""
+        self.slope = np.zeros((count, most, nv))
+        """(N, C, nv) derivative of the distances by the tangent vector."""
+
+    def of(self, frames: Ints) -> "NearLinks":
+        """Return some of the frames."""
+        found = NearLinks.__new__(NearLinks)
+        found.qpos, found.deficit, found.slope = self.qpos[frames], self.deficit[frames], self.slope[frames]
+        return found
+
+    def replace(self, frames: Ints, other: "NearLinks", chosen: Bools) -> None:
+        """Replace frames by the chosen ones of others."""
+        for name in ("qpos", "deficit", "slope"):
+            getattr(self, name)[frames] = getattr(other, name)[chosen]
+
+    def put(self, frame: int, qpos: Floats, found: LinearizedDistances) -> None:
+        """Store the links of a frame."""
+        count = len(found.distance)
+        self.qpos[frame] = qpos
+        self.deficit[frame, :count], self.slope[frame, :count] = found.deficit, found.slope
+        self.deficit[frame, count:], self.slope[frame, count:] = -np.inf, 0.0
+
+
+@dataclass(eq=False)
 class Quadratic:
-    """cost + 2 gᵀv + vᵀNv for small steps v, with rows v ≥ row_lower; the last variable is the slack of separation."""
+    """cost + 2 gᵀv + vᵀNv for small steps v of N frames, with rows v ≥ row_lower; the last variable is the slack of separation."""
 
-    cost: float
+    cost: Floats
+    """(N,)."""
     gradient: Floats
-    """g (nv)."""
+    """g (N, nv)."""
     normal: Floats
-    """N (nv, nv)."""
+    """N (N, nv, nv)."""
     rows: Floats
-    """(rows, nv + 1)."""
+    """(N, R, nv + 1)."""
     row_lower: Floats
-    clearance_deficit: float
-    """How much more than the tolerance the nearest links lack to their margin, over the leg."""
-    penetrates_floor: bool
-    """Whether a sole is under the floor."""
-    near: LinearizedDistances | None = None
+    """(N, R)."""
+    clearance_deficit: Floats
+    """(N,) how much more than the tolerance the nearest links lack to their margin, over the leg."""
+    penetrates_floor: Bools
+    """(N,) whether a sole is under the floor."""
+    near: NearLinks
     """The links near each other, at their last measurement."""
 
-    def with_rows_met(self, soles: int, trial: "Quadratic", step: Floats) -> "Quadratic":
-        """Return the model with the rows of links that a step (nv) brought too near, measured after it: J v ≥ row_lower + J step.
+    def of(self, frames: Ints) -> "Quadratic":
+        """Return some of the frames."""
+        columns: dict[str, Any] = {name: getattr(self, name)[frames] for name in COLUMNS}
+        return Quadratic(**columns, near=self.near.of(frames))
+
+    def put(self, frames: Ints, other: "Quadratic", chosen: Bools) -> None:
+        """Replace frames by the chosen ones of others."""
+        for name in COLUMNS:
+            getattr(self, name)[frames[chosen]] = getattr(other, name)[chosen]
+        self.near.replace(frames[chosen], other.near, chosen)
+
+    def meet(self, frame: int, soles: int, trial: "Quadratic", at: int, step: Floats) -> None:
+        """Add the rows of links that a step (nv) of a frame brought too near, measured after it: J v ≥ row_lower + J step.
 
         The nearest places of two links may change along a step, and then rows of its start allow the same step again. The
         new rows replace those of the farthest links. They demand no more than the present distance.
         """
-        hit = soles + np.flatnonzero(trial.row_lower[soles:] > 0)
-        row_lower, rows = self.row_lower.copy(), self.rows.copy(order="F")
+        rows, row_lower = self.rows[frame], self.row_lower[frame]
+        hit = soles + np.flatnonzero(trial.row_lower[at, soles:] > 0)
         farthest = soles + np.argsort(row_lower[soles:], kind="stable")[: len(hit)]
-        demand = np.minimum(trial.row_lower[hit] + trial.rows[hit, :-1] @ step, max(row_lower[soles:].max(), 0.0))
-        rows[farthest], row_lower[farthest] = trial.rows[hit], demand
-        return replace(self, rows=rows, row_lower=row_lower)
+        met = trial.rows[at, hit]
+        demand = np.minimum(trial.row_lower[at, hit] + met[:, :-1] @ step, max(row_lower[soles:].max(), 0.0))
+        rows[farthest], row_lower[farthest] = met, demand
+
+
+COLUMNS = ("cost", "gradient", "normal", "rows", "row_lower", "clearance_deficit", "penetrates_floor")
+"""The arrays of a `Quadratic`."""
 
 
 class NumericTrack:
@@ -128,7 +190,7 @@ class NumericTrack:
             np.zeros(0), np.zeros((0, self.problem.robot.model.nv)), np.zeros(0, int)
         )
         edges = self.columns.start + np.asarray(rows.edges)
-        return LinearizedDistances(q, rows.values, rows.slope, np.minimum(targets.lower[edges], rows.rest), edges)
+        return LinearizedDistances(rows.values, rows.slope, np.minimum(targets.lower[edges], rows.rest), edges)
 
 
 class CostModel:
@@ -157,40 +219,61 @@ class CostModel:
         """The frames, relative to one, that share an edge with it."""
 
     def linearize(
-        self,
-        q: Floats,
-        targets: EdgeTargets,
-        between: tuple[SweptConfiguration, ...] = (),
-        known: LinearizedDistances | None = None,
+        self, q: Floats, targets: ClipTargets, between: Between | None = None, known: NearLinks | None = None
     ) -> Quadratic:
-        """Return costs and inequality rows at a configuration, with the rows of links `between` it and its neighbours.
+        """Return costs and inequality rows at configurations (N, nq).
 
         Args:
+            between: per frame, further configurations whose links have rows.
             known: distances of links measured nearby; within `SolveOptions.distance_cache_radius` they are extrapolated along their slopes.
         """
-        own = (cost.terms(q, targets, None, None) for cost in self.numeric if cost.track.stencil == FRAME)
-        total, gradient, normal = _sum(self.problem.model(q, targets), own)
+        total, gradient, normal = self._costs(q, targets)
         slope, deficit = self.problem.inequalities.rows(q, targets)
-        nv, hard = len(gradient), len(deficit)
-        rows, row_lower = np.zeros((self.rows, nv + 1), order="F"), np.full(self.rows, -np.inf)
-        rows[:hard, :nv], row_lower[:hard] = slope, deficit
-        near = self.near(q, targets, known)
-        clearance_deficit = 0.0
-        if near is not None:
-            apart = self._with_ways(q, near, between, targets)
-            clearance_deficit = self._fill(apart, rows[hard:], row_lower[hard:])
-        total += self.options.overlap_cost * clearance_deficit**2
-        penetrates_floor = bool(deficit.max(initial=0.0) > self.options.floor_tolerance)
-        return Quadratic(total, gradient, normal, rows, row_lower, clearance_deficit, penetrates_floor, near)
+        (count, nv), hard = gradient.shape, deficit.shape[1]
+        rows, row_lower = np.zeros((count, self.rows, nv + 1)), np.full((count, self.rows), -np.inf)
+        rows[:, :hard, :nv], row_lower[:, :hard] = slope, deficit
+        near, apart = self._near(q, targets, known)
+        rows[:, hard:, :nv], rows[:, hard:, nv] = near.slope, np.isfinite(apart)
+        for k in np.flatnonzero([bool(ways) for ways in between or ()]).tolist():
+            apart[k] = self._with_ways(q[k], between[k], targets.at(k), rows[k, hard:])  # pyright: ignore[reportOptionalSubscript]
+        row_lower[:, hard:] = np.where(apart > self.options.tolerated * self.leg, apart, np.minimum(apart, 0.0))
+        lacking = self._lacking(apart)
+        total += self.options.overlap_cost * lacking**2
+        penetrates_floor = deficit.max(axis=1, initial=0.0) > self.options.floor_tolerance
+        return Quadratic(total, gradient, normal, rows, row_lower, lacking, penetrates_floor, near)
+
+    def _costs(self, q: Floats, targets: ClipTargets) -> tuple[Floats, Floats, Floats]:
+        """Return cost, gradient and normal matrix of the costs of single frames."""
+        total, gradient, normal = self.problem.model(q, targets)
+        for cost in self.numeric:
+            for k in range(len(q) if cost.track.stencil == FRAME else 0):
+                if (found := cost.terms(q[k], targets.at(k), None, None)) is not None:
+                    total[k] += found[0]
+                    gradient[k] += found[1]
+                    normal[k] += found[2]
+        return total, gradient, normal
+
+    def _near(self, q: Floats, targets: ClipTargets, known: NearLinks | None) -> tuple[NearLinks, Floats]:
+        """Return the links near each other, and their deficits (N, C) [m]; links measured nearby are extrapolated."""
+        if known is None:
+            near, moved = NearLinks(q, self.most, self.robot.model.nv), np.zeros((len(q), self.robot.model.nv))
+            stale = range(len(q))
+        else:
+            near, moved = known, difference(self.robot, known.qpos, q)
+            stale = np.flatnonzero(np.abs(moved).max(axis=1) >= self.options.distance_cache_radius).tolist()
+        for k in stale if self.surfaces else ():
+            near.put(k, q[k], self.near(q[k], targets.at(k)))
+            moved[k] = 0.0
+        return near, near.deficit - np.einsum("tcv,tv->tc", near.slope, moved)
 
     def cost(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> float:
         """The minimised cost of a frame at a configuration."""
-        return self.problem.cost(q, targets) + sum(self.parts(q, targets, past).values())
+        return float(self.problem.cost(q, targets)) + sum(self.parts(q, targets, past).values())
 
     def parts(self, q: Floats, targets: EdgeTargets, past: Past | None = None) -> dict[str, float]:
         """Return the cost of each numeric kind; that of surfaces is the cost of their slack, at the kind that needs it."""
         found = {each.track.name: 0.0 for each in (*self.surfaces, *self.numeric)}
-        lacking = {each.track.name: self._lacking(each.near(q, targets).deficit) for each in self.surfaces}
+        lacking = {each.track.name: float(self._lacking(each.near(q, targets).deficit)) for each in self.surfaces}
         if lacking:
             worst = max(lacking, key=lambda name: lacking[name])
             found[worst] = self.options.overlap_cost * lacking[worst] ** 2
@@ -202,58 +285,41 @@ class CostModel:
 
     def _contacts(self, q: Floats, targets: EdgeTargets) -> ContactRows | None:
         """Return the rows of surfaces near each other at a configuration."""
-        near = self.near(q, targets)
-        if near is None:
-            return None
-        rows, row_lower = np.zeros((self.most, near.slope.shape[1] + 1)), np.full(self.most, -np.inf)
-        self._fill(near, rows, row_lower)
-        return ContactRows(rows[:, :-1], row_lower)
-
-    def _lacking(self, deficit: Floats) -> float:
-        """Return how much the nearest links lack beyond the tolerance, over the leg."""
-        return max(float(deficit.max(initial=0.0)) - self.options.tolerated * self.leg, 0.0) / self.leg
-
-    def decrease(self, current: Quadratic, step: Floats, slack: float) -> float:
-        """By how much the model says that a step (nv) lowers the cost, when links then lack `slack` over the leg."""
-        edges = -float(step @ (2 * current.gradient + current.normal @ step))
-        return edges + self.options.overlap_cost * (current.clearance_deficit**2 - slack**2)
-
-    def near(
-        self, q: Floats, targets: EdgeTargets, known: LinearizedDistances | None = None
-    ) -> LinearizedDistances | None:
-        """Return the links near each other: measured at q, or the known ones if measured nearby."""
         if not self.surfaces:
             return None
-        radius = self.options.distance_cache_radius
-        if known is not None and np.abs(difference(self.robot, known.qpos, q)).max() < radius:
-            return known
-        return self._foremost([each.near(np.array(q), targets) for each in self.surfaces])
+        near, tolerance = self.near(q, targets), self.options.tolerated * self.leg
+        return ContactRows(near.slope, np.where(near.deficit > tolerance, near.deficit, np.minimum(near.deficit, 0.0)))
 
-    def _fill(self, near: LinearizedDistances, rows: Floats, row_lower: Floats) -> float:
-        """Fill in the rows of near links; how much more than the tolerance the nearest lack, over the leg."""
-        count, tolerance, deficit = len(near.distance), self.options.tolerated * self.leg, near.deficit
-        rows[:count, :-1], rows[:count, -1] = near.slope, 1.0
-        row_lower[:count] = np.where(deficit > tolerance, deficit, np.minimum(deficit, 0.0))
-        return self._lacking(deficit)
+    def _lacking(self, deficit: Floats) -> Floats:
+        """Return (…) how much the nearest links lack beyond the tolerance, over the leg, from deficits (…, C) [m]."""
+        return np.maximum(deficit.max(axis=-1, initial=0.0) - self.options.tolerated * self.leg, 0.0) / self.leg
+
+    def decrease(self, current: Quadratic, step: Floats, slack: Floats) -> Floats:
+        """By how much the model says that steps (N, nv) lower the cost, when links then lack `slack` (N,) over the leg."""
+        bent = np.einsum("tij,tj->ti", current.normal, step) + 2 * current.gradient
+        return self.options.overlap_cost * (current.clearance_deficit**2 - slack**2) - (bent * step).sum(axis=1)
+
+    def near(self, q: Floats, targets: EdgeTargets) -> LinearizedDistances:
+        """Return the links near each other at a configuration."""
+        return self._foremost([each.near(q, targets) for each in self.surfaces])
 
     def _with_ways(
-        self, q: Floats, near: LinearizedDistances, between: tuple[SweptConfiguration, ...], targets: EdgeTargets
-    ) -> LinearizedDistances:
-        """Return the links near each other at a configuration, and between it and its neighbours.
+        self, q: Floats, between: tuple[SweptConfiguration, ...], targets: EdgeTargets, rows: Floats
+    ) -> Floats:
+        """Fill in the rows (C, nv + 1) of links at a configuration, and between it and its neighbours; return their deficits (C,).
 
         A share of the step moves the configurations between frames. Links may touch there: a margin there would bend
         the frames more than the passage needs.
         """
-        if near.qpos is not q:
-            near = replace(near, distance=near.distance + near.slope @ difference(self.robot, near.qpos, q))
-        if not between:
-            return near
-        found = [near]
+        found = [self.near(q, targets)]
         for way in between:
             there = self.near(way.at(self.robot, q), targets)
-            assert there is not None
             found.append(replace(there, slope=way.share * there.slope, bound=np.minimum(there.bound, 0.0)))
-        return self._foremost(found)
+        near, deficit = self._foremost(found), np.full(self.most, -np.inf)
+        count = len(near.distance)
+        deficit[:count], rows[:] = near.deficit, 0.0
+        rows[:count, :-1], rows[:count, -1] = near.slope, 1.0
+        return deficit
 
     def _foremost(self, found: list[LinearizedDistances]) -> LinearizedDistances:
         """Return at most `most` of the rows found at one or several configurations."""
@@ -268,25 +334,32 @@ class CostModel:
         """The model with a proximal term on top."""
         if proximal is None:
             return current
-        change = difference(self.robot, proximal.anchor, q) - proximal.offset
-        return replace(
-            current,
-            cost=current.cost + float(proximal.weight @ change**2),
-            gradient=current.gradient + proximal.weight * change,
-            normal=current.normal + np.diag(proximal.weight),
-        )
+        change, weight = difference(self.robot, proximal.anchor, q) - proximal.offset, proximal.weight
+        normal, nv = current.normal.copy(), len(weight)
+        normal[:, np.arange(nv), np.arange(nv)] += weight
+        cost, gradient = current.cost + change**2 @ weight, current.gradient + weight * change
+        return replace(current, cost=cost, gradient=gradient, normal=normal)
 
-    def with_neighbours(self, current: Quadratic, q: Floats, around: Neighbours | None) -> Quadratic:
-        """The model with the costs that join a frame with its neighbours on top."""
+    def with_neighbours(self, current: Quadratic, q: Floats, around: Sequence[Neighbours | None] | None) -> Quadratic:
+        """The model with the costs that join frames with their neighbours on top."""
         if around is None or not self.offsets:
             return current
+        total = [current.cost.copy(), current.gradient.copy(), current.normal.copy()]
+        for k, own in enumerate(around):
+            for found in self._joining(current, k, q[k], own) if own is not None else ():
+                for sums, part in zip(total, found, strict=True):
+                    sums[k] += part
+        return replace(current, cost=total[0], gradient=total[1], normal=total[2])
+
+    def _joining(self, current: Quadratic, k: int, q: Floats, around: Neighbours) -> Iterator[Terms]:
+        """Yield the terms that join one of the frames with its neighbours."""
         first, past = len(self.problem.inequalities), around.past
-        contacts = ContactRows(current.rows[first:, :-1], current.row_lower[first:]) if self.surfaces else None
-        joining = [cost for cost in self.numeric if cost.track.stencil != FRAME and past is not None]
-        found: list[Terms | None] = [cost.terms(q, around.targets[0], past, contacts) for cost in joining]
-        found += [each for cost in self.problem.stencils for each in cost.terms(q, around)]
-        cost, gradient, normal = _sum((current.cost, current.gradient, current.normal), found)
-        return replace(current, cost=cost, gradient=gradient, normal=normal)
+        contacts = ContactRows(current.rows[k, first:, :-1], current.row_lower[k, first:]) if self.surfaces else None
+        for cost in self.numeric if past is not None else ():
+            if cost.track.stencil != FRAME and (found := cost.terms(q, around.targets[0], past, contacts)) is not None:
+                yield found
+        for cost in self.problem.stencils:
+            yield from cost.terms(q, around)
 
     def projected(self, q: Floats) -> Floats:
         """Return the configuration with closed chains and meshed gears; the same array where no kind changes it."""
@@ -299,14 +372,6 @@ class CostModel:
     def penetration(self, q: Floats) -> float:
         """Return the depth of the lowest surface under the floor [m]."""
         return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
-
-
-def _sum(first: Terms, others: Iterable[Terms | None]) -> Terms:
-    cost, gradient, normal = first
-    for more in others:
-        if more is not None:
-            cost, gradient, normal = cost + more[0], gradient + more[1], normal + more[2]
-    return cost, gradient, normal
 
 
 def foremost(distance: Floats, deficit: Floats, most: int) -> Ints:

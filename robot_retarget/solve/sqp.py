@@ -1,22 +1,23 @@
 """One frame: sequential quadratic programming in a trust region; steps keep ranges, floor and separation."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints
 from robot_retarget.graph.status import Status
 from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
 from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
-from robot_retarget.solve.compiled import QuadraticProgram
-from robot_retarget.solve.limits import JointBounds
+from robot_retarget.solve.compiled import QuadraticPrograms
+from robot_retarget.solve.limits import JointBounds, Targets
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
-from robot_retarget.solve.quadratic import CostModel, Proximal, Quadratic
+from robot_retarget.solve.quadratic import Between, CostModel, Proximal, Quadratic
 from robot_retarget.solve.stencils import Neighbours
 
 SHORT = 0.1
@@ -28,28 +29,35 @@ UNSEEN = 0.03
 
 @dataclass(frozen=True)
 class Box:
-    """The interval of each hinge at a frame: its range, cut to the reach of its neighbours in time. (n,) each."""
+    """The interval of each hinge at a frame, or at N frames: its range, cut to the reach of its neighbours in time."""
 
     lower: Floats
     upper: Floats
+    """(…, n)."""
     root: tuple[Floats, Floats] | None = None
     """A configuration (nq,), and the largest distance of the root from it (R,) per tangent direction [m, rad]; None
     leaves it free."""
 
-    def around(self, neighbours: Iterable[tuple[Floats, Floats]]) -> "Box":
-        """Return the box within reach of neighbours: angles (n,) and the reach (n,) from them [rad].
-
-        Where two neighbours are too far apart, it is the angle halfway.
-        """
+    def around(self, neighbours: Sequence[tuple[Floats, Floats]]) -> "Box":
+        """Return the box within reach of every neighbour, given by angles and reach (…, n); where two are too far apart, the angle halfway."""
         lower, upper = self.lower, self.upper
         for angles, reach in neighbours:
             lower, upper = np.maximum(lower, angles - reach), np.minimum(upper, angles + reach)
         middle = (lower + upper) / 2
         return Box(np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper))
 
-    def outside(self, angles: Floats) -> float:
-        """How far an angle is out of the box [rad]: a step into it is accepted at any cost unless links meet."""
-        return float(np.maximum(self.lower - angles, angles - self.upper).max(initial=0.0))
+    def outside(self, angles: Floats) -> Floats:
+        """How far an angle is out of the box (…) [rad]: a step into it is accepted at any cost unless links meet."""
+        return np.maximum(self.lower - angles, angles - self.upper).max(axis=-1, initial=0.0)
+
+    @property
+    def clip(self) -> "Box":
+        """The box as that of a clip of one frame."""
+        return Box(self.lower[None], self.upper[None], self.root)
+
+    def at(self, frames: Ints) -> "Box":
+        """Return the box of some frames."""
+        return Box(self.lower[frames], self.upper[frames], self.root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,31 +69,68 @@ class FrameSolution:
     cost: float
     """The cost before the last step, which was too small to be evaluated."""
     iterations: int
-    model: Quadratic | None = None
-    """The quadratic model at the end, without any proximal term: a further descent with the same targets starts from it."""
     clearance_deficit: float = 0.0
     """How much the nearest links lacked to be apart at the last evaluation, over the leg."""
 
 
-class _TrustRegion:
-    """The trust region of a descent, with its counts of accepted and refused steps (Levenberg–Marquardt)."""
+class TrustRegions:
+    """The trust regions of N descents, with their counts of accepted and refused steps (Levenberg–Marquardt)."""
 
-    def __init__(self, options: SolveOptions):
-        self.longest = self.radius = options.trust_region
-        self.damping, self.growth = options.damping, options.growth
-        self.taken = self.refused = 0
+    def __init__(self, options: SolveOptions, frames: int):
+        self.longest, self.growth = options.trust_region, options.growth
+        self.radius, self.damping = np.full(frames, self.longest), np.full(frames, options.damping)
+        self.taken, self.refused = np.zeros(frames, int), np.zeros(frames, int)
 
-    def take(self) -> None:
-        self.damping, self.radius = max(self.damping / 4, 1e-6), min(self.longest, self.growth * self.radius)
-        self.taken, self.refused = self.taken + 1, max(self.refused - 1, 0)
+    def take(self, frames: Ints) -> None:
+        """Widen the regions of frames whose step is accepted."""
+        self.damping[frames] = np.maximum(self.damping[frames] / 4, 1e-6)
+        self.radius[frames] = np.minimum(self.longest, self.growth * self.radius[frames])
+        self.taken[frames] += 1
+        self.refused[frames] = np.maximum(self.refused[frames] - 1, 0)
 
-    def refuse(self, step: Floats) -> None:
-        self.damping, self.radius = self.damping * 10 + 1e-2, 0.3 * min(self.radius, float(np.abs(step).max()))
-        self.refused += 1
+    def refuse(self, frames: Ints, step: Floats) -> None:
+        """Narrow the regions of frames whose step (F, nv) is refused."""
+        self.damping[frames] = self.damping[frames] * 10 + 1e-2
+        self.radius[frames] = 0.3 * np.minimum(self.radius[frames], np.abs(step).max(axis=1))
+        self.refused[frames] += 1
+
+
+@dataclass(eq=False)
+class Descent:
+    """N frames on their way to a minimum, each independent of the others."""
+
+    qpos: Floats
+    """(N, nq)."""
+    targets: ClipTargets
+    base: Quadratic
+    """The model at `qpos`, of the costs of single frames."""
+    regions: TrustRegions
+    box: Box
+    proximal: Proximal | None = None
+    around: Sequence[Neighbours | None] | None = None
+    between: Between | None = None
+    tolerance: float = 0.0
+    status: np.ndarray = field(init=False)
+    """(N,) of `Status`."""
+    entering: Bools = field(init=False)
+    """(N,) whether a frame has not yet been inside its box."""
+    last: dict[int, Floats] = field(default_factory=dict)
+    """The steps that are too small to be evaluated."""
+
+    def __post_init__(self) -> None:
+        self.status = np.full(len(self.qpos), Status.OUT_OF_ITERATIONS)
+        self.entering = np.ones(len(self.qpos), dtype=bool)
+
+    def at(self, frames: Ints) -> tuple[ClipTargets, Sequence[Neighbours | None] | None, Between | None]:
+        """Return targets, neighbours and ways of some frames."""
+        if len(frames) == len(self.qpos):
+            return self.targets, self.around, self.between
+        pick = [None if each is None else [each[k] for k in frames.tolist()] for each in (self.around, self.between)]
+        return self.targets.frames(frames), *pick  # pyright: ignore[reportReturnType]
 
 
 class FrameSolver:
-    """Solve single frames of one problem with one compiled quadratic program."""
+    """Solve frames of one problem, independent of each other, with one compiled quadratic program."""
 
     problem: Problem
     options: SolveOptions
@@ -94,18 +139,14 @@ class FrameSolver:
     leg: float
     roots: Ints
     costs: CostModel
-    diagonal: tuple[Ints, ...]
-    program: QuadraticProgram
+    programs: QuadraticPrograms
 
     def __init__(self, problem: Problem, options: SolveOptions | None = None):
         self.problem, self.options, self.robot = problem, options or SolveOptions(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
         self.costs = CostModel(problem, self.options)
-        self.diagonal = np.diag_indices(self.robot.model.nv)
         slack = 1  # of separation; it stands last
-        self.program = QuadraticProgram(self.robot.model.nv + slack, self.costs.rows)
-        self.program.hessian[-1, -1] = self.options.overlap_cost / self.leg**2
-        self.program.lower[-1], self.program.upper[-1] = 0.0, np.inf
+        self.programs = QuadraticPrograms(self.robot.model.nv + slack)
 
     def solve_frame(
         self,
@@ -114,48 +155,119 @@ class FrameSolver:
         *,
         proximal: Proximal | None = None,
         around: Neighbours | None = None,
+        between: tuple[SweptConfiguration, ...] = (),
+        box: Box | None = None,
+        **options: Any,
+    ) -> FrameSolution:
+        """Solve one frame as `solve_frames` does; its arguments are those of one frame."""
+        qpos = start.qpos if isinstance(start, FrameSolution) else start
+        return self.solve_frames(
+            qpos[None],
+            targets.clip,
+            proximal=proximal and proximal.clip,
+            around=[around],
+            between=[between] if between else None,
+            box=box and box.clip,
+            **options,
+        )[0]
+
+    def solve_frames(
+        self,
+        start: Floats,
+        targets: ClipTargets,
+        *,
+        proximal: Proximal | None = None,
+        around: Sequence[Neighbours | None] | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
         box: Box | None = None,
-        between: tuple[SweptConfiguration, ...] = (),
-    ) -> FrameSolution:
+        between: Between | None = None,
+    ) -> list[FrameSolution]:
         """Take steps within box, floor and separation until the gain is small or the limit is reached; close chains.
 
         Args:
-            start: a configuration, or a pose that an earlier descent with the same targets reached (warm start).
-            around: the frames that costs join with this one.
-            box: the interval of each hinge; by default the bounds of the frame.
+            start: (N, nq) configurations.
+            targets: of the N frames.
+            proximal: draws the poses towards others.
+            around: the frames that costs join with each.
+            iterations: accepted steps at most.
+            tolerance: a smaller gain ends a descent, as a share of the cost [-].
+            box: the interval of each hinge; by default the bounds of the frames.
             between: configurations at which links are kept apart too.
         """
-        most, least_gain = iterations or self.options.iterations, tolerance or self.options.tolerance
-        box, q = box or self.ranges(targets), start.qpos if isinstance(start, FrameSolution) else start
-        known = start.model if isinstance(start, FrameSolution) and not between else None
-        base = known or self.costs.linearize(q, targets, between)
-        current, region, outside_bounds = self._with_terms(base, q, proximal, around), _TrustRegion(self.options), True
-        while region.taken < most and region.refused < self.options.refusals:
-            outside_bounds = outside_bounds and box.outside(q[self.robot.qpos_index]) > 1e-6
-            step, gain = self._step(q, current, region, box)
-            if step is None:
-                return self._ended(q, Status.BLOCKED, base, region, between)
-            small = float(np.abs(step[self.hinges]).max()) < UNSEEN
-            if gain <= least_gain * current.cost + 1e-12 and small and not (current.penetrates_floor or outside_bounds):
-                last = integrate(self.robot, q, step)
-                return self._closed(
-                    FrameSolution(
-                        last, Status.CONVERGED, base.cost, region.taken, clearance_deficit=base.clearance_deficit
-                    )
-                )
-            moved = integrate(self.robot, q, step)
-            trial = self.costs.linearize(moved, targets, between, current.near)
-            lowered = self._with_terms(trial, moved, proximal, around)
-            moving_into_bounds = outside_bounds and trial.clearance_deficit <= current.clearance_deficit
-            if lowered.cost < current.cost or moving_into_bounds or current.penetrates_floor:
-                q, base, current = moved, trial, lowered
-                region.take()
-            else:
-                current = self._with_rows_met(current, trial, step)
-                region.refuse(step)
-        return self._ended(q, Status.OUT_OF_ITERATIONS, base, region, between)
+        most = iterations or self.options.iterations
+        descent = self.begin(start, targets, box or self.ranges(targets), between)
+        descent.proximal, descent.around, descent.tolerance = proximal, around, tolerance or self.options.tolerance
+        current, regions = self._with_terms(descent, descent.base, descent.qpos, None), descent.regions
+        active = np.arange(len(start))
+        while active.size:
+            active = self._advance(descent, current, active)
+            active = active[(regions.taken[active] < most) & (regions.refused[active] < self.options.refusals)]
+        for k, step in descent.last.items():
+            descent.qpos[k] = integrate(self.robot, descent.qpos[k], step)
+        return self.ended(descent)
+
+    def begin(self, start: Floats, targets: ClipTargets, box: Box, between: Between | None = None) -> Descent:
+        """Return descents that start at configurations (N, nq)."""
+        base = self.costs.linearize(start, targets, between)
+        return Descent(np.array(start), targets, base, TrustRegions(self.options, len(start)), box, between=between)
+
+    def step_frames(self, descent: Descent, frames: Ints) -> None:
+        """Try one step of some frames of a descent; a frame whose step gains too little stays where it is."""
+        descent.last.clear()
+        descent.status[frames] = Status.OUT_OF_ITERATIONS
+        self._advance(descent, self._with_terms(descent, descent.base, descent.qpos, None), frames)
+
+    def renew(self, descent: Descent, frames: Ints) -> None:
+        """Linearise some frames of a descent again, with the rows of links on their ways."""
+        targets, _, between = descent.at(frames)
+        found = self.costs.linearize(descent.qpos[frames], targets, between)
+        descent.base.put(frames, found, np.ones(len(frames), dtype=bool))
+
+    def ended(self, descent: Descent) -> list[FrameSolution]:
+        """Return the poses of a descent, with closed chains."""
+        base, taken = descent.base, descent.regions.taken.tolist()
+        columns = descent.qpos, descent.status, base.cost.tolist(), taken, base.clearance_deficit.tolist()
+        return [self._closed(FrameSolution(*each)) for each in zip(*columns, strict=True)]
+
+    def _advance(self, descent: Descent, current: Quadratic, active: Ints) -> Ints:
+        """Try a step of the active frames and accept it where the cost falls; return the frames that still move.
+
+        Args:
+            current: the model of all frames with the terms of proximal and neighbours.
+        """
+        q, own, index = descent.qpos[active], current.of(active), self.robot.qpos_index
+        box, regions = descent.box.at(active), descent.regions
+        entering = descent.entering[active] & (box.outside(q[:, index]) > 1e-6)
+        descent.entering[active] = entering
+        step, gain, kept = self._steps(q, own, regions.radius[active], regions.damping[active], box)
+        small = np.abs(step[:, self.hinges]).max(axis=1, initial=0.0) < UNSEEN
+        done = kept & small & (gain <= descent.tolerance * own.cost + 1e-12) & ~(own.penetrates_floor | entering)
+        descent.status[active[~kept]], descent.status[active[done]] = Status.BLOCKED, Status.CONVERGED
+        descent.last |= zip(active[done].tolist(), step[done], strict=True)
+        going = kept & ~done
+        active, step = active[going], step[going]
+        if not active.size:
+            return active
+        moved = integrate(self.robot, q[going], step)
+        targets, _, between = descent.at(active)
+        trial = self.costs.linearize(moved, targets, between, current.near.of(active))
+        lowered = self._with_terms(descent, trial, moved, active)
+        into = entering[going] & (trial.clearance_deficit <= own.clearance_deficit[going])
+        taken = (lowered.cost < own.cost[going]) | into | own.penetrates_floor[going]
+        descent.qpos[active[taken]] = moved[taken]
+        descent.base.put(active, trial, taken)
+        current.put(active, lowered, taken)
+        self._meet(current, trial, active, step, ~taken)
+        regions.take(active[taken])
+        regions.refuse(active[~taken], step[~taken])
+        return active
+
+    def _meet(self, current: Quadratic, trial: Quadratic, active: Ints, step: Floats, refused: Bools) -> None:
+        """Add the rows of links that refused short steps brought together."""
+        met = trial.clearance_deficit > current.clearance_deficit[active]
+        for k in np.flatnonzero(refused & met & (np.abs(step).max(axis=1) < SHORT)).tolist():
+            current.meet(int(active[k]), len(self.problem.inequalities), trial, k, step[k])
 
     def real_time_step(
         self,
@@ -167,55 +279,52 @@ class FrameSolver:
         around: Neighbours | None = None,
     ) -> FrameSolution:
         """Take a number of steps and accept each: the real-time iteration of [Diehl2005], from a start that is a good prediction."""
-        q, region, status, base = start, _TrustRegion(self.options), Status.OUT_OF_ITERATIONS, None
+        q, status, base = start[None], Status.OUT_OF_ITERATIONS, None
+        own, regions, proximal = box.clip, TrustRegions(self.options, 1), proximal and proximal.clip
         for taken in range(steps):
-            base = self.costs.linearize(q, targets)
-            step, _ = self._step(q, self._with_terms(base, q, proximal, around), region, box)
-            if step is None:
-                return self._closed(
-                    FrameSolution(q, Status.BLOCKED, base.cost, taken, clearance_deficit=base.clearance_deficit)
-                )
+            base = self.costs.linearize(q, targets.clip)
+            current = self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, [around])
+            step, _, kept = self._steps(q, current, regions.radius, regions.damping, own)
+            if not kept[0]:
+                ends = float(base.cost[0]), taken, float(base.clearance_deficit[0])
+                return self._closed(FrameSolution(q[0], Status.BLOCKED, *ends))
             q = integrate(self.robot, q, step)
-            status = Status.CONVERGED if float(np.abs(step[self.hinges]).max()) < UNSEEN else Status.OUT_OF_ITERATIONS
+            status = Status.CONVERGED if float(np.abs(step[:, self.hinges]).max()) < UNSEEN else status
         assert base is not None
-        return self._closed(FrameSolution(q, status, base.cost, steps, clearance_deficit=base.clearance_deficit))
+        return self._closed(FrameSolution(q[0], status, float(base.cost[0]), steps, float(base.clearance_deficit[0])))
 
-    def _ended(
-        self, q: Floats, status: Status, base: Quadratic, region: _TrustRegion, between: tuple[SweptConfiguration, ...]
-    ) -> FrameSolution:
-        """Return the pose with its model as a warm start, unless the model has rows between the frame and its neighbours."""
-        return self._closed(
-            FrameSolution(q, status, base.cost, region.taken, None if between else base, base.clearance_deficit)
-        )
-
-    def _with_terms(
-        self, base: Quadratic, q: Floats, proximal: Proximal | None, around: Neighbours | None
-    ) -> Quadratic:
+    def _with_terms(self, descent: Descent, base: Quadratic, q: Floats, frames: Ints | None) -> Quadratic:
+        """Return the model of frames at q with the terms of proximal and neighbours; of all frames by default."""
+        proximal, around = descent.proximal, descent.around
+        if frames is not None:
+            proximal, around = proximal and proximal.of(frames), descent.at(frames)[1]
         return self.costs.with_neighbours(self.costs.with_proximal(base, q, proximal), q, around)
 
-    def _step(self, q: Floats, current: Quadratic, region: _TrustRegion, box: Box) -> tuple[Floats | None, float]:
-        """Return the step that minimises the quadratic model within box, trust region, floor and separation, and its decrease."""
-        program, nv, angle, radius = self.program, len(current.gradient), q[self.robot.qpos_index], region.radius
-        program.lower[:nv], program.upper[:nv] = -2 * radius, 2 * radius
-        program.lower[self.hinges] = (box.lower - angle).clip(-radius, radius)
-        program.upper[self.hinges] = (box.upper - angle).clip(-radius, radius)
+    def _steps(
+        self, q: Floats, current: Quadratic, radius: Floats, damping: Floats, box: Box
+    ) -> tuple[Floats, Floats, Bools]:
+        """Return the steps (N, nv) that minimise the quadratic models within box, trust regions, floor and separation.
+
+        Returns also their decrease (N,), and whether the rows can be kept (N,).
+        """
+        (count, nv), angle = current.gradient.shape, q[:, self.robot.qpos_index]
+        radius = radius[:, None]
+        upper = np.repeat(2 * radius, nv + 1, axis=1)
+        lower = -upper
+        lower[:, self.hinges] = (box.lower - angle).clip(-radius, radius)
+        upper[:, self.hinges] = (box.upper - angle).clip(-radius, radius)
+        lower[:, nv], upper[:, nv] = 0.0, np.inf
         if box.root is not None:
             anchor, reach = box.root
-            moved = difference(self.robot, anchor, q)[self.roots]
-            program.lower[self.roots] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
-            program.upper[self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
-        program.hessian[:nv, :nv] = current.normal
-        program.hessian[self.diagonal] += region.damping
-        program.gradient[:nv] = current.gradient
-        found = program.solve(current.rows, current.row_lower)
-        if found is None:
-            return None, 0.0
-        return found[:nv], self.costs.decrease(current, found[:nv], float(found[nv]) / self.leg)
-
-    def _with_rows_met(self, current: Quadratic, trial: Quadratic, step: Floats) -> Quadratic:
-        """Return the model with the rows of links that a refused short step brought together."""
-        met = trial.clearance_deficit > current.clearance_deficit and np.abs(step).max() < SHORT
-        return current.with_rows_met(len(self.problem.inequalities), trial, step) if met else current
+            moved = difference(self.robot, anchor, q)[:, self.roots]
+            lower[:, self.roots] = np.maximum(np.minimum(-reach - moved, 0.0), -2 * radius)
+            upper[:, self.roots] = np.minimum(np.maximum(reach - moved, 0.0), 2 * radius)
+        hessian, gradient = np.zeros((count, nv + 1, nv + 1)), np.zeros((count, nv + 1))
+        hessian[:, :nv, :nv], gradient[:, :nv] = current.normal, current.gradient
+        hessian[:, np.arange(nv), np.arange(nv)] += damping[:, None]
+        hessian[:, nv, nv] = self.options.overlap_cost / self.leg**2
+        found, kept = self.programs.solve(hessian, gradient, lower, upper, current.rows, current.row_lower)
+        return found[:, :nv], self.costs.decrease(current, found[:, :nv], found[:, nv] / self.leg), kept
 
     def _closed(self, pose: FrameSolution) -> FrameSolution:
         """Return the pose with closed chains and meshed gears; small steps then stay on the same branch."""
@@ -223,13 +332,13 @@ class FrameSolver:
         if q is pose.qpos:
             return pose
         q[hinges] = np.clip(q[hinges], self.robot.lower, self.robot.upper)
-        return replace(pose, qpos=q, model=None)
+        return replace(pose, qpos=q)
 
-    def bounds(self, targets: EdgeTargets) -> JointBounds:
+    def bounds(self, targets: Targets) -> JointBounds:
         """Return the bounds of the hinges at a frame."""
         return self.problem.limits.bounds(targets)
 
-    def ranges(self, targets: EdgeTargets) -> Box:
+    def ranges(self, targets: Targets) -> Box:
         """Return the ranges of the hinges at a frame."""
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper)
@@ -240,22 +349,30 @@ class FrameSolver:
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
 
     def around(
-        self, poses: Sequence[FrameSolution], all_targets: ClipTargets, frame: int, seconds: float
+        self, qpos: Sequence[Floats] | Floats, all_targets: ClipTargets, frame: int, seconds: float
     ) -> Neighbours | None:
         """Return the frames that costs join with a frame of a clip; None if there are none.
 
         Args:
-            poses: of the first frames, or of all frames.
+            qpos: (nq,) of the first frames, or of all frames.
             all_targets: of all frames.
             frame: index of the frame.
             seconds: time from frame to frame [s].
         """
         near = [frame + offset for offset in self.costs.offsets]
-        known = {k - frame: poses[k].qpos for k in near if 0 <= k < len(poses)}
+        known = {k - frame: qpos[k] for k in near if 0 <= k < len(qpos)}
         if not known:
             return None
         targets = {k - frame: all_targets.at(k) for k in (frame, *near) if 0 <= k < len(all_targets)}
         return Neighbours(known, targets, seconds)
+
+    def neighbours(
+        self, qpos: Floats, all_targets: ClipTargets, frames: Ints, seconds: float
+    ) -> list[Neighbours | None] | None:
+        """Return what costs join with some frames of a clip at qpos (T, nq); None if no cost joins frames."""
+        if not self.costs.offsets:
+            return None
+        return [self.around(qpos, all_targets, t, seconds) for t in frames.tolist()]
 
     def depth(self, qpos: Floats) -> float:
         """Return the depth of the deepest overlap of two links [m], for the pairs that are kept apart."""
@@ -277,7 +394,7 @@ class FrameSolver:
         """Return the pose moved back towards the one before (nq,) until its links are not inside each other."""
         if not self.overlapping(pose.qpos):
             return pose
-        return replace(pose, qpos=self.clear_of_links(before, pose.qpos), status=Status.BLOCKED, model=None)
+        return replace(pose, qpos=self.clear_of_links(before, pose.qpos), status=Status.BLOCKED)
 
     def clear_of_links(self, before: Floats, after: Floats) -> Floats:
         """Return the last of even shares of the way from one configuration to another with its links apart, or the first."""
@@ -286,6 +403,14 @@ class FrameSolver:
         return next((q for q in tried if not self.overlapping(q)), before)
 
     def raise_above_floor(self, pose: FrameSolution, targets: EdgeTargets) -> FrameSolution:
-        """The pose with its root raised by its depth under the floor."""
-        depth = max(self.problem.inequalities.depth(pose.qpos, targets), self.costs.penetration(pose.qpos))
-        return replace(pose, qpos=raise_root(self.robot, pose.qpos, depth) if depth > 0 else pose.qpos, model=None)
+        """Return the pose with its root raised by its depth under the floor."""
+        return self.raised(pose, float(self.depths_under_floor(pose.qpos[None], targets.clip)[0]))
+
+    def depths_under_floor(self, qpos: Floats, targets: ClipTargets) -> Floats:
+        """Return the depths (T,) of the robot under the floor at configurations (T, nq) [m]."""
+        lying = np.array([self.costs.penetration(q) for q in qpos])
+        return np.maximum(self.problem.inequalities.depth(qpos, targets), lying)
+
+    def raised(self, pose: FrameSolution, depth: float) -> FrameSolution:
+        """Return the pose with its root raised by a depth [m]."""
+        return replace(pose, qpos=raise_root(self.robot, pose.qpos, depth)) if depth > 0 else pose

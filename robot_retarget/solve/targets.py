@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, Ints
 from robot_retarget.graph.track import Track, ordered
 
 
@@ -16,6 +16,11 @@ class EdgeTargets:
     lower: Floats
     upper: Floats
     priority: Floats
+
+    @property
+    def clip(self) -> "ClipTargets":
+        """The targets as those of a clip of one frame."""
+        return ClipTargets(self.lower[None], self.upper[None], self.priority[None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +37,10 @@ class ClipTargets:
     def at(self, frame: int) -> EdgeTargets:
         """Of one frame."""
         return EdgeTargets(self.lower[frame], self.upper[frame], self.priority[frame])
+
+    def frames(self, frames: Ints) -> "ClipTargets":
+        """Of some frames (N,)."""
+        return ClipTargets(self.lower[frames], self.upper[frames], self.priority[frames])
 
 
 def targets_of(tracks: Sequence[Track]) -> ClipTargets:

@@ -50,7 +50,7 @@ def excess(graph: rr.RobotGraph, every: int, search: Search | None = None) -> Ex
             solver.costs.cost(q, targets),
             solver.solve_frame(q, targets, iterations=2 * solver.options.iterations),
         )
-        ends = multistart(solver, solution.graph, asked, t, EXACT)
+        ends = multistart(solver, solution.graph, asked, [t], EXACT)[0]
         least = min(solver.costs.cost(end.qpos, targets) for end in ends)
         table.append((own / least, solver.costs.cost(alone.qpos, targets) / least))
     as_it_is, basin = np.maximum(np.array(table) - 1.0, 0.0).T

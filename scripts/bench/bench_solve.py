@@ -30,7 +30,7 @@ from robot_retarget.solve import clip as clip_module
 from robot_retarget.solve import quadratic as quadratic_module
 from robot_retarget.solve import sqp as sqp_module
 from robot_retarget.solve.candidates import coarse_path, place_root
-from robot_retarget.solve.compiled import Compiled, QuadraticProgram
+from robot_retarget.solve.compiled import Mapped, QuadraticPrograms
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import Problem, build_problem
 from robot_retarget.solve.quadratic import CostModel
@@ -51,17 +51,17 @@ MOVES: list[tuple[object, str]] = [(sqp_module, "integrate"), (quadratic_module,
 MOVES += [(module, f) for module in (causal_module, clip_module) for f in ("integrate", "difference")]
 Places = Mapping[str, list[tuple[object, str]]]
 PARTS: Places = {
-    "kinematics and normal equations": [(Compiled, "__call__")],
+    "kinematics and normal equations": [(Mapped, "__call__")],
     "separation of links": [(Separation, "near")],
-    PROGRAM: [(QuadraticProgram, "solve")],
+    PROGRAM: [(QuadraticPrograms, "solve")],
     "closed chains, gears": [(Coupling, "__call__"), (Coupling, "close_chains")],
     "configurations q ⊕ v, q ⊖ p": MOVES,
     "Python around the quadratic model": [
         (CostModel, "linearize"),
         (CostModel, "with_proximal"),
-        (FrameSolver, "_step"),
+        (FrameSolver, "_steps"),
     ],
-    "Python of the descent": [(FrameSolver, "solve_frame")],
+    "Python of the descent": [(FrameSolver, "solve_frames")],
 }
 """Timed functions, each without its calls of the others; the quadratic program includes its calls."""
 

@@ -16,7 +16,7 @@ from robot_retarget.robot.kinematics import integrate
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import SolveOptions
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.quadratic import CostModel, Quadratic
+from robot_retarget.solve.quadratic import CostModel, NearLinks, Quadratic
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.stencils import Neighbours
 
@@ -42,7 +42,9 @@ def model_of(costs: CostModel, slope: Floats, room: Floats) -> Quadratic:
     nv, soles, near = costs.robot.model.nv, len(costs.problem.inequalities), len(room)
     rows, least = np.zeros((costs.rows, nv + 1)), np.full(costs.rows, -np.inf)
     rows[soles : soles + near, :-1], rows[soles : soles + near, -1], least[soles : soles + near] = slope, 1.0, -room
-    return Quadratic(0.0, np.zeros(nv), np.zeros((nv, nv)), rows, least, 0.0, False)
+    near_links = NearLinks(np.zeros((1, costs.robot.model.nq)), near, nv)
+    zero, clear = np.zeros(1), np.zeros(1, dtype=bool)
+    return Quadratic(zero, np.zeros((1, nv)), np.zeros((1, nv, nv)), rows[None], least[None], zero, clear, near_links)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -52,7 +54,7 @@ def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs:
     step[robot.dof_index] = draw.normal(scale=0.02, size=len(robot.dof_index))
     room, q = draw.uniform(-0.01, 0.05, 9), robot.standing()
     found = costs.with_neighbours(
-        model_of(costs, slope, room), q, one_step(costs, integrate(robot, q, -step), HORIZON / K)
+        model_of(costs, slope, room), q[None], [one_step(costs, integrate(robot, q, -step), HORIZON / K)]
     )
 
     def cost(v: Floats) -> float:
@@ -60,9 +62,9 @@ def test_the_edges_cost_what_the_least_distance_of_the_frames_ahead_lacks(costs:
         ahead = np.min([now + k * change for k in np.linspace(0, K, 7)], axis=0)  # D, least over α = 1 + k
         return WEIGHT / costs.leg**2 * float((np.minimum(ahead, 0) ** 2).sum())
 
-    assert found.cost == pytest.approx(cost(np.zeros_like(step))) and found.cost > 0
+    assert found.cost[0] == pytest.approx(cost(np.zeros_like(step))) and found.cost[0] > 0
     v = 1e-7 * draw.normal(size=len(step))
-    assert 2 * found.gradient @ v + v @ found.normal @ v == pytest.approx(cost(v) - found.cost, rel=1e-5)
+    assert 2 * found.gradient[0] @ v + v @ found.normal[0] @ v == pytest.approx(cost(v) - found.cost[0], rel=1e-5)
 
 
 def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None:
@@ -71,8 +73,10 @@ def test_the_way_apart_and_standing_still_cost_nothing(costs: CostModel) -> None
     slope[0, robot.dof_index[0]], step[robot.dof_index[0]] = 1.0, 0.1
     for way, cost in ((0.0, 0.0), (1.0, 0.0), (-1.0, WEIGHT * (0.1 * K - 0.01) ** 2 / costs.leg**2)):
         before = integrate(robot, q, -way * step)
-        found = costs.with_neighbours(model_of(costs, slope, np.array([0.01])), q, one_step(costs, before, HORIZON / K))
-        assert found.cost == pytest.approx(cost)
+        found = costs.with_neighbours(
+            model_of(costs, slope, np.array([0.01])), q[None], [one_step(costs, before, HORIZON / K)]
+        )
+        assert found.cost[0] == pytest.approx(cost)
 
 
 @needs_shared

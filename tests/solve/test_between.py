@@ -61,8 +61,9 @@ def test_rows_between_frames_tell_what_a_step_of_the_frame_does_there(asked: Ask
     way = SweptConfiguration(arms(robot, -0.5, 1.57, -1.57), 0.3)
     near = Separation(robot, solver.options.reach * solver.leg)
     q = arms(robot, -0.3, 1.57, -1.5)
-    own = {tuple(row) for row in solver.costs.linearize(q, targets).rows[soles:]}
-    rows = [row for row in solver.costs.linearize(q, targets, (way,)).rows[soles:] if tuple(row) not in own]
+    own = {tuple(row) for row in solver.costs.linearize(q[None], targets.clip).rows[0, soles:]}
+    there = solver.costs.linearize(q[None], targets.clip, [(way,)]).rows[0, soles:]
+    rows = [row for row in there if tuple(row) not in own]
     for joint in ("l_sho_pitch", "l_sho_roll", "l_el"):
         direction = np.zeros(robot.model.nv)
         direction[column := robot.dof_index[robot.joint_names.index(joint)]] = step

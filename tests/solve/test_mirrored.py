@@ -88,13 +88,13 @@ def test_the_best_clap_of_a_clap_that_mirrors_itself_does_not_mirror_itself(monk
     robot = load_robot("op3")
     graph = describe(one_clap(), robot)
     free = solve(graph, smoothing=WHOLE, balance="off").solution
-    reflection, step = tangent_reflection(robot), FrameSolver._step
+    reflection, steps = tangent_reflection(robot), FrameSolver._steps
 
-    def symmetric(self: FrameSolver, *given: Any) -> tuple[np.ndarray | None, float]:
-        found, gain = step(self, *given)
-        return None if found is None else (found + reflection @ found) / 2, gain
+    def symmetric(self: FrameSolver, *given: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found, gain, kept = steps(self, *given)
+        return (found + found @ reflection.T) / 2, gain, kept
 
-    monkeypatch.setattr(FrameSolver, "_step", symmetric)
+    monkeypatch.setattr(FrameSolver, "_steps", symmetric)
     tied = solve(graph, smoothing=WHOLE, balance="off").solution
     hinges = tied.trajectory.qpos[:, robot.qpos_index]
     assert np.abs(mirror_of(robot, LEFT).angles(hinges) - hinges).max() < 1e-6

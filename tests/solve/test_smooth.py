@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.arrays import Floats
-from robot_retarget.solve.compiled import QuadraticProgram
+from robot_retarget.solve.compiled import QuadraticPrograms
 from robot_retarget.solve.smooth import smooth_offsets
 
 
@@ -29,10 +29,9 @@ def test_fewer_than_three_frames_have_no_bend() -> None:
 
 
 def minimiser(h: Floats, g: Floats, a: Floats, least: Floats, lower: Floats, upper: Floats) -> Floats | None:
-    program = QuadraticProgram(len(g), len(a))
-    program.hessian[:], program.gradient[:] = h, g
-    program.lower[:], program.upper[:] = lower, upper
-    return program.solve(a, least)
+    one = (np.asarray(each)[None] for each in (h, g, lower, upper, a, least))
+    found, kept = QuadraticPrograms(len(g)).solve(*one)
+    return found[0] if kept[0] else None
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -5,6 +5,7 @@ edge joins each coordinate of a held corner to it. The foothold's position comes
 until a coarse path of the robot shows where its legs put the foot.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,10 +33,10 @@ class FootholdKind(Kind):
     tilting: float = 20.0
     """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
-    reach: float = 0.1
-    """Two feet stand together only if their footholds are at most this far from where the legs put them, over the leg
-    [-]: 0.03 … 0.1 in captured double stances, 0.3 where the human turns between two feet farther than the robot's hips
-    do."""
+    frees: bool = True
+    """Whether one of two feet steps where the robot's legs do not reach both footholds."""
+    laid: float = 3000.0
+    """π normal to the floor on the coarse path, over the leg [-]: hard edges would bend every step of its descents."""
 
     on_bodies: float = 1000.0
     """π normal to the surface among bodies, over the leg [-]: below `HARD`, because their clearance knows the whole foot."""
@@ -44,7 +45,7 @@ class FootholdKind(Kind):
         """Footholds read off the human."""
         kind, across = self, self.across(context)
         if context.scene is not None:  # a step has one place for a foot
-            kind, across = replace(self, reach=np.inf), min(across, self.on_bodies)
+            kind, across = replace(self, frees=False), min(across, self.on_bodies)
         footholds = footholds_of(context.human, context.match, context.robot)
         return kind.track(footholds, context.leg, context.weights, across) if footholds.feet else None
 
@@ -88,7 +89,7 @@ class FootholdKind(Kind):
             case CoarsePhase():
                 return self._flat(track)
             case SolvedPhase() if measured is not None:
-                return self._placed(track, measured, phase.fixed)
+                return self._placed(track, measured, phase)
             case _:
                 return track
 
@@ -97,27 +98,29 @@ class FootholdKind(Kind):
         priority = track.priority.reshape(len(track.priority), -1, len(AXES)).copy()
         priority[~self._held(track).reshape(len(priority), -1)] = 0.0
         priority[..., :2] = 0.0
+        priority[..., 2] = np.minimum(priority[..., 2], self.laid)
         return replace(track, priority=priority.reshape(track.priority.shape))
 
-    def _placed(self, track: Track, measured: Floats, fixed: int) -> Track:
-        """Return footholds where the legs put the feet, `measured` (T, E) [m]; the first `fixed` frames stay."""
-        stood = self._held(track)
+    def _placed(self, track: Track, measured: Floats, phase: SolvedPhase) -> Track:
+        """Return footholds where the legs put the feet, `measured` (T, E) [m]; fixed frames stay."""
+        stood, fixed = self._held(track), phase.fixed
         corners = measured.reshape(*stood.shape, len(AXES))
-        before = track.lower.reshape(corners.shape)
-        held = without_unreachable(stood, corners, self.reach * float(track.scale[0]), fixed)
-        places = [
-            foothold_corners(held[:, k], corners[:, k], fixed, _plane(before[:, k])) for k in range(held.shape[1])
-        ]
-        places = np.stack(places, axis=1).reshape(measured.shape)
+        planes = [_plane(before) for before in track.lower.reshape(corners.shape).swapaxes(0, 1)]
+        held, places = stood, _places(stood, corners, fixed, planes)
+        if self.frees and phase.unreached is not None:
+            away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
+            held = without_unreachable(stood, away, phase.unreached, fixed)
+            places = _places(held, corners, fixed, planes)
+        places = places.reshape(measured.shape)
         priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
 
     @staticmethod
     def _freed(priority: Floats, freed: np.ndarray) -> Floats:
-        """Return π (T, F, 4, 3) with freed corners on the floor; along it they follow their reference as in swing."""
+        """Return π (T, F, 4, 3) with freed corners that follow their reference as in swing."""
         swing = priority[(priority > 0) & (priority < HARD)]
         priority = priority.copy()
-        priority[freed, :2] = np.median(swing) if swing.size else 0.0
+        priority[freed] = np.median(swing) if swing.size else 0.0
         return priority
 
     @staticmethod
@@ -133,6 +136,12 @@ class FootholdKind(Kind):
         pelvis = moves[sites["pelvis"].body] if "pelvis" in sites else moves[context.robot.root_body]
         hinges = [int((moves[sole.bodies[0]] & ~pelvis).sum()) for sole in soles.values()]
         return HARD if min(hinges, default=6) >= 6 else self.tilting
+
+
+def _places(held: np.ndarray, corners: Floats, fixed: int, planes: Sequence[Surface | None]) -> Floats:
+    """Return (T, F, 4, 3) places of feet on their planes, from which corners stand and corners on the coarse path [m]."""
+    places = [foothold_corners(held[:, k], corners[:, k], fixed, plane) for k, plane in enumerate(planes)]
+    return np.stack(places, axis=1)
 
 
 def _plane(corners: Floats) -> Surface | None:
