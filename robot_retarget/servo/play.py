@@ -336,7 +336,7 @@ def perform(
         with Bus(port, servo_map.baud) as bus:
             return act(Player(bus, servo_map, options, record, say))
     finally:
-        if log is not None and len(record):
+        if log is not None and (len(record) or record.events):
             record.save(log)
 
 
