@@ -22,7 +22,7 @@ from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.solve.clip import measured_by, renewed
-from robot_retarget.solve.compiled import dense_function
+from robot_retarget.solve.compiled import Mapped
 from robot_retarget.solve.problem import build_problem, targets_of
 from robot_retarget.solve.sqp import FrameSolver
 
@@ -70,7 +70,7 @@ class BalancedIk:
         problem = build_problem(self.robot, self.match, tracks, native=True)
         self.solver = FrameSolver(problem)
         q = ca.MX.sym("q", self.robot.model.nq)
-        self._mass = dense_function("mass", [q], [mass_function(self.robot)(q)[0]])
+        self._mass = Mapped(ca.Function("mass", [q], [ca.densify(mass_function(self.robot)(q)[0])]))
 
     def corners(self, qpos: Floats) -> Floats:
         """Return (T, F, 4, 3) the soles' corners at configurations (T, nq) [m]."""

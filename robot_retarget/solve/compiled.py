@@ -3,15 +3,16 @@
 Functions of one frame are mapped over frames: one call evaluates a block of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from pathlib import Path
 from threading import Thread
 
 import casadi as ca
 import numpy as np
 
 from robot_retarget.arrays import Bools, Floats
-from robot_retarget.solve.native import machine_code
+from robot_retarget.solve.native import library_of, loaded, remember, remembered
 
 BLOCK = 32
 """Frames of a mapped call; single calls evaluate the rest."""
@@ -100,36 +101,53 @@ class Upgraded:
     native: bool
 
     def __init__(self, function: ca.Function, native: bool):
-        """Compile in the background if `native` is set."""
-        self._serves, self.native = Mapped(function), False
-        self._compiling = Thread(target=self._compile, args=(function,)) if native else None
-        if self._compiling:
-            self._compiling.start()
+        """Evaluate a function, of machine code if `native` is set."""
+        self._serves, self.native = Mapped(function), native
+        self.shapes = self._serves.shapes
 
     def __call__(self, *values: Floats) -> list[Floats]:
         """Evaluate as `Mapped` does."""
         return self._serves(*values)
+
+    def upgrade(self, code: ca.Function) -> None:
+        """Evaluate machine code from now on."""
+        self._serves, self.native = Mapped(code), True
+
+
+class Build:
+    """Functions with a key: machine code that the cache has under it, else built, and compiled in the background."""
+
+    functions: list[Upgraded]
+
+    def __init__(self, build: Callable[[], Sequence[ca.Function]], key: str | None):
+        """Load or build functions; without a key, they are not compiled."""
+        kept = remembered(key) if key else None
+        built = kept or [function.expand() for function in build()]
+        self.functions = [Upgraded(function, kept is not None) for function in built]
+        self._compiling = Thread(target=self._compile, args=(key, built)) if key and kept is None else None
+        if self._compiling:
+            self._compiling.start()
+
+    @property
+    def native(self) -> bool:
+        """Whether machine code evaluates every function."""
+        return all(function.native for function in self.functions)
 
     def wait(self) -> None:
         """Block until the machine code is in use or its compilation has failed."""
         if self._compiling:
             self._compiling.join()
 
-    def _compile(self, function: ca.Function) -> None:
-        code = machine_code(function)
-        if code is not None:
-            self._serves, self.native = Mapped(code), True
-
-
-def dense_function(name: str, inputs: list[ca.MX], outputs: list[ca.MX]) -> Mapped:
-    """Compile expressions with dense outputs.
-
-    Args:
-        name: name of the function.
-        inputs: symbols, in the order of the arguments.
-        outputs: expressions of the inputs.
-    """
-    return Mapped(ca.Function(name, inputs, [ca.densify(o) for o in outputs]))
+    def _compile(self, key: str, built: Sequence[ca.Function]) -> None:
+        libraries: dict[str, Path] = {}
+        for function, own in zip(built, self.functions, strict=True):
+            library = library_of(function)
+            code = None if library is None else loaded(function.name(), library)
+            if library is None or code is None:
+                return
+            own.upgrade(code)
+            libraries[function.name()] = library
+        remember(key, libraries)
 
 
 class QuadraticPrograms:

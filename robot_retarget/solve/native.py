@@ -6,15 +6,20 @@ Without a compiler or a writable cache, the virtual machine evaluates the functi
 A library is loaded into this process, so it is checked first. The folder and the files must belong to the user, and
 other users must not have write permission. The library must have the SHA-256 in the file next to it, in the format of
 `sha256sum`. A library that fails a check is compiled again.
+
+Building the expressions takes longer than loading their libraries. A file named by the key of the build (`build_key.py`)
+lists these libraries, so a later process loads them without building.
 """
 
 import hashlib
 import os
 import platform
+import re
 import shutil
 import stat
 import subprocess
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import casadi as ca
@@ -29,10 +34,18 @@ PATIENCE = 60.0
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 PRIVATE = stat.S_IRUSR | stat.S_IWUSR
 """Permissions of the kept files."""
+LISTED = re.compile(r"([0-9a-f]{64}) (\w+)")
+"""A library and its function, in the list of a build."""
 
 
 def machine_code(function: ca.Function) -> ca.Function | None:
     """Compile the function with the C compiler `cc`, or load the cached library; return None if that fails."""
+    library = library_of(function)
+    return None if library is None else loaded(function.name(), library)
+
+
+def library_of(function: ca.Function) -> Path | None:
+    """Return the library of the function's machine code, compiled with `cc` or cached; None if that fails."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
@@ -40,9 +53,45 @@ def machine_code(function: ca.Function) -> ca.Function | None:
         library = _private(_cache()) / f"{_digest(function, compiler)}.so"
         if not _sound(library):
             _compile(function, compiler, library)
-        return ca.external(function.name(), str(library))
-    except (OutputError, OSError, subprocess.SubprocessError, RuntimeError):
+        return library
+    except (OutputError, OSError, subprocess.SubprocessError):
         return None
+
+
+def loaded(name: str, library: Path) -> ca.Function | None:
+    """Load a function of a library; return None if the library has none."""
+    try:
+        return ca.external(name, str(library))
+    except RuntimeError:
+        return None
+
+
+def remember(key: str, libraries: Mapping[str, Path]) -> None:
+    """List the libraries of a build with this key, by the names of their functions, if the cache is writable."""
+    try:
+        with replacing(_listing(key), mode=PRIVATE) as scratch:
+            scratch.write_text("\n".join(f"{library.stem} {name}" for name, library in libraries.items()), "ascii")
+    except (OutputError, OSError):
+        return
+
+
+def remembered(key: str) -> list[ca.Function] | None:
+    """Load the functions of a build with this key; return None if a library is missing or fails a check."""
+    listing = _listing(key)
+    try:
+        lines = listing.read_text("ascii").splitlines() if _ours(listing) else []
+        listed = [match.groups() for line in lines if (match := LISTED.fullmatch(line))]
+        libraries = {name: _cache() / f"{digest}.so" for digest, name in listed}
+        found = [loaded(name, library) for name, library in libraries.items() if _sound(library)]
+    except (OSError, ValueError):
+        return None
+    functions = [function for function in found if function is not None]
+    return functions if lines and len(functions) == len(lines) else None
+
+
+def _listing(key: str) -> Path:
+    """Return the file that lists the libraries of a build."""
+    return _cache() / f"{key}.libraries"
 
 
 def _cache() -> Path:

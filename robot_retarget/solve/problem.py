@@ -22,7 +22,8 @@ from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD, Track, columns_of, frame_costs, ordered
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.solve.compiled import Mapped, Upgraded, dense_function
+from robot_retarget.solve.build_key import build_key
+from robot_retarget.solve.compiled import Build, Upgraded
 from robot_retarget.solve.honoured import require_honoured
 from robot_retarget.solve.limits import JointLimits, Targets
 from robot_retarget.solve.stencils import StencilCost
@@ -34,35 +35,35 @@ from robot_retarget.solve.targets import targets_of as targets_of
 class CompiledTracks:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
-    terms: "_Terms"
     edges: slice
+    build: Build
     model: Upgraded
     cost: Upgraded
-    values: Mapped
+    values: Upgraded
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
-        body = SymbolicRobot(robot, match)
-        found = body.resolved([track.kind.measure(track, body) for track in tracks])
-        self.terms = _Terms(tracks, found.rows, shipped)
-        self.edges = slice(first, first + self.terms.edges)
-        q, targets = body.bodies.q, [ca.MX.sym(name, self.terms.edges) for name in ("lower", "upper", "priority")]
-        at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
-        model = self._model(ca.Function("slopes", [q], [found.values, found.slopes]), at, targets)
-        alone = ca.Function("cost", [at, *targets], [ca.densify(self.terms.around(measure(at), *targets)[0])])
-        self.model, self.cost = Upgraded(model.expand(), native), Upgraded(alone.expand(), native)
-        self.values = dense_function("values", [at], [ca.vec(measure(at)[found.rows.tolist()])])
-
-    def _model(self, slopes: ca.Function, q: ca.MX, targets: list[ca.MX]) -> ca.Function:
-        """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
-        values, jacobian = slopes(q)
-        cost, pull, weight = self.terms.around(values, *targets)
-        normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
-        return ca.Function("model", [q, *targets], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])
+        self.edges = slice(first, first + sum(map(len, tracks)))
+        key = build_key(robot, match, tracks) if native else None
+        self.build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key)
+        self.model, self.cost, self.values = self.build.functions
 
     def of(self, targets: Targets) -> tuple[Floats, Floats, Floats]:
         """Return lower bounds, upper bounds and priorities of these edges."""
         return targets.lower[..., self.edges], targets.upper[..., self.edges], targets.priority[..., self.edges]
+
+
+def _cost_functions(robot: Robot, match: Match, tracks: Sequence[Track], shipped: bool) -> list[ca.Function]:
+    """Return quadratic model, cost and measures of tracks as functions of q and of targets."""
+    body = SymbolicRobot(robot, match)
+    found = body.resolved([track.kind.measure(track, body) for track in tracks])
+    terms, q = _Terms(tracks, found.rows, shipped), body.bodies.q
+    targets = [ca.MX.sym(name, terms.edges) for name in ("lower", "upper", "priority")]
+    at, measure = ca.MX.sym("q", robot.model.nq), ca.Function("measure", [q], [found.values])
+    model = terms.model(ca.Function("slopes", [q], [found.values, found.slopes]), at, targets)
+    cost = ca.Function("cost", [at, *targets], [ca.densify(terms.around(measure(at), *targets)[0])])
+    values = ca.Function("values", [at], [ca.densify(ca.vec(measure(at)[found.rows.tolist()]))])
+    return [model, cost, values]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +104,12 @@ class Problem:
     @property
     def native(self) -> bool:
         """Whether machine code evaluates every part."""
-        return all(part.model.native for part in self.parts)
+        return all(part.build.native for part in self.parts)
 
     def wait(self) -> None:
         """Wait until the machine code is ready or cannot be compiled."""
-        for part in self.parts:
-            part.model.wait()
-            part.cost.wait()
+        for build in (*(part.build for part in self.parts), self.inequalities.build):
+            build.wait()
 
     def model(self, q: Floats, targets: Targets) -> tuple[Floats, Floats, Floats]:
         """The cost at configurations (…, nq), gradient (…, nv) and normal matrix (…, nv, nv)."""
@@ -139,14 +139,13 @@ class Inequalities:
     columns: dict[str, slice]
     edges: Ints
 
-    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track]):
+    def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], native: bool):
         """Compile the rows of a problem's tracks, which are `ordered`."""
         own = [track for track in tracks if (track.role, track.kind.form) == (Role.INEQUALITY, Form.SYMBOLIC)]
-        self._nv, body, every = robot.model.nv, SymbolicRobot(robot, match), columns_of(tracks)
-        found = body.resolved([track.kind.measure(track, body) for track in own])
-        rows = found.rows.tolist()
-        values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
-        self._measure = Mapped(ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes]))
+        self._nv, every = robot.model.nv, columns_of(tracks)
+        key = build_key(robot, match, own) if native else None
+        self.build = Build(lambda: [_row_function(robot, match, own)], key)
+        (self._measure,) = self.build.functions
         self.columns = columns_of(own)
         """The edges of each kind among these rows."""
         self.edges = np.array([edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int)
@@ -175,6 +174,15 @@ class Inequalities:
         """Return (…) by how much the root must rise to meet the kinds that raise it [m]."""
         own, raising = targets.lower[..., self.edges], self._raising
         return (own - self._measure(q)[0])[..., raising].max(axis=-1, initial=0.0)
+
+
+def _row_function(robot: Robot, match: Match, tracks: Sequence[Track]) -> ca.Function:
+    """Return the measures of inequalities and their slopes as a function of q."""
+    body = SymbolicRobot(robot, match)
+    found = body.resolved([track.kind.measure(track, body) for track in tracks])
+    rows = found.rows.tolist()
+    values, slopes = ca.vec(found.values[rows]), ca.densify(found.slopes[rows, :])
+    return ca.Function("inequalities", [body.bodies.q], [ca.densify(values), slopes])
 
 
 def _where(chosen: Sequence[Any]) -> Ints:
@@ -208,7 +216,7 @@ def build_problem(
         if group:
             first, shipped = columns[group[0].name].start, group is groups[0]
             parts.append(CompiledTracks(robot, match, group, first, native and shipped, shipped))
-    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks))
+    return Problem(robot, match, tracks, tuple(parts), Inequalities(robot, match, tracks, native))
 
 
 class _Terms:
@@ -249,3 +257,10 @@ class _Terms:
             cost += ca.dot(2 * huber_delta**2 * priority[soft], root - 1)
             weight[soft] /= root
         return cost, self.gather @ (weight * residual), self.gather @ weight
+
+    def model(self, slopes: ca.Function, q: ca.MX, targets: list[ca.MX]) -> ca.Function:
+        """(q, lower, upper, π) ↦ cost, gradient (nv) and normal matrix (nv, nv)."""
+        values, jacobian = slopes(q)
+        cost, pull, weight = self.around(values, *targets)
+        normal = ca.triu2symm(ca.triu(jacobian.T @ (ca.diag(weight) @ jacobian)))
+        return ca.Function("model", [q, *targets], [ca.densify(each) for each in (cost, jacobian.T @ pull, normal)])

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from threading import enumerate as enumerate_threads
 
@@ -19,6 +20,7 @@ from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.robot import Points, Robot, load_robot
 from robot_retarget.shipped import SAMPLES
+from robot_retarget.solve import problem as problem_module
 from robot_retarget.solve import solve as solve_module
 from robot_retarget.solve.native import machine_code
 from robot_retarget.solve.problem import Problem, build_problem, targets_of
@@ -227,3 +229,29 @@ def test_a_relative_cache_folder_is_ignored(tmp_path: Path, monkeypatch: pytest.
     assert machine_code(point_function(*small())) is not None
     assert not list(Path().iterdir())
     assert list((tmp_path / "home/.cache/robot-retarget").glob("*.so"))
+
+
+@needs_compiler
+def test_a_build_is_loaded_without_building_until_its_code_or_kinds_change(
+    cache: Path, case: RobotGraph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = built(case, native=True)
+    monkeypatch.setattr(problem_module, "SymbolicRobot", None)  # nothing can be built any more
+    again = built(case, native=True)
+    q, targets = case.robot.standing(), targets_of(case.tracks).at(1)
+    assert again.native
+    for ours, theirs in zip(first.model(q, targets), again.model(q, targets), strict=True):
+        assert np.all(ours == theirs)
+    touch = case.kinds["touch"]
+    changed = [replace(touch, scale=2 * touch.scale) if track is touch else track for track in case.tracks]
+    with pytest.raises(TypeError):
+        build_problem(case.robot, case.match, changed, native=True)
+
+
+@needs_compiler
+def test_a_list_of_libraries_that_was_tampered_with_leads_to_a_new_build(cache: Path, case: RobotGraph) -> None:
+    built(case, native=True)
+    for listing in cache.glob("*.libraries"):
+        listing.write_text("../elsewhere model")
+    assert built(case, native=True).native
+    assert all("elsewhere" not in listing.read_text() for listing in cache.glob("*.libraries"))

@@ -1,0 +1,43 @@
+"""The key of a build: a hash of everything that determines the functions of a problem."""
+
+import hashlib
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from robot_retarget.graph.track import Track
+from robot_retarget.human.match import Match
+from robot_retarget.robot import Robot
+from robot_retarget.robot.digest import robot_sha256
+
+PACKAGE = Path(__file__).parents[1]
+SOURCES = ("graph", "robot", "solve/problem.py")
+"""The code that builds functions."""
+
+
+def build_key(robot: Robot, match: Match, tracks: Sequence[Track]) -> str | None:
+    """Return the key of the functions of tracks; None if a kind has code from outside the package."""
+    if not all(type(track.kind).__module__.startswith("robot_retarget.") for track in tracks):
+        return None
+    bodies = match.anatomy, match.keypoints, match.parents, match.human_bones, match.robot_bones, match.rest
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        text = repr((bodies, match.ankle_height, [_determining(track) for track in tracks]))
+    made_by = _code(), ca.CasadiMeta.version(), robot_sha256(robot)
+    return hashlib.sha256("\n".join((*made_by, text)).encode()).hexdigest()
+
+
+def _determining(track: Track) -> tuple[object, ...]:
+    """Return what determines the functions of a track; its targets are their parameters."""
+    kind = type(track.kind).__qualname__, vars(track.kind)
+    return kind, track.ends, track.axes, track.scale, track.huber_delta, track.exact
+
+
+@cache
+def _code() -> str:
+    """Return a hash of the code that builds functions."""
+    files = [file for source in SOURCES for file in sorted((PACKAGE / source).rglob("*.py")) or [PACKAGE / source]]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
