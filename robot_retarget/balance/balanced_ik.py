@@ -16,10 +16,10 @@ from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.mass import MassKind
 from robot_retarget.graph.phase import PlaybackPhase, StandPhase
 from robot_retarget.graph.role import Form, Role
-from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.track import HARD, Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.robot.kinematics import carrying, mass_function
 from robot_retarget.solve.clip import measured_by, renewed
 from robot_retarget.solve.compiled import Mapped

@@ -10,11 +10,12 @@ from robot_retarget.balance.foot_spacing import GAP, gaps
 from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Timeline
-from robot_retarget.balance.zmp import Polygon, Steadiness, ZmpPlan, plan_centre, support
+from robot_retarget.balance.zmp import Steadiness, ZmpPlan, plan_centre
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.soles import flattened
 from robot_retarget.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.robot.kinematics import difference, integrate
+from robot_retarget.robot.support import Polygon, support
 from robot_retarget.robot.timing import sample
 from robot_retarget.trajectory import Trajectory
 

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.balance.balanced_ik import BalancedIk
-from robot_retarget.balance.zmp import support
 from robot_retarget.graph.soles import flattened, lengths
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
+from robot_retarget.robot.support import support
 
 SETTLE = 1.0
 """Slower turns of a human are part of walking; faster turns happen over standing feet [s]."""

@@ -14,9 +14,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from scipy import sparse
-from scipy.spatial import ConvexHull
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.support import Polygon
 
 GRAVITY = 9.81
 
@@ -35,39 +35,6 @@ class Steadiness:
     """Weight of the target path."""
     penalty: float = 1e5
     """Weight of the squared excess over the polygon."""
-
-
-@dataclass(frozen=True)
-class Polygon:
-    """A convex support {x : A x ≤ b}, b shrunk towards its middle."""
-
-    normals: Floats
-    """(E, 2) outward unit normals."""
-    bounds: Floats
-    """(E,) [m]."""
-    middle: Floats
-    """(2,) [m]."""
-
-    def shrunk(self, keep: float) -> "Polygon":
-        """Return the same shape, scaled by `keep` about its middle."""
-        inner = self.normals @ self.middle
-        return Polygon(self.normals, inner + keep * (self.bounds - inner), self.middle)
-
-    def margin(self, point: Floats) -> float:
-        """Return the distance of a point (2,) inside the edges, negative outside [m]."""
-        return float((self.bounds - self.normals @ point).min())
-
-
-def support(corners: Floats) -> Polygon:
-    """Return the convex hull of points (N, 3) or (N, 2) on the floor [m]."""
-    flat = corners[:, :2]
-    hull = ConvexHull(flat)
-    vertices = flat[hull.vertices]
-    edges, area = _unique(hull.equations), hull.volume
-    turned = np.roll(vertices, -1, axis=0)
-    cross = vertices[:, 0] * turned[:, 1] - turned[:, 0] * vertices[:, 1]
-    middle = ((vertices + turned) * cross[:, None]).sum(0) / (6 * area)
-    return Polygon(edges[:, :2], -edges[:, 2], middle)
 
 
 @dataclass(frozen=True)
@@ -157,9 +124,3 @@ def _second(count: int) -> Any:
 @cache
 def _third(count: int) -> Any:
     return _bands([-1.0, 3.0, -3.0, 1.0], 0, (max(count - 3, 0), count)).tocsr()
-
-
-def _unique(equations: Floats) -> Floats:
-    """Return the edges of a hull, without edges collinear with their neighbour."""
-    rounded = np.round(equations, 9)
-    return equations[np.sort(np.unique(rounded, axis=0, return_index=True)[1])]

@@ -12,12 +12,13 @@ import numpy as np
 from robot_retarget.arrays import Bools, Floats, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
-from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened, lengths, raised, sole_corners
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import intervals
 from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.scene.scene import as_pose, composed, inverse
 
 STEP = 2

@@ -1,34 +1,11 @@
-"""The soles of a robot: their corners, their heading, and their flat placement on the floor."""
+"""Corners of soles over time: their heading, and their flat placement on the floor."""
 
 import numpy as np
 
 from robot_retarget.arrays import Floats, leftward, unit
-from robot_retarget.robot import Anatomy, Points
 
-CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
-CORNERS = len(CORNER_NAMES)
-LEAST = 0.01
-"""Least length and width of a sole [m]; a shorter sole has no clear heading."""
 TOE, HEEL = [0, 1], [2, 3]
 _LEFT, _RIGHT = [0, 2], [1, 3]
-
-
-def sole_corners(anatomy: Anatomy, foot: str) -> Points:
-    """Return the corners of the contact area of a foot, in the order of `CORNER_NAMES`.
-
-    A foot that stands on a point or a line has the heading of its frame; a small rectangle along this heading replaces
-    it.
-
-    Args:
-        anatomy: soles and frames of the robot.
-        foot: `l` or `r`.
-    """
-    body, axes = anatomy.frames[f"{foot}_foot"]
-    along = anatomy.treads[foot].offsets @ axes
-    low, middle, half = along[:, 2].min(), (along.min(0) + along.max(0)) / 2, np.ptp(along, axis=0) / 2
-    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST / 2) for way in (-1, 1))
-    corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
-    return Points(np.full(CORNERS, body), corners @ axes.T)
 
 
 def lengths(corners: Floats) -> Floats:

@@ -13,9 +13,9 @@ import numpy as np
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import GraphError, known
 from robot_retarget.graph.role import FRAME
-from robot_retarget.graph.soles import CORNER_NAMES, sole_corners
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Points, Robot
+from robot_retarget.robot.feet import CORNER_NAMES, sole_corners
 from robot_retarget.robot.kinematics import Bodies, carrying, mass_shares
 
 SAMPLES = 6

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Bools, Floats
-from robot_retarget.graph.soles import sole_corners
 from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.human.stance import WINDOW, intervals
 from robot_retarget.robot import Robot, world_points
+from robot_retarget.robot.feet import sole_corners
 
 Frames = slice | Bools
 

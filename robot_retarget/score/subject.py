@@ -8,12 +8,12 @@ from scipy.ndimage import median_filter
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot.contacts import Contacts, replay_contacts
 from robot_retarget.robot.dynamics import required_forces
+from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.stance import SMOOTH
 from robot_retarget.score.pair import Pair
 from robot_retarget.score.soles import Foot, foot_of
-from robot_retarget.simulate.contacts import Contacts, replay_contacts
-from robot_retarget.simulate.feet import feet_of
-from robot_retarget.simulate.stance import SMOOTH
 from robot_retarget.trajectory import Trajectory
 
 SLOW = 0.2

@@ -12,9 +12,9 @@ within 0.1 m [arXiv 2506.12851]; this is the dynamic form.
 
 import numpy as np
 
+from robot_retarget.robot.stance import planned_stance
 from robot_retarget.score.figure import Figure, Measure, Value
 from robot_retarget.score.subject import Subject
-from robot_retarget.simulate.stance import planned_stance
 
 
 def measure(subject: Subject) -> tuple[Value, ...]:

@@ -19,8 +19,8 @@ from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import floor_push
+from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import FREE
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback, settled
 from robot_retarget.simulate.plant import Mode, Plant, limb_inertia
 from robot_retarget.simulate.torque_limited_reference import torque_limited_reference

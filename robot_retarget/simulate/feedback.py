@@ -18,9 +18,9 @@ from robot_retarget.feedback.reading import tilt_of, vertical_in
 from robot_retarget.feedback.sensor import BodyMotion, VirtualImu, calibrated
 from robot_retarget.goals import Goals
 from robot_retarget.robot.dynamics import root_dofs
+from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import sample
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.trajectory import Trajectory
 

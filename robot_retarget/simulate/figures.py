@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.robot.contacts import Contacts, reference_overlaps, replay_contacts, summary
+from robot_retarget.robot.feet import feet_of, with_toes
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.timing import joint_velocities, resample
-from robot_retarget.simulate.contacts import Contacts, reference_overlaps, replay_contacts, summary
-from robot_retarget.simulate.feet import feet_of, with_toes
 from robot_retarget.simulate.load import load_figures
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout

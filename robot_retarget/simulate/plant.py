@@ -13,12 +13,12 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.coupling import Coupling
 from robot_retarget.robot.dynamics import root_dofs
+from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import Robot
 from robot_retarget.scene.geoms import add_bodies, add_floor_of_bodies
 from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.backlash import Places, add_play, places_of
 from robot_retarget.simulate.bodies import Objects, SimulatedBodies
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.servo_model import Drives
 
 Mode = Literal["pinned", "free"]

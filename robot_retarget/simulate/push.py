@@ -13,10 +13,10 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
+from robot_retarget.robot.feet import feet_of
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.feedback import ClosedLoop, closed_loop, with_feedback
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import set_on_floor

@@ -15,10 +15,11 @@ from robot_retarget.errors import UsageError
 from robot_retarget.files import replacing
 from robot_retarget.notebook import card, frame
 from robot_retarget.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
+from robot_retarget.robot.contacts import Contacts
+from robot_retarget.robot.feet import feet_of
+from robot_retarget.robot.stance import Stance, planned_stance
 from robot_retarget.shipped import MODELS
-from robot_retarget.simulate.contacts import Contacts
 from robot_retarget.simulate.feedback_figures import feedback_figures
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.figures import (
     Tracking,
     at_frames,
@@ -32,7 +33,7 @@ from robot_retarget.simulate.figures import (
     tracking_figures,
 )
 from robot_retarget.simulate.plant import Mode, Plant
-from robot_retarget.simulate.stance import Stance, planned_stance, stance_figures, stance_of
+from robot_retarget.simulate.stance import stance_figures, stance_of
 from robot_retarget.simulate.stepping import Rollout
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.simulate.verdict import Badge, badge_of, judge, unlikeness

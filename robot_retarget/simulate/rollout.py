@@ -13,12 +13,12 @@ from robot_retarget.goals import Goals
 from robot_retarget.progress import Count, Progress
 from robot_retarget.report_file import NAMES
 from robot_retarget.result import Result
+from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.played import on_robot
 from robot_retarget.scene.scene import Scene
 from robot_retarget.simulate.bodies import Objects
 from robot_retarget.simulate.compensate import compensated
-from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.simulate.domain import WORLDS, Draw, drawn
 from robot_retarget.simulate.domain import draws as drawn_worlds
 from robot_retarget.simulate.feedback import has_feedback, with_feedback

@@ -11,9 +11,9 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.goals import Goals
+from robot_retarget.robot.contacts import ContactLog, Contacts
 from robot_retarget.robot.timing import sample
 from robot_retarget.scene.geoms import scene_geoms
-from robot_retarget.simulate.contacts import ContactLog, Contacts
 from robot_retarget.simulate.feedback import ClosedLoop, closed_loop
 from robot_retarget.simulate.goals import Playback, plain_goals
 from robot_retarget.simulate.plant import Mode, Plant, root_coordinates

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.collision.warn import Warnings
+from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.model import Robot
-from robot_retarget.simulate.contacts import Contacts
 
 APART = 0.1
 """Touches of a pair this long after one another are two contacts [s]."""

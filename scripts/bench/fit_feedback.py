@@ -23,12 +23,12 @@ from robot_retarget.actuators.balance_tables import Balance, JointGain
 from robot_retarget.actuators.map import dump_map
 from robot_retarget.arrays import Floats
 from robot_retarget.robot import Robot
+from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.mirror import mirror_of
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw, Spread, draws
 from robot_retarget.simulate.feedback import with_feedback
 from robot_retarget.simulate.feedback_figures import oscillation
-from robot_retarget.simulate.feet import feet_of
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.push import DIRECTIONS, standing, survived_impulses, worlds_at_push

@@ -19,13 +19,14 @@ from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
-from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre, support
+from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.result import Result
 from robot_retarget.robot import world_points
 from robot_retarget.robot.dynamics import joint_torques, tread
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.separation import Separation
+from robot_retarget.robot.support import support
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.rollout import plant_of

@@ -9,7 +9,7 @@ from made_trajectories import swing, wander
 from robot_retarget.collision.guard import GuardOptions, SelfCollisionGuard
 from robot_retarget.errors import UsageError
 from robot_retarget.robot import Robot, load_robot
-from robot_retarget.simulate.contacts import replay_contacts
+from robot_retarget.robot.contacts import replay_contacts
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from robot_retarget.collision.events import write_csv
 from robot_retarget.collision.warn import State, Warner, Warnings, WarnOptions, warnings_of
 from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.swept import parts_between
-from robot_retarget.simulate.contacts import replay_contacts
 from robot_retarget.trajectory import Trajectory
 
 CARTS = """<mujoco><worldbody><body name="base"><geom size=".01" contype="0" conaffinity="0"/>

@@ -19,7 +19,7 @@ from robot_retarget.graph.footholds import (
     median_pose,
     without_unreachable,
 )
-from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, sole_corners
+from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths
 from robot_retarget.graph.track import HARD
 from robot_retarget.human.features import features_of
 from robot_retarget.human.ground import floor_under
@@ -28,6 +28,7 @@ from robot_retarget.human.stance import intervals
 from robot_retarget.motion import Motion, read_motion
 from robot_retarget.ramps import smoothstep
 from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot.feet import sole_corners
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.solve import solve_graph
 

@@ -15,11 +15,11 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.kinds.mass import MassKind
-from robot_retarget.graph.soles import sole_corners
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.graph.track import Track, exact, frame_costs
 from robot_retarget.motion import read_motion
 from robot_retarget.robot import Robot, load_robot, world_points
+from robot_retarget.robot.feet import sole_corners
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import Problem, build_problem

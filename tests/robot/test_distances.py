@@ -9,9 +9,9 @@ from made_trajectories import robot_of, wander
 from shared_files import SHARED, needs_shared
 
 from robot_retarget.robot import Robot, load_robot
+from robot_retarget.robot.contacts import reference_overlaps
 from robot_retarget.robot.distances import LinkDistances
 from robot_retarget.robot.geoms import allowed
-from robot_retarget.simulate.contacts import reference_overlaps
 
 ROBOTS = ["op3", *(f"{name}/{name}.xml" for name in ("unitree_g1", "booster_t1", "robotis_op3"))]
 

@@ -17,11 +17,12 @@ from robot_retarget.actuators.motors import MOTORS
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import RobotError, UsageError
 from robot_retarget.robot import load_robot
+from robot_retarget.robot.stance import margins
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw
 from robot_retarget.simulate.rollout import plant_of, rollouts, simulate
 from robot_retarget.simulate.servo_model import drives
-from robot_retarget.simulate.stance import floor_height, margins, slip_distances, stance_of, zero_moment_point
+from robot_retarget.simulate.stance import floor_height, slip_distances, stance_of, zero_moment_point
 from robot_retarget.simulate.stepping import Playback, roll_out
 from robot_retarget.simulate.thresholds import Thresholds, read_thresholds
 from robot_retarget.trajectory import Trajectory

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_retarget.graph.footholds import foothold_corners
-from robot_retarget.graph.soles import sole_corners
 from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.result import Result
 from robot_retarget.robot import load_robot, world_points
+from robot_retarget.robot.feet import sole_corners
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.smooth import smooth_offsets

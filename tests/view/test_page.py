@@ -15,7 +15,7 @@ from PIL import Image
 from robot_retarget.collision.warn import warnings_of
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.robot import load_robot
-from robot_retarget.simulate.contacts import replay_contacts
+from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.simulate.report import Report, SimulatedTrajectory, build_report
 from robot_retarget.simulate.rollout import plant_of, simulate
 from robot_retarget.simulate.stepping import Playback, roll_out

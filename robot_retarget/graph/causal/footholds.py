@@ -5,11 +5,12 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.context import RetargetContext, StreamFrame
 from robot_retarget.graph.footholds import Sole, placed_feet, sole_of
-from robot_retarget.graph.soles import CORNERS, HEEL, TOE, flattened
+from robot_retarget.graph.soles import HEEL, TOE, flattened
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP, Weights
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.ramps import smoothstep
+from robot_retarget.robot.feet import CORNERS
 
 STRAYED = 0.2
 """A foot has stepped if the human moves it farther than this from its foothold, over the leg [-]."""

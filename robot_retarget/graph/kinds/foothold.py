@@ -17,10 +17,10 @@ from robot_retarget.graph.causal.footholds import CausalFootholds
 from robot_retarget.graph.footholds import Footholds, Surface, foothold_corners, footholds_of, without_unreachable
 from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
 from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase
-from robot_retarget.graph.soles import CORNER_NAMES
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import Weights
+from robot_retarget.robot.feet import CORNER_NAMES
 from robot_retarget.robot.kinematics import carrying
 
 

@@ -11,11 +11,11 @@ from robot_retarget.graph.causal.targets import CausalTargets
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.footholds import placed_feet
 from robot_retarget.graph.path import RootScaling, root_scaling_of
-from robot_retarget.graph.soles import CORNERS, sole_corners
 from robot_retarget.graph.status import Status
 from robot_retarget.human.causal import CausalFeatures
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.robot import Points, Robot
+from robot_retarget.robot.feet import CORNERS, sole_corners
 from robot_retarget.robot.kinematics import Bodies
 from robot_retarget.solve.candidates import with_root
 from robot_retarget.solve.compiled import Compiled

@@ -15,7 +15,7 @@ from robot_retarget.robot.geoms import collision_geoms
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
-from robot_retarget.simulate.stance import Stance
+from robot_retarget.robot.stance import Stance
 
 PAIRS = 12
 """Number of pairs of links that are shown, the nearest first."""

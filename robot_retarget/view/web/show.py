@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
+from robot_retarget.robot.stance import Stance, planned_stance
 from robot_retarget.robot.timing import joint_velocities
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.stance import Stance, planned_stance
 from robot_retarget.view import human
 from robot_retarget.view.staging import Staging, arrange
 from robot_retarget.view.web.layers import anchors, footholds, keypoints_of, near_pairs, outline, runs

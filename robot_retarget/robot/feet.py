@@ -5,11 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_retarget.errors import MatchError
-from robot_retarget.graph.soles import sole_corners
+from robot_retarget.robot.anatomy import Anatomy
 from robot_retarget.robot.kinematics import Points
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.recognise import recognise
 
+CORNER_NAMES = ("front left", "front right", "rear left", "rear right")
+CORNERS = len(CORNER_NAMES)
+LEAST = 0.01
+"""Least length and width of a sole [m]; a shorter sole has no clear heading."""
 NONE = Points(np.zeros(0, int), np.zeros((0, 3)))
 
 
@@ -61,3 +65,21 @@ def with_toes(robot: Robot, foot: set[int]) -> frozenset[int]:
         if robot.model.body_parentid[body] in foot or robot.model.body_weldid[body] in foot:
             foot.add(body)
     return frozenset(foot)
+
+
+def sole_corners(anatomy: Anatomy, foot: str) -> Points:
+    """Return the corners of the contact area of a foot, in the order of `CORNER_NAMES`.
+
+    A foot that stands on a point or a line has the heading of its frame; a small rectangle along this heading replaces
+    it.
+
+    Args:
+        anatomy: soles and frames of the robot.
+        foot: `l` or `r`.
+    """
+    body, axes = anatomy.frames[f"{foot}_foot"]
+    along = anatomy.treads[foot].offsets @ axes
+    low, middle, half = along[:, 2].min(), (along.min(0) + along.max(0)) / 2, np.ptp(along, axis=0) / 2
+    (back, right, _), (front, left, _) = (middle + way * np.maximum(half, LEAST / 2) for way in (-1, 1))
+    corners = np.array([[front, left, low], [front, right, low], [back, left, low], [back, right, low]])
+    return Points(np.full(CORNERS, body), corners @ axes.T)

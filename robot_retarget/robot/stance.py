@@ -1,0 +1,91 @@
+"""How a robot stands: which feet touch the floor, and how far inside its support it is balanced.
+
+The margin of a point is its distance to the nearest edge of the convex hull of the sole points that carry.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import QhullError
+
+from robot_retarget.arrays import Floats
+from robot_retarget.robot.dynamics import momenta, zero_moment_points
+from robot_retarget.robot.feet import Feet, feet_of
+from robot_retarget.robot.kinematics import world_points
+from robot_retarget.robot.model import Robot
+from robot_retarget.robot.support import support
+from robot_retarget.trajectory import Trajectory
+
+DOWN = 0.003
+"""Sole points of a touching foot this near to the floor carry it [m]."""
+SMOOTH = 0.05
+"""Of the momenta of a plan [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """F feet, K sole points, over the N states of a rollout."""
+
+    feet: Feet
+    times: Floats
+    """(N,) [s]."""
+    touching: np.ndarray
+    """(N, F) whether a foot is in contact with the scene."""
+    points: Floats
+    """(N, K, 3) sole points [m], heights above the floor."""
+    down: np.ndarray
+    """(N, K) whether a sole point carries its foot."""
+    com: Floats
+    """(N, 2) the centre of mass, seen from above [m]."""
+    zmp: Floats
+    """(N, 2) the zero moment point [m], NaN where the robot hardly touches the ground."""
+    com_margin: Floats
+    zmp_margin: Floats
+    """(N,) inside the support [m], negative outside, NaN without support."""
+
+
+def planned_stance(robot: Robot, trajectory: Trajectory) -> Stance | None:
+    """How the robot would stand if it followed the trajectory on a floor under its lowest sole point of every frame.
+
+    None for a robot without recognised feet or a free root.
+    """
+    feet = feet_of(robot)
+    if not feet.names or not robot.floating:
+        return None
+    points = world_points(robot, feet.soles, trajectory.qpos)
+    floor = points[..., 2].min(axis=1)
+    points[..., 2] -= floor[:, None]
+    down = points[..., 2] < 2 * DOWN
+    touching = np.stack([down[:, feet.owner == f].any(1) for f in range(len(feet.names))], axis=1)
+    on_floor = trajectory.qpos.copy()
+    on_floor[:, robot.root_address + 2] -= floor
+    com = momenta(robot, on_floor, np.zeros((len(on_floor), robot.model.nv)))[0]
+    pushed = zero_moment_points(robot, on_floor, trajectory.fps, SMOOTH)
+    margin = margins(np.stack([com[:, :2], pushed]), points[..., :2], down)
+    times = np.arange(len(trajectory)) / trajectory.fps
+    return Stance(feet, times, touching, points, down, com[:, :2], pushed, margin[0], margin[1])
+
+
+def margins(places: Floats, corners: Floats, down: np.ndarray) -> Floats:
+    """How far inside the hull of its frame's corners that are down each place is.
+
+    Args:
+        places: (M, N, 2) [m].
+        corners: (N, K, 2) [m].
+        down: (N, K).
+
+    Returns:
+        (M, N) [m], negative beyond an edge, NaN without support.
+    """
+    found = np.full(places.shape[:2], np.nan)
+    for k in np.flatnonzero(down.any(1)):
+        found[:, k] = _inside(corners[k, down[k]], places[:, k])
+    return found
+
+
+def _inside(corners: Floats, places: Floats) -> list[float]:
+    try:
+        polygon = support(corners)
+    except (QhullError, ValueError):  # a point or a line has no inside
+        return (-np.linalg.norm(places[:, None] - corners, axis=2).min(1)).tolist()
+    return [polygon.margin(place) for place in places]
