@@ -6,6 +6,10 @@ then its tree closes over the gap (`parents_within`).
 
 from collections.abc import Collection
 
+import numpy as np
+
+from robot_retarget.arrays import Ints, frozen
+
 SIDES = ("l", "r")
 
 PARENTS: dict[str, str] = {"chest": "pelvis", "neck": "chest", "head": "neck"}
@@ -38,6 +42,12 @@ def parents_within(present: Collection[str]) -> dict[str, str]:
             if parent in present:
                 tree[keypoint] = parent
     return tree
+
+
+def parent_indices(keypoints: tuple[str, ...]) -> Ints:
+    """Return (K,) the index of each keypoint's parent among them, −1 at the root."""
+    tree = parents_within(keypoints)
+    return frozen([keypoints.index(tree[k]) if k in tree else -1 for k in keypoints], np.int64)
 
 
 def mirrored(keypoint: str) -> str:

@@ -18,8 +18,8 @@ from robot_retarget.progress import Progress, consecutive
 from robot_retarget.result import Result
 from robot_retarget.robot import Robot
 from robot_retarget.scene import Scene
+from robot_retarget.score.plausibility import mismatch
 from robot_retarget.solve.options import Search, Smoothing, SolveOptions
-from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 

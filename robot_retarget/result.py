@@ -7,12 +7,12 @@ from functools import cached_property
 from robot_retarget.balance.playback import Balanced
 from robot_retarget.collision.warn import Warnings, warnings_of
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.likeness import Likeness, likeness_of
 from robot_retarget.graph.status import Status
 from robot_retarget.human.match import Match
 from robot_retarget.motion import Motion
 from robot_retarget.notebook import card
 from robot_retarget.robot import Robot
+from robot_retarget.score.likeness import Likeness, likeness_of
 from robot_retarget.solve.solution import Solution
 from robot_retarget.trajectory import Trajectory
 

@@ -28,7 +28,7 @@ BASE = {
     "versions",
 }
 """Modules that know nothing of motions and robots; every layer may import them."""
-CORE = {"trajectory", "motion", "robot", "human", "graph", "solve", "balance"}
+CORE = {"trajectory", "motion", "robot", "human", "graph", "score", "solve", "balance"}
 LAYERS = {
     **{module: set[str]() for module in sorted(BASE)},
     "actuators": set(),
@@ -40,7 +40,8 @@ LAYERS = {
     "human": {"trajectory", "robot", "scene"},
     "motion": {"human"},
     "graph": {"motion", "robot", "human", "scene"},
-    "solve": {"trajectory", "motion", "robot", "human", "graph"},
+    "score": {"trajectory", "motion", "robot", "human", "graph"},
+    "solve": {"trajectory", "motion", "robot", "human", "graph", "score"},
     "balance": CORE - {"balance", "motion"},
     "papers": {"human", "graph"},
     "edit": {"trajectory", "motion", "robot", "graph", "solve"},
@@ -49,8 +50,8 @@ LAYERS = {
     "summary": {"motion", "robot", "human", "graph", "solve"},
     "result": CORE | {"collision"},
     "pipeline": CORE | {"result", "scene"},
-    "simulate": CORE - {"motion", "human"} | {"result", "actuators", "feedback", "goals", "collision", "scene"},
-    "score": {"result", "trajectory", "motion", "robot", "human", "graph", "simulate"},
+    "simulate": CORE - {"motion", "human", "graph", "score"}
+    | {"result", "actuators", "feedback", "goals", "collision", "scene"},
     "formats": {"actuators", "trajectory", "motion", "robot", "scene"},
     "view": {"trajectory", "motion", "robot", "human", "solve", "result", "collision", "simulate", "scene"},
     "doctor": {"view"},

@@ -21,11 +21,11 @@ from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.graph.describe import RobotGraph, graph_from
-from robot_retarget.graph.likeness import likeness_of
 from robot_retarget.human.activity import require_own_feet
 from robot_retarget.human.resample import at_frames
 from robot_retarget.progress import Count, Progress
 from robot_retarget.robot import Robot
+from robot_retarget.score.likeness import likeness_of
 from robot_retarget.solve.solution import Solution
 from robot_retarget.solve.solve import solution_of
 

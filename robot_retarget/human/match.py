@@ -1,7 +1,7 @@
 """Match of human and robot: shared keypoints, their tree, and the bone lengths of both bodies."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from robot_retarget.errors import MatchError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.normalisation import path_weights
 from robot_retarget.human.recognition import Recognition, apply_override
-from robot_retarget.keypoints import KEYPOINTS, parents_within
+from robot_retarget.keypoints import KEYPOINTS, parent_indices, parents_within
 from robot_retarget.robot import Anatomy, Points, Robot, recognise_with, world_points
 from robot_retarget.untrusted.documents import read_toml
 
@@ -73,6 +73,20 @@ class Match:
         own = self.recognition.keypoints
         bones = [(own.index(child), own.index(parent)) for child, parent in parents_within(own).items()]
         return self.recognition.place(motion.positions), np.array(bones)
+
+    def heading(self, x: Floats) -> Floats:
+        """Return (T,) how far the hip line of keypoints (T, K, 3) is turned about z from y, positive to the left [rad]; 0 without hips."""
+        if not {"l_hip", "r_hip"} <= set(self.keypoints):
+            return np.zeros(len(x))
+        left = x[:, self.index("l_hip")] - x[:, self.index("r_hip")]
+        return np.arctan2(-left[:, 0], left[:, 1])
+
+    def among(self, keypoints: tuple[str, ...], human: Floats, robot: Floats) -> "Match":
+        """Return the match of some of the keypoints, with the bones that they have at places (T, K, 3) of human and robot [m]."""
+        parents = parent_indices(keypoints)
+        bones = {"human_bones": bone_lengths(human, parents), "robot_bones": bone_lengths(robot, parents)}
+        rest = self.rest[[self.index(keypoint) for keypoint in keypoints]]
+        return replace(self, keypoints=keypoints, parents=parents, rest=frozen(rest), **bones)
 
     def _leg(self, bones: Floats) -> float:
         """Thigh and shin of a body, the mean of both legs, or all its bones where one of the bodies has no legs [m]."""
@@ -152,13 +166,12 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         MatchError: they share fewer than two bones.
     """
     shared = tuple(k for k in KEYPOINTS if k in recognition.marks and k in anatomy.sites)
-    tree = parents_within(shared)
-    if len(tree) < 2:
+    if len(parents_within(shared)) < 2:
         raise MatchError(
             f"{motion.source or 'the motion'} and {robot.name} share only {', '.join(shared) or 'nothing'}: "
             "nothing to retarget"
         )
-    parents = np.array([shared.index(tree[k]) if k in tree else -1 for k in shared])
+    parents = parent_indices(shared)
     exact = recognition.ankle_height is not None
     measured = motion.skeleton.rest()[None] if exact else motion.clip.positions
     human = recognition.weights(shared, len(motion.skeleton)) @ measured
@@ -169,7 +182,7 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
         recognition,
         anatomy,
         shared,
-        frozen(parents, np.int64),
+        parents,
         human_bones=source,
         robot_bones=bone_lengths(rest, parents),
         rest=frozen(rest[0]),

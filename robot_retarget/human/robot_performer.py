@@ -10,7 +10,7 @@ from robot_retarget.human.rotations import TURNED_BY
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.human.stance import StanceRule, standing
 from robot_retarget.human.stature import leg_length
-from robot_retarget.keypoints import SIDES, parents_within
+from robot_retarget.keypoints import SIDES, parent_indices
 from robot_retarget.robot import Anatomy, Robot, recognise_with, world_points
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot
@@ -62,8 +62,7 @@ def performed(trajectory: Trajectory, robot: Robot, anatomy: Anatomy | None = No
 
 def _skeleton(robot: Robot, anatomy: Anatomy) -> Skeleton:
     """Keypoints and their tree, at rest in the robot's reference pose."""
-    names, tree = anatomy.names, parents_within(anatomy.names)
-    parents = np.array([names.index(tree[name]) if name in tree else -1 for name in names])
+    names, parents = anatomy.names, parent_indices(anatomy.names)
     rest = world_points(robot, anatomy.points, robot.neutral()[None])[0]
     return Skeleton(names, parents, np.where(parents[:, None] < 0, 0.0, rest - rest[np.maximum(parents, 0)]))
 

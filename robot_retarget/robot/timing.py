@@ -94,6 +94,12 @@ def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:
     return np.diff(trajectory.qpos[:, robot.qpos_index], axis=0) * trajectory.fps
 
 
+def range_excess(trajectory: Trajectory, robot: Robot) -> Floats:
+    """(T, n) how far each hinge is beyond its range, 0 inside [rad]."""
+    angles = trajectory.qpos[:, robot.qpos_index]
+    return np.maximum(robot.lower - angles, angles - robot.upper).clip(0)
+
+
 def _straight(values: Floats, frames: Floats, at: Floats) -> Floats:
     left = np.clip(np.searchsorted(frames, at) - 1, 0, max(len(frames) - 2, 0))
     right = np.minimum(left + 1, len(frames) - 1)

@@ -38,7 +38,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Measure:
-    """The figures of one file and the function that measures them together."""
+    """Figures and the function that measures them together."""
 
     figures: tuple[Figure, ...]
     of: Callable[[Subject], tuple[Value, ...]]
@@ -49,6 +49,13 @@ class Measure:
 
     def values(self, subject: Subject) -> dict[str, Value]:
         """The figures by name; all None without the motion or feet that they need."""
-        lacking = (self.human and subject.pair is None) or (self.feet and not subject.soles)
+        lacking = (self.human and subject.compared is None) or (self.feet and not subject.soles)
         found = (None,) * len(self.figures) if lacking else self.of(subject)
         return {figure.name: figure.rounded(value) for figure, value in zip(self.figures, found, strict=True)}
+
+
+def measures(
+    *figures: Figure, human: bool = False, feet: bool = False
+) -> Callable[[Callable[[Subject], tuple[Value, ...]]], Measure]:
+    """Return the decorator that makes a `Measure` of the function which returns the values of some figures."""
+    return lambda of: Measure(figures, of, human, feet)

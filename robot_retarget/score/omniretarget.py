@@ -16,7 +16,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.floor import Floor
-from robot_retarget.score.figure import Figure, Measure, Value
+from robot_retarget.score.figure import Figure, Value, measures
 from robot_retarget.score.subject import Subject
 
 DEEP = 0.01
@@ -26,6 +26,10 @@ STEP = 0.01
 TOES = ("l_toe", "r_toe")
 
 
+@measures(
+    Figure("omni_pen_pct", "%", 2, "frames with a geom over 1 cm under the floor (OmniRetarget)", most=100.0),
+    Figure("omni_pen_cm", "cm", 2, "depth of the deepest geom, mean over those frames (OmniRetarget)"),
+)
 def penetration(subject: Subject) -> tuple[Value, ...]:
     """The share of frames that penetrate, and the mean depth of their deepest geom."""
     depth = _depths(subject)
@@ -33,15 +37,19 @@ def penetration(subject: Subject) -> tuple[Value, ...]:
     return 100 * deep.mean(), 100 * depth[deep].mean() if deep.any() else 0.0
 
 
+@measures(
+    Figure("omni_skate_pct", "%", 2, "frames in stance in which a toe slides over 1 cm (OmniRetarget)", most=100.0),
+    Figure("omni_skate_cm", "cm/frame", 2, "slide of the faster toe, mean over those frames (OmniRetarget)"),
+    human=True,
+)
 def skating(subject: Subject) -> tuple[Value, ...]:
     """The share of frames in stance that skate, and the mean slide of their faster toe."""
     pair = subject.pair
-    assert pair is not None
     if not pair.has(*TOES):
         return None, None
-    toes, (human_leg, robot_leg) = [pair.index(toe) for toe in TOES], pair.legs
+    toes = [pair.index(toe) for toe in TOES]
     human, robot = (np.linalg.norm(np.diff(x[:, toes, :2], axis=0), axis=2) for x in (pair.human, pair.robot))
-    stance = human * robot_leg / human_leg <= STEP
+    stance = human * pair.match.leg_ratio <= STEP
     slide = np.where(stance & (robot > STEP), robot, 0.0).max(axis=1)
     skates, stands = slide > 0, stance.any(axis=1)
     if not skates.any():
@@ -58,20 +66,3 @@ def _depths(subject: Subject) -> Floats:
         mujoco.mj_kinematics(robot.model, data)
         depths[t] = floor.depth()
     return depths
-
-
-PENETRATION = Measure(
-    (
-        Figure("omni_pen_pct", "%", 2, "frames with a geom over 1 cm under the floor (OmniRetarget)", most=100.0),
-        Figure("omni_pen_cm", "cm", 2, "depth of the deepest geom, mean over those frames (OmniRetarget)"),
-    ),
-    penetration,
-)
-SKATING = Measure(
-    (
-        Figure("omni_skate_pct", "%", 2, "frames in stance in which a toe slides over 1 cm (OmniRetarget)", most=100.0),
-        Figure("omni_skate_cm", "cm/frame", 2, "slide of the faster toe, mean over those frames (OmniRetarget)"),
-    ),
-    skating,
-    human=True,
-)

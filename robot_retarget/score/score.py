@@ -3,21 +3,27 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from robot_retarget.errors import MatchError
 from robot_retarget.human.match import read_map
 from robot_retarget.motion import Motion, as_motion
 from robot_retarget.notebook import card
-from robot_retarget.result import Result
 from robot_retarget.robot import Points, Robot
-from robot_retarget.robot.played import on_robot
+from robot_retarget.robot.played import Retargeted, on_robot
 from robot_retarget.score.figure import Value
 from robot_retarget.score.pair import Body, body_of, pair_of
 from robot_retarget.score.soles import sole_points
 from robot_retarget.score.subject import Subject
 from robot_retarget.score.table import FIGURES, MEASURES
 from robot_retarget.trajectory import Trajectory
+
+
+class Compared(Retargeted, Protocol):
+    """A result of `retarget`, with its human motion."""
+
+    @property
+    def source(self) -> Motion | None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,7 @@ class Score:
 
 
 def score(
-    trajectory: Result | Trajectory | str | Path,
+    trajectory: Compared | Trajectory | str | Path,
     robot: Robot | str | Path | None = None,
     motion: Motion | str | Path | None = None,
     *,
@@ -69,7 +75,7 @@ def score(
         MatchError: the motion is not human, or the map names a joint or body that does not exist.
     """
     played, model = on_robot(trajectory, robot)
-    if motion is None and isinstance(trajectory, Result):
+    if motion is None and not isinstance(trajectory, Trajectory | str | Path):
         motion = trajectory.source
     human = None if motion is None else as_motion(motion, repair=False)
     subject, notes = subject_of(played, model, human, read_map(Path(overrides)) if overrides else {})
@@ -93,8 +99,9 @@ def subject_of(
 
 
 def _soles(robot: Robot, body: Body) -> tuple[Points, ...]:
-    feet = [body.sites.get(f"{side}_toe", body.sites.get(f"{side}_ankle")) for side in "lr"]
-    soles = [sole_points(robot, foot[0].body) for foot in feet if foot]
+    sites = body.anatomy.sites
+    feet = [sites.get(f"{side}_toe", sites.get(f"{side}_ankle")) for side in "lr"]
+    soles = [sole_points(robot, foot.body) for foot in feet if foot]
     return tuple(soles) if len(soles) == 2 and all(len(sole) for sole in soles) else ()
 
 

@@ -8,14 +8,17 @@ from scipy.ndimage import median_filter
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.robot import Points, Robot, world_points
-from robot_retarget.robot.contacts import Contacts, replay_contacts
+from robot_retarget.robot.contacts import replay_contacts
 from robot_retarget.robot.dynamics import required_forces
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.stance import SMOOTH
+from robot_retarget.robot.timing import joint_velocities
 from robot_retarget.score.pair import Pair
 from robot_retarget.score.soles import Foot, foot_of
 from robot_retarget.trajectory import Trajectory
 
+OVERLAP = 1e-3
+"""Overlaps of links up to this depth are the softness of a touch [m]."""
 SLOW = 0.2
 """A planted toe moves by less than this [leg lengths/s]."""
 LOW = 0.08
@@ -38,7 +41,14 @@ class Subject:
     robot: Robot
     soles: tuple[Points, ...] = ()
     """Left and right; empty for a robot without recognised feet."""
-    pair: Pair | None = None
+    compared: Pair | None = None
+    """The keypoints of human and robot; None without a human motion."""
+
+    @property
+    def pair(self) -> Pair:
+        """The keypoints of human and robot, of a subject with a human motion."""
+        assert self.compared is not None
+        return self.compared
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -54,15 +64,21 @@ class Subject:
         return self.trajectory.qpos[:, self.robot.qpos_index]
 
     @cached_property
-    def contacts(self) -> Contacts:
-        """Overlaps of the robot with itself."""
-        return replay_contacts(self.robot, self.trajectory.qpos)
+    def speeds(self) -> Floats:
+        """(T − 1, n) of the hinges from each frame to the next [rad/s]."""
+        return np.abs(joint_velocities(self.trajectory, self.robot))
+
+    @cached_property
+    def jerk(self) -> float | None:
+        """Root mean square over hinges and frames [rad/s³]; None below four frames."""
+        third = np.diff(self.angles, 3, axis=0)
+        return float(np.sqrt((third**2).mean()) * self.fps**3) if third.size else None
 
     @cached_property
     def depth(self) -> Floats:
         """(T,) the deepest overlap of the robot with itself [m]."""
-        deepest = np.zeros(len(self))
-        np.maximum.at(deepest, self.contacts.frame, self.contacts.depth)
+        contacts, deepest = replay_contacts(self.robot, self.trajectory.qpos), np.zeros(len(self))
+        np.maximum.at(deepest, contacts.frame, contacts.depth)
         return deepest
 
     @cached_property
@@ -82,10 +98,11 @@ class Subject:
 
     @cached_property
     def planted(self) -> Bools | None:
-        """(T, 2) whether the human's toe is slow and low; None without a human motion or toes."""
-        if self.pair is None or not self.pair.has("l_toe", "r_toe"):
+        """(T, 2) whether the human's toe is slow and low; None without toes."""
+        pair = self.pair
+        if not pair.has("l_toe", "r_toe"):
             return None
-        leg, toes = self.pair.legs[0], self.pair.human[:, [self.pair.index("l_toe"), self.pair.index("r_toe")]]
+        leg, toes = pair.match.human_leg, pair.human[:, [pair.index("l_toe"), pair.index("r_toe")]]
         speed = np.zeros(toes.shape[:2])
         speed[1:] = np.linalg.norm(np.diff(toes, axis=0), axis=2) * self.fps / leg
         floor = np.percentile(toes[:, :, 2], FLOOR)
@@ -125,3 +142,10 @@ class Subject:
     def floor_of(self, pose: Floats) -> float:
         """Height of the lowest sole point in a pose (1, nq) [m]."""
         return float(min(world_points(self.robot, sole, pose)[..., 2].min() for sole in self.soles))
+
+    @cached_property
+    def standing_height(self) -> float:
+        """Height of the root over the lowest sole point in the reference pose [m]."""
+        pose = self.robot.neutral()[None]
+        floor = self.floor_of(pose) if self.soles else 0.0
+        return max(float(pose[0, self.robot.root_address + 2]) - floor, 1e-6)

@@ -9,7 +9,7 @@ from robot_retarget.arrays import Floats
 from robot_retarget.robot.contacts import Contacts, reference_overlaps, replay_contacts, summary
 from robot_retarget.robot.feet import feet_of, with_toes
 from robot_retarget.robot.model import Robot
-from robot_retarget.robot.timing import joint_velocities, resample
+from robot_retarget.robot.timing import joint_velocities, range_excess, resample
 from robot_retarget.simulate.load import load_figures
 from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
@@ -37,12 +37,6 @@ def replay_figures(trajectory: Trajectory, robot: Robot, contacts: Contacts, pen
         "speed_ratio_joint": robot.joint_names[int(ratio.argmax())] if ratio.any() else None,
         "self_contacts": summary(contacts, robot, len(trajectory)),
     }
-
-
-def range_excess(trajectory: Trajectory, robot: Robot) -> Floats:
-    """(T, n) how far each hinge is beyond its range, 0 inside [rad]."""
-    angles = trajectory.qpos[:, robot.qpos_index]
-    return np.maximum(robot.lower - angles, angles - robot.upper).clip(0)
 
 
 def between_figures(trajectory: Trajectory, robot: Robot) -> dict[str, Any]:

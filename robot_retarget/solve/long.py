@@ -17,8 +17,8 @@ from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import match
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
+from robot_retarget.score.plausibility import mismatch
 from robot_retarget.solve.options import Smoothing
-from robot_retarget.solve.plausibility import mismatch
 from robot_retarget.solve.solve import solve_graph, trajectory_of
 from robot_retarget.solve.windows import ClipPiece, FrameWindow
 from robot_retarget.trajectory import Trajectory

@@ -23,7 +23,7 @@ def subject_of(human: np.ndarray, robot: np.ndarray) -> Subject:
     pair = SimpleNamespace(
         human=flat[0],
         robot=flat[1],
-        legs=(1.0, SCALE),
+        match=SimpleNamespace(leg_ratio=SCALE),
         has=lambda *names: True,
         index=lambda name: int(name == "r_toe"),
     )
@@ -46,7 +46,7 @@ def restated(human: np.ndarray, robot: np.ndarray) -> tuple[float, float]:
 def test_skating_is_that_of_holosoma(seed: int, frames: int) -> None:
     draw = np.random.default_rng(seed)
     human, robot = (np.cumsum(draw.normal(0, 0.008, (frames, 2, 2)), axis=0) for _ in range(2))
-    found = cast(Any, omniretarget.skating(subject_of(human, robot)))
+    found = cast(Any, omniretarget.skating.of(subject_of(human, robot)))
     assert found == pytest.approx(restated(human, robot))
 
 

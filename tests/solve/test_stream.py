@@ -54,7 +54,7 @@ def within_limits(robot: Robot, qpos: np.ndarray, times: np.ndarray) -> None:
 
 @pytest.mark.parametrize("clip", ["walk", "squat", "wave", "clap", "hips_and_bow"])
 def test_a_stream_is_as_like_the_human_as_the_whole_clip_within_degrees(robot: Robot, clip: str) -> None:
-    from robot_retarget.graph.likeness import likeness_of
+    from robot_retarget.score.likeness import likeness_of
 
     motion = rr.read_motion(SAMPLES / f"{clip}.bvh").resample(30)
     whole = rr.solve(rr.describe(motion, robot, fps=30), balance="off")

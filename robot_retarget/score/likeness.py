@@ -7,20 +7,18 @@
 Δ is the change since the first frame. The human is always the one of the motion, also where the robot keeps its feet in place.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, Ints, unit
+from robot_retarget.arrays import Bools, Floats
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.travel import Frames, Travel, human_travel, robot_travel
 from robot_retarget.human.stance import intervals
 from robot_retarget.robot import world_points
+from robot_retarget.score.pair import PARTS, Pair
+from robot_retarget.score.travel import Travel, human_travel, robot_travel
 
-PARTS = {"arms": ("elbow", "hand"), "trunk": ("chest",), "legs": ("knee", "ankle")}
-"""The keypoints at the ends of the bones of each part."""
 KEPT = 0.04
 """A contact is made if the robot's hand is no farther than this more than the human's, over the path between [-]."""
 FAR = np.radians(25.0)
@@ -162,7 +160,7 @@ class Likeness:
 def likeness_of(
     graph: RobotGraph,
     qpos: Floats,
-    frames: Frames = slice(None),
+    frames: slice | Bools = slice(None),
     *,
     slowdown: float = 1.0,
     stride: float = 1.0,
@@ -175,12 +173,11 @@ def likeness_of(
         frames: consecutive ones that are compared; all by default.
     """
     graph, qpos, match = graph.at(frames), qpos[frames], graph.match
-    performed, moved = human_travel(graph.human), robot_travel(qpos, graph.robot, match, graph.fps)
-    robot = world_points(graph.robot, match.points, qpos)
-    compared = PARTS.keys() - ({"legs"} if legs == "stand" else set())
-    angles = bone_angles(graph.human.positions, robot, match.keypoints, match.parents, compared)
+    pair = Pair(match, graph.human.positions, world_points(graph.robot, match.points, qpos))
+    performed, moved = human_travel(graph.human), robot_travel(pair.robot, qpos, graph.robot, match, graph.fps)
+    angles = pair.bone_angles(PARTS.keys() - ({"legs"} if legs == "stand" else set()))
     path = _path_off(moved.path, match.leg_ratio * performed.path, match.robot_leg)
-    contacts = _contacts_kept(graph, robot)
+    contacts = _contacts_kept(graph, pair.robot)
     rushed = _rushed(graph, qpos)
     return Likeness(angles, contacts, performed, moved, path, slowdown, stride, legs, unfinished, rushed, graph.fps)
 
@@ -190,42 +187,6 @@ def _rushed(graph: RobotGraph, qpos: Floats) -> Bools:
     robot = graph.robot
     speed = np.abs(np.diff(qpos[:, robot.qpos_index], axis=0)) * graph.fps
     return np.append((speed >= AT_LIMIT * robot.max_speed).any(axis=1), False)
-
-
-def bone_angles(
-    human: Floats, robot: Floats, keypoints: tuple[str, ...], parents: Ints, compared: Collection[str] = tuple(PARTS)
-) -> dict[str, Floats]:
-    """Per bone of the compared `PARTS` the angle between the human's and the robot's: θ = arccos(û · v̂).
-
-    Angles are relative to the heading of each body's hip line.
-
-    Args:
-        human: (T, K, 3) keypoints [m].
-        robot: (T, K, 3) keypoints [m].
-        parents: (K,) index of each keypoint's parent, −1 at the root.
-
-    Returns:
-        (T,) angles [rad] by the keypoint in which a bone ends.
-    """
-    ends, angles = {end for part in compared for end in PARTS[part]}, {}
-    seen = [_from_pelvis(x, keypoints) for x in (human, robot)]
-    for k, keypoint in enumerate(keypoints):
-        parent = int(parents[k])
-        if parent >= 0 and keypoint.split("_")[-1] in ends:
-            one, other = (unit(x[:, k] - x[:, parent]) for x in seen)
-            angles[keypoint] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
-    return angles
-
-
-def _from_pelvis(x: Floats, keypoints: tuple[str, ...]) -> Floats:
-    """Keypoints (T, K, 3) turned so that the hip line lies across."""
-    if not {"l_hip", "r_hip"} <= set(keypoints):
-        return x
-    across = x[:, keypoints.index("l_hip"), :2] - x[:, keypoints.index("r_hip"), :2]
-    c, s = unit(across).T
-    turn = np.zeros((len(x), 3, 3))
-    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, s, -s, c, 1.0
-    return np.einsum("tij,tkj->tki", turn, x)
 
 
 def _path_off(robot: Floats, human: Floats, leg: float) -> float:

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from shared_files import ROOT, SHARED, needs_shared
 
 import robot_retarget as rr
-from robot_retarget.graph.likeness import likeness_of
 from robot_retarget.graph.path import pelvis_path
-from robot_retarget.graph.travel import human_travel
+from robot_retarget.score.likeness import likeness_of
+from robot_retarget.score.travel import human_travel
 from robot_retarget.simulate.thresholds import Thresholds
 from robot_retarget.simulate.verdict import unlikeness
 

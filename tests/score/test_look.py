@@ -15,8 +15,8 @@ from robot_retarget.motion import read_motion
 from robot_retarget.pipeline import retarget
 from robot_retarget.result import Result
 from robot_retarget.robot import load_robot
+from robot_retarget.score.plausibility import _hands, mismatch, plausibility_checks
 from robot_retarget.shipped import SAMPLES
-from robot_retarget.solve.plausibility import _hands, mismatch, plausibility_checks
 
 
 @cache

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Bools, Floats, unit
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
@@ -42,19 +42,22 @@ class PlausibilityCheck:
     """One thing that was looked at."""
 
     what: str
-    frames: int
-    """Number of frames that show the feature."""
-    shown: float
-    """Share of the frames that show it."""
-    against: float
-    """Share of these frames in which the robot opposes the human."""
+    shown: Bools
+    """(T,) whether a frame shows the feature."""
+    opposed: Bools
+    """(T,) whether the robot opposes the human there."""
     cause: str
     """The likely error, and the line of a map file that corrects it."""
 
     @property
+    def against(self) -> float:
+        """Share of the frames that show the feature in which the robot opposes the human."""
+        return float(self.opposed[self.shown].mean()) if self.shown.any() else 0.0
+
+    @property
     def wrong(self) -> bool:
         """Whether the robot opposes the human in most of the frames that show the feature."""
-        return self.frames >= FEWEST and self.shown > SHOWN and self.against > MOST
+        return self.shown.sum() >= FEWEST and self.shown.mean() > SHOWN and self.against > MOST
 
 
 def mismatch(human: HumanFeatures, robot: Robot, qpos: Floats, source: str) -> str:
@@ -99,7 +102,8 @@ def _bends(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plausib
                 f"Front and back, or left and right, of one of the two are likely taken wrong: `forward = [x, y, z]` in "
                 f'[robot], or `{side}_{joint} = "Joint"` in [human] of a map file (--map) mends it'
             )
-            yield _share(f"its {called} {joint} does not bend that way", bend > BENT, along < STRAIGHT[joint], cause)
+            what = f"its {called} {joint} does not bend that way"
+            yield PlausibilityCheck(what, bend > BENT, along < STRAIGHT[joint], cause)
 
 
 def _fold(start: Floats, middle: Floats, end: Floats) -> Floats:
@@ -113,9 +117,8 @@ def _upright(human: dict[str, Floats], own: dict[str, Floats]) -> Iterator[Plaus
     if top and "pelvis" in human:
         wanted, actual = (unit(body[top] - body["pelvis"]) for body in (human, own))
         cause = "The motion's up axis is likely taken wrong: `--up` says which one it is"
-        yield _directions_check(
-            f"its {top} is where the human's feet are", wanted, actual, np.ones(len(wanted), bool), cause
-        )
+        what, always = f"its {top} is where the human's feet are", np.ones(len(wanted), bool)
+        yield PlausibilityCheck(what, always, _opposed(wanted, actual), cause)
 
 
 def _sides(
@@ -133,7 +136,7 @@ def _sides(
             body, axes = match.anatomy.frames[segment]
             wanted, actual = unit(human[keys[0]] - human[keys[1]]), rotations[:, body] @ axes[:, 1]
             shown = (np.abs(wanted[:, 2]) < LEVEL) & (np.abs(actual[:, 2]) < LEVEL)
-            yield _directions_check(f"its {segment} faces the other way", wanted, actual, shown, cause)
+            yield PlausibilityCheck(f"its {segment} faces the other way", shown, _opposed(wanted, actual), cause)
             if segment == "chest":
                 yield _hands(human, own, wanted, actual, cause)
 
@@ -150,16 +153,9 @@ def _hands(
         for body, left in ((human, wanted), (own, actual))
     ]
     what = "its left hand is where the human's right one is"
-    return _share(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
+    return PlausibilityCheck(what, np.abs(apart[0]) > APART, apart[1] * np.sign(apart[0]) < 0, cause)
 
 
-def _directions_check(what: str, wanted: Floats, actual: Floats, shown: np.ndarray, cause: str) -> PlausibilityCheck:
-    """Compare directions of the human and of the robot (T, 3), in the frames that show them (T,)."""
-    return _share(what, shown, (unit(wanted) * unit(actual)).sum(axis=1) < AGAINST, cause)
-
-
-def _share(what: str, shown: np.ndarray, against: np.ndarray, cause: str) -> PlausibilityCheck:
-    """In which frames (T,) something shows, and in which the robot goes the other way."""
-    return PlausibilityCheck(
-        what, int(shown.sum()), float(shown.mean()), float(against[shown].mean()) if shown.any() else 0.0, cause
-    )
+def _opposed(wanted: Floats, actual: Floats) -> Bools:
+    """(T,) whether directions of the robot oppose those of the human (T, 3)."""
+    return (unit(wanted) * unit(actual)).sum(axis=1) < AGAINST

@@ -17,8 +17,6 @@ from robot_retarget.human.stance import WINDOW, intervals
 from robot_retarget.robot import Robot, world_points
 from robot_retarget.robot.feet import sole_corners
 
-Frames = slice | Bools
-
 
 @dataclass(frozen=True)
 class StepThresholds:
@@ -58,44 +56,46 @@ class Travel:
         return {"distance_m": round(self.distance, 3), "turn_rad": round(self.turn, 3), "steps": self.steps}
 
 
-def human_travel(human: HumanFeatures, rule: StepThresholds | None = None) -> Travel:
+STEPS = StepThresholds()
+
+
+def human_travel(human: HumanFeatures) -> Travel:
     """Return the travel of the human."""
-    match, steps, chosen = human.calibration.match, 0, rule or StepThresholds()
+    match, steps = human.calibration.match, 0
     for side, stands in human.contacts.items():
         foot = next((k for k in (f"{side}_ankle", f"{side}_toe") if k in match.keypoints), None)
         if foot is not None:
             place = human.positions[:, match.index(foot)] / match.human_leg
-            steps += _counted(place, ~np.any(stands, axis=1), chosen)
+            steps += _counted(place, ~np.any(stands, axis=1))
     return _travel(human.positions, match, steps)
 
 
-def robot_travel(qpos: Floats, robot: Robot, match: Match, fps: float, rule: StepThresholds | None = None) -> Travel:
-    """Return the travel of a robot through configurations (T, nq).
+def robot_travel(x: Floats, qpos: Floats, robot: Robot, match: Match, fps: float) -> Travel:
+    """Return the travel of a robot.
 
     Args:
-        qpos: (T, nq).
+        x: (T, K, 3) its keypoints [m].
+        qpos: (T, nq) configurations.
         robot: the robot.
         match: the matched bodies.
-        fps: frames per second.
-        rule: which swings count as steps; None takes the defaults.
+        fps: frames per second [1/s].
     """
-    chosen, feet = rule or StepThresholds(), tuple(match.anatomy.soles)
-    steps = 0
+    feet, steps = tuple(match.anatomy.soles), 0
     if feet:
         soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
         low = np.stack(soles, axis=1) / match.robot_leg
         floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
-        steps = sum(len(_inner(foot, len(qpos))) for foot in (low - floor[:, None] > chosen.clearance).T)
-    return _travel(world_points(robot, match.points, qpos), match, steps)
+        steps = sum(len(_inner(foot, len(qpos))) for foot in (low - floor[:, None] > STEPS.clearance).T)
+    return _travel(x, match, steps)
 
 
-def _counted(place: Floats, swinging: Bools, rule: StepThresholds) -> int:
+def _counted(place: Floats, swinging: Bools) -> int:
     """The number of swings of a foot, at places (T, 3) in legs, that lift it or carry it away."""
     count = 0
     for start, stop in _inner(swinging, len(place)):
         before, after = place[start - 1], place[stop]
         lift = place[start:stop, 2].max() - max(before[2], after[2])
-        count += bool(lift > rule.lift or np.linalg.norm((after - before)[:2]) > rule.length)
+        count += bool(lift > STEPS.lift or np.linalg.norm((after - before)[:2]) > STEPS.length)
     return count
 
 
@@ -107,8 +107,5 @@ def _inner(swinging: Bools, count: int) -> list[tuple[int, int]]:
 def _travel(x: Floats, match: Match, steps: int) -> Travel:
     """Of keypoints (T, K, 3) [m]."""
     pelvis = x[:, match.index("pelvis") if "pelvis" in match.keypoints else 0, :2]
-    turned = np.zeros(len(x))
-    if {"l_hip", "r_hip"} <= set(match.keypoints):
-        across = x[:, match.index("l_hip"), :2] - x[:, match.index("r_hip"), :2]
-        turned = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))
+    turned = np.unwrap(match.heading(x))
     return Travel(pelvis - pelvis[0], turned - turned[0], steps)
