@@ -115,7 +115,7 @@ def closed_loop(plant: Plant, goals: Goals, seed: int) -> "ClosedLoop | None":
 
 
 class ClosedLoop:
-    """The law in the simulation: reads the state, gives the controls of each row.
+    """The law in the simulation: reads the state, gives the goals of each row.
 
     Args:
         imu: the sensor; the bias of its gyroscope is subtracted before the motion.
@@ -126,7 +126,7 @@ class ClosedLoop:
 
     def __init__(self, plant: Plant, goals: Goals, imu: Imu, seed: int = 0) -> None:
         assert goals.feedback is not None
-        self._plant, self._angles, self._dt = plant, goals.angles, 1 / goals.rate
+        self._angles, self._dt = goals.angles, 1 / goals.rate
         self._law = Law(goals.feedback, self._dt)
         self._motion, self._imu = BodyMotion(plant.model.opt.gravity), VirtualImu(calibrated(imu), self._dt, seed)
         self._turn, self._root = plant.places.qpos[plant.robot.root_address + 3 :][:4], plant.root_dofs
@@ -135,8 +135,8 @@ class ClosedLoop:
         self.stopped: int | None = None
         """The row at which the robot leaned too far and began to crouch."""
 
-    def controls(self, row: int, data: mujoco.MjData) -> Floats:
-        """(nu,) for a row, after the state has been read."""
+    def goal(self, row: int, data: mujoco.MjData) -> Floats:
+        """(n,) [rad] for a row, after the state has been read."""
         velocity, spin = data.qvel[self._root[:3]], data.qvel[self._root[3:]]
         turn = data.qpos[self._turn]
         reading = self._imu.read(self._motion.reading(turn, velocity, spin, self._dt))
@@ -144,4 +144,4 @@ class ClosedLoop:
         self.added[row] = goal - self._angles[row]
         if self._law.stopped and self.stopped is None:
             self.stopped = row
-        return self._plant.controls(goal[None])[0]
+        return goal

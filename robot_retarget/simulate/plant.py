@@ -69,6 +69,12 @@ class Plant:
         """Indices of the root's velocities."""
         return self.places.dofs[root_dofs(self.robot)]
 
+    @cached_property
+    def root_coordinates(self) -> Ints:
+        """Indices of the root in the robot's configuration."""
+        adr = [*self.robot.model.jnt_qposadr, self.robot.model.nq]
+        return np.array([c for j in self.robot.root_joints for c in range(adr[j], adr[j + 1])], dtype=np.int64)
+
     @property
     def servo_map(self) -> ServoMap | None:
         """The map with the limits of the goals; None if the model keeps its own actuators."""
@@ -199,12 +205,6 @@ def build_plant(
         said.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
     bodies = None if scene is None else SimulatedBodies(scene, model)
     return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives, bodies)
-
-
-def root_coordinates(robot: Robot) -> Ints:
-    """Return the indices of the root in qpos."""
-    adr = [*robot.model.jnt_qposadr, robot.model.nq]
-    return np.array([c for j in robot.root_joints for c in range(adr[j], adr[j + 1])], dtype=np.int64)
 
 
 def _strip(spec: mujoco.MjSpec, robot: Robot, keep: bool) -> set[int]:

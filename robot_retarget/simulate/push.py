@@ -5,7 +5,7 @@ Each simulation is played once up to the push; every impulse begins from its sta
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count, islice
 
 import mujoco
@@ -19,7 +19,7 @@ from robot_retarget.simulate.domain import Draw, drawn
 from robot_retarget.simulate.feedback import ClosedLoop, closed_loop, with_feedback
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.stepping import set_on_floor
+from robot_retarget.simulate.played import PlayedPlant
 from robot_retarget.trajectory import Trajectory
 
 DIRECTIONS = {"fore": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "left": (0.0, 1.0, 0.0), "right": (0.0, -1.0, 0.0)}
@@ -40,43 +40,32 @@ CHECKED = 4
 class PushedWorld:
     """One randomised simulation at a moment."""
 
-    plant: Plant
-    data: mujoco.MjData
+    played: PlayedPlant
     goals: Goals
     loop: ClosedLoop | None
-    late: int
-    """Delay of the goals in steps of the physics."""
     feet: frozenset[int]
     """Bodies that may touch the floor."""
     row: int = 0
-    sent: list[Floats] = field(default_factory=list)
-    """Controls, the latest last."""
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state."""
+        return self.played.data
 
     def copy(self) -> "PushedWorld":
         """Return an independent copy."""
-        shared = {id(self.plant): self.plant}
-        loop = copy.deepcopy(self.loop, shared)
-        return replace(self, data=copy.copy(self.data), loop=loop, sent=[*self.sent])
+        return replace(self, played=self.played.copy(), loop=copy.deepcopy(self.loop))
 
     def tick(self, force: Floats) -> None:
         """Play one goal under a force (3,) on the trunk [N]."""
-        model, data, root = self.plant.model, self.data, self.plant.robot.root_body
-        data.xfrc_applied[root, :3] = force
-        held = round(1 / (self.goals.rate * model.opt.timestep))
-        row = min(self.row, len(self.goals) - 1)
-        plan = self.goals.angles[row][None]
-        self.sent.append(self.plant.controls(plan)[0] if self.loop is None else self.loop.controls(row, data))
-        whole, rest = divmod(self.late, held)
-        if rest:
-            data.ctrl[:] = self.sent[max(len(self.sent) - whole - 2, 0)]
-            self.plant.step(data, rest)
-        data.ctrl[:] = self.sent[max(len(self.sent) - whole - 1, 0)]
-        self.plant.step(data, held - rest)
+        plant, row = self.played.plant, min(self.row, len(self.goals) - 1)
+        self.data.xfrc_applied[plant.robot.root_body, :3] = force
+        self.played.tick(self.goals.angles[row] if self.loop is None else self.loop.goal(row, self.data))
         self.row += 1
 
     def fallen(self) -> bool:
         """Whether a body other than a foot touches the floor."""
-        bodies = self.plant.model.geom_bodyid[self.data.contact.geom[: self.data.ncon]]
+        bodies = self.played.plant.model.geom_bodyid[self.data.contact.geom[: self.data.ncon]]
         scene = (bodies == 0).any(axis=1)
         return bool(scene.any()) and not set(bodies[scene].max(axis=1).tolist()) <= self.feet
 
@@ -136,11 +125,6 @@ def standing(trajectory: Trajectory, seconds: float = 1.0) -> Trajectory:
 def _begun(plant: Plant, trajectory: Trajectory, goals: Goals, draw: Draw, feet: frozenset[int]) -> PushedWorld:
     """A world before the first goal."""
     world, how = drawn(plant, draw, Playback())  # its model is its own
-    data = mujoco.MjData(world.model)
-    data.qpos[:] = world.places.model_qpos(trajectory.qpos[0])
-    set_on_floor(world.model, data)
-    mujoco.mj_forward(world.model, data)
-    data.ctrl[:] = world.controls(goals.angles[:1])[0]
-    return PushedWorld(
-        world, data, goals, closed_loop(world, goals, how.seed), round(how.delay / world.model.opt.timestep), feet
-    )
+    played = PlayedPlant(world, goals.rate, how.delay)
+    played.place(trajectory.qpos[0], on_floor=True)
+    return PushedWorld(played, goals, closed_loop(world, goals, how.seed), feet)

@@ -9,14 +9,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats
 from robot_retarget.goals import Goals
 from robot_retarget.robot.contacts import ContactLog, Contacts
 from robot_retarget.robot.timing import sample
-from robot_retarget.scene.geoms import scene_geoms
 from robot_retarget.simulate.feedback import ClosedLoop, closed_loop
 from robot_retarget.simulate.goals import Playback, plain_goals
-from robot_retarget.simulate.plant import Mode, Plant, root_coordinates
+from robot_retarget.simulate.plant import Mode, Plant
+from robot_retarget.simulate.played import PlayedPlant
 from robot_retarget.trajectory import Trajectory
 
 SPEED_LIMIT = 1e3
@@ -73,30 +73,18 @@ def roll_out(
             mode `free`.
     """
     playback, plant = playback or Playback(), plant.with_own_model()
-    model, robot = plant.model, plant.robot
-    goals = command or plain_goals(plant, trajectory, playback)
-    nsub = max(1, round(1 / (goals.rate * model.opt.timestep)))
-    dt, times = nsub * model.opt.timestep, goals.times
-    data = mujoco.MjData(model)
-    data.qpos[:] = plant.places.model_qpos(trajectory.qpos[0])
-    if mode == "free":
-        set_on_floor(model, data)
-    carried = None
-    if mode == "pinned":
-        roots = root_coordinates(robot)
-        carried = plant.places.qpos[roots], plant.root_dofs, sample(trajectory, robot, times)[:, roots]
-    loop = closed_loop(plant, goals, playback.seed) if mode == "free" else None
-    log, paths = _Log(plant, len(times)), None
-    if plant.bodies is not None:
-        paths = plant.bodies.paths(times * trajectory.fps)
-        plant.bodies.place(data, paths[0])
-    began = time.perf_counter()
+    goals, free = command or plain_goals(plant, trajectory, playback), mode == "free"
+    played, times = PlayedPlant(plant, goals.rate, playback.delay), goals.times
+    played.place(trajectory.qpos[0], on_floor=free)
+    carried = None if free else sample(trajectory, plant.robot, times)
+    loop = closed_loop(plant, goals, playback.seed) if free else None
+    paths = None if plant.bodies is None else plant.bodies.paths(times * trajectory.fps)
+    log, began = _Log(plant, len(times)), time.perf_counter()
     with _quiet():
-        late = round(playback.delay / model.opt.timestep)
-        done = _steps(plant, data, plant.controls(goals.angles), (late, nsub), carried, log, loop, paths)
-    pace = nsub * done / (time.perf_counter() - began)
+        done = _ticks(played, goals.angles, log, loop, carried, paths)
+    pace = played.held * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
-    rollout = log.rollout(times[:done] + dt, unstable, pace)
+    rollout = log.rollout(times[:done] + played.seconds, unstable, pace)
     if plant.bodies is not None and paths is not None:
         rollout = replace(rollout, bodies=plant.bodies.figures(paths, log.bodies[:done], times[:done]))
     if loop is None:
@@ -105,38 +93,32 @@ def roll_out(
     return replace(rollout, added=loop.added[:done], stopped=stopped)
 
 
-def _steps(
-    plant: Plant,
-    data: mujoco.MjData,
-    controls: Floats,
-    steps: tuple[int, int],
-    carried: tuple[Ints, Ints, Floats] | None,
+def _ticks(
+    played: PlayedPlant,
+    goals: Floats,
     log: "_Log",
-    loop: ClosedLoop | None = None,
-    paths: Floats | None = None,
+    loop: ClosedLoop | None,
+    carried: Floats | None,
+    paths: Floats | None,
 ) -> int:
-    """The plain loop; how many controls it came through before it broke down.
+    """Play goals (N, n) and record the states; return how many it came through before it broke down.
 
     Args:
-        steps: of the physics, by which each control comes late, and for which it is held.
+        loop: corrects the goals.
+        carried: (N, nq) configurations whose root the robot is held by.
+        paths: (N, B, 7) poses of the carried bodies of the scene.
     """
-    (whole, rest), nsub = divmod(*steps), steps[1]
-    for k in range(len(controls)):
+    data, bodies = played.data, played.plant.bodies
+    for k, goal in enumerate(goals):
         if carried is not None:
-            data.qpos[carried[0]], data.qvel[carried[1]] = carried[2][k], 0.0
-        if paths is not None and plant.bodies is not None:
-            plant.bodies.place(data, paths[k])
-        if loop is not None:
-            controls[k] = loop.controls(k, data)
-        if rest:
-            data.ctrl[:] = controls[max(k - whole - 1, 0)]
-            plant.step(data, rest)
-        data.ctrl[:] = controls[max(k - whole, 0)]
-        plant.step(data, nsub - rest)
+            played.carry(carried[k])
+        if paths is not None and bodies is not None:
+            bodies.place(data, paths[k])
+        played.tick(goal if loop is None else loop.goal(k, data))
         if not np.abs(data.qvel).max() < SPEED_LIMIT:  # so written, NaN stops here too
             return k
         log.note(k, data)
-    return len(controls)
+    return len(goals)
 
 
 class _Log:
@@ -180,22 +162,6 @@ class _Log:
         force = self.wrench[:n, :3]
         torque = np.einsum("nij,nj->ni", self.turn[:n].reshape(-1, 3, 3), self.wrench[:n, 3:])
         return np.concatenate([force, torque + np.cross(self.place[:n], force)], axis=1)
-
-
-def set_on_floor(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Move the root vertically until the lowest geom touches the solid scene."""
-    mujoco.mj_forward(model, data)
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    bodies = np.isin(np.arange(model.ngeom), scene_geoms(model))
-    ground = (model.geom_bodyid == 0) | (bodies & (model.body_weldid[model.geom_bodyid] == 0))
-    scene = np.flatnonzero(solid & ground & (model.geom_type != mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
-    own = np.flatnonzero(solid & ~ground & ~bodies).tolist()
-    far, ends = 100.0, np.zeros(6)
-    gaps = [mujoco.mj_geomDistance(model, data, a, b, far, ends) for a in scene for b in own]
-    gap = min(gaps, default=far)
-    if gap < far:
-        root = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-        data.qpos[model.jnt_qposadr[root] + 2] -= gap
 
 
 @contextmanager

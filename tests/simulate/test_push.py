@@ -48,7 +48,7 @@ def test_a_push_leaves_the_world_it_starts_from_alone() -> None:
 def test_a_push_gives_the_robot_its_momentum() -> None:
     """On a floor without friction the impulse stays in the robot."""
     (start,) = worlds_at_push(PLANT, STAND, [Draw(friction=1e-3)], feedback=False)
-    model, ticks = start.plant.model, round(0.1 * start.goals.rate)
+    model, ticks = start.played.plant.model, round(0.1 * start.goals.rate)
     world = next(islice(pushed(start, np.array([0.3, 0.0, 0.0])), ticks - 1, None))
     mujoco.mj_forward(model, world.data)
     mujoco.mj_subtreeVel(model, world.data)
@@ -59,7 +59,7 @@ def test_a_push_gives_the_robot_its_momentum() -> None:
 def test_the_survived_impulse_is_that_of_a_rigid_body_on_its_edge() -> None:
     """J = m d √(g / h) within a third: d to the tip of the soles, h of the centre of mass."""
     (start,) = worlds_at_push(PLANT, STAND, [Draw()], feedback=False)
-    data, model = start.data, start.plant.model
+    data, model = start.data, start.played.plant.model
     com = data.subtree_com[OP3.root_body]
     tip = data.contact.pos[: data.ncon, 0].max()
     rigid = model.body_mass.sum() * (tip - com[0]) * np.sqrt(9.81 / com[2])

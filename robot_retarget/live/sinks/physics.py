@@ -3,19 +3,16 @@
 import time
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.goals import RATE
 from robot_retarget.live.loop import LivePose
 from robot_retarget.robot import Robot
-from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.servo.live import TargetStream
 from robot_retarget.servo.window import ViewerWindow
-from robot_retarget.simulate.plant import root_coordinates
+from robot_retarget.simulate.played import PlayedPlant
 from robot_retarget.simulate.rollout import plant_of
-from robot_retarget.simulate.stepping import set_on_floor
 
 BEHIND = 0.1
 """Largest lag that the physics makes up for at once [s]; longer lags are dropped."""
@@ -35,10 +32,10 @@ class PhysicsSink:
     data: Any
 
     def __init__(self, robot: Robot, mode: str = "pinned", window: bool = False) -> None:
-        self._robot, self._pinned, self._plant = robot, mode == "pinned", plant_of(robot, mode)
-        self.data = mujoco.MjData(self._plant.model)
-        self._window = ViewerWindow(self._plant.model, self.data) if window else None
-        self._targets, self._roots, self._held = TargetStream(), root_coordinates(robot), root_dofs(robot)
+        self._robot, self._pinned, self._played = robot, mode == "pinned", PlayedPlant(plant_of(robot, mode), RATE)
+        self.data = self._played.data
+        self._window = ViewerWindow(self._played.plant.model, self.data) if window else None
+        self._targets = TargetStream()
         self._began: float | None = None
         self._skipped = 0.0
         self._error, self._ticks = 0.0, 0
@@ -48,31 +45,21 @@ class PhysicsSink:
         now = time.monotonic()
         self._targets.set_target(pose.qpos[self._robot.qpos_index], now)
         if self._began is None:
-            self._stand(pose.qpos, now)
+            self._began = now
+            self._played.place(pose.qpos, on_floor=not self._pinned)
         if self._pinned:
-            self.data.qpos[self._roots], self.data.qvel[self._held] = pose.qpos[self._roots], 0.0
-        self._go_on(now)
+            self._played.carry(pose.qpos)
+        self._go_on(now, self._began)
         if self._window is not None:
             self._window.show()
 
-    def _stand(self, qpos: Floats, now: float) -> None:
-        self._began = now
-        self.data.qpos[:] = qpos
-        if not self._pinned:
-            set_on_floor(self._plant.model, self.data)
-
-    def _go_on(self, now: float) -> None:
+    def _go_on(self, now: float, began: float) -> None:
         """Step the physics to a time of the clock."""
-        assert self._began is not None
-        model, data = self._plant.model, self.data
-        steps = max(1, round(1 / (RATE * model.opt.timestep)))
-        lag = now - self._began - self._skipped - data.time
-        self._skipped += max(lag - BEHIND, 0.0)
-        while (at := self._began + self._skipped + data.time) + steps * model.opt.timestep <= now:
+        self._skipped += max(now - began - self._skipped - self.data.time - BEHIND, 0.0)
+        while (at := began + self._skipped + self.data.time) + self._played.seconds <= now:
             target = self._targets.at(at)
             assert target is not None
-            data.ctrl[:] = self._plant.controls(target[None])[0]
-            mujoco.mj_step(model, data, steps)
+            self._played.tick(target)
             self._note(target)
 
     def _note(self, target: Floats) -> None:
