@@ -14,7 +14,7 @@ from robot_retarget.formats.npz import (
     pyroki,
 )
 from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
-from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, scene, skeleton, sonic
+from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, lerobot, scene, skeleton, sonic
 from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
 
 FORMATS: dict[str, TrajectoryFormat] = {
@@ -46,5 +46,6 @@ FORMATS: dict[str, TrajectoryFormat] = {
         op3_action,
         isaaclab_amp,
         sonic,
+        lerobot,
     )
 }

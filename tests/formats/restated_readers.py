@@ -359,6 +359,16 @@ def sonic(path, model) -> Pose:
     return Pose(places[:, 0], tables["body_quat"][:, :4], named(hinges, tables["joint_pos"]), 50.0, bodies)
 
 
+def lerobot(path, model) -> Pose:
+    """LeRobotDataset: rows of every Parquet file under data/, meanings of columns from meta/info.json."""
+    rows = pandas.concat(pandas.read_parquet(file) for file in sorted((path / "data").glob("*/*.parquet")))
+    info = json.loads((path / "meta/info.json").read_text())
+    columns = {name: np.stack(rows[name].to_list()) for name in ("observation.state", "observation.root")}
+    joints = [name.removesuffix(".pos") for name in info["features"]["observation.state"]["names"]]
+    root = columns["observation.root"].astype(float)
+    return Pose(root[:, :3], root[:, 3:], named(joints, columns["observation.state"]), info["fps"])
+
+
 READERS = {
     "csv": csv,
     "unitree": unitree,
@@ -383,4 +393,5 @@ READERS = {
     "bvh": bvh,
     "isaaclab-amp": isaaclab_amp,
     "sonic": sonic,
+    "lerobot": lerobot,
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
 
-from robot_retarget.formats import export
+from robot_retarget.formats import export, import_motion
 
 
 def test_mjlab_loads_its_archive(tmp_path) -> None:
@@ -42,3 +42,36 @@ def test_holosoma_converts_its_archive(tmp_path) -> None:
     loader = convert.MotionLoader(str(path), 30, 30, "cpu", None, False, False)
     assert loader.duration == pytest.approx(motion.duration)
     np.testing.assert_allclose(loader.motion_base_rots_input.numpy(), motion.qpos[:, 3:7], atol=1e-6)
+
+
+def test_lerobot_loads_its_data_set_and_batches_it(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="lerobot is not installed")
+    torch = pytest.importorskip("torch")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    path = export(motion, robot, "lerobot", tmp_path / "a")
+    loaded = datasets.LeRobotDataset("local/a", root=path, delta_timestamps={"action": [0.0, 0.02]})
+    assert (len(loaded), loaded.num_episodes, loaded.fps) == (len(motion), 1, 50)
+    assert loaded.features["action"]["names"] == [f"{joint}.pos" for joint in robot.joint_names]
+    batch = next(iter(torch.utils.data.DataLoader(loaded, batch_size=len(motion))))
+    np.testing.assert_allclose(batch["observation.state"].numpy(), motion.qpos[:, 7:], atol=1e-6)
+    np.testing.assert_allclose(batch["action"][:-1, 0].numpy(), motion.qpos[1:, 7:], atol=1e-6)
+    assert batch["task"] == ["made"] * len(motion) and not batch["action_is_pad"][0].any()
+    np.testing.assert_allclose(loaded.meta.stats["action"]["max"][0], motion.qpos[1:, 7].max(), atol=1e-6)
+
+
+def test_a_data_set_that_lerobot_wrote_gives_its_first_episode(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="lerobot is not installed")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    names = [f"{joint}.pos" for joint in reversed(robot.joint_names)]
+    features = {"observation.state": {"dtype": "float32", "shape": (len(names),), "names": names}}
+    made = datasets.LeRobotDataset.create("local/b", fps=50, features=features, root=tmp_path / "b", use_videos=False)
+    for episode in (motion.qpos[:, 7:], -motion.qpos[:, 7:]):
+        for angles in episode[:, ::-1].astype("f4"):
+            made.add_frame({"observation.state": angles, "task": "move"})
+        made.save_episode()
+    made.finalize()
+    read = import_motion(tmp_path / "b", robot)
+    np.testing.assert_allclose(read.qpos[:, 7:], motion.qpos[:, 7:], atol=1e-6)
+    assert any("first of 2 episodes" in note for note in read.notes)
