@@ -3,6 +3,7 @@
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import current_thread, main_thread
 from types import FrameType
 
 
@@ -19,7 +20,10 @@ class Interrupts:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Count SIGINT and SIGTERM; restore their handlers afterwards."""
+        """Count SIGINT and SIGTERM; restore their handlers afterwards. Only the main thread receives signals."""
+        if current_thread() is not main_thread():
+            yield
+            return
         before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield

@@ -42,6 +42,8 @@ class TargetStream:
         self._from: Floats | None = None
         self._to = np.zeros(0)
         self._given, self._span = 0.0, LONGEST
+        self.present: Floats | None = None
+        """(n,) of the joints as last read [rad]; None until the servos are engaged."""
         self.over = Event()
         """Set after the last target."""
 
@@ -140,7 +142,7 @@ def follow(
     """Follow targets on the servos of a map until they end.
 
     Args:
-        targets: set by another thread; call this from the main thread, which receives Ctrl-C.
+        targets: set by another thread. Ctrl-C is received if this is called from the main thread.
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings, as for `play`.
@@ -157,7 +159,12 @@ def follow(
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
             follower = TargetFollower(targets, cycle.guard, servo_map.limits, say)
-            player.run_ticks(cycle, lambda k: follower.step(time.monotonic()))
+
+            def step(k: int) -> Step | None:
+                targets.present = cycle.link.present
+                return follower.step(time.monotonic())
+
+            player.run_ticks(cycle, step)
             player.move_to_stop_pose(cycle)
             return PlaybackEnd.FINISHED.value
 

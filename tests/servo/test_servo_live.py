@@ -113,6 +113,21 @@ def test_the_arm_approaches_follows_and_is_left_holding(tmp_path: Path) -> None:
     assert np.abs(log["goal"][played] - log["plan"][played]).max() < 1e-6, "nothing was held back"
 
 
+def test_another_thread_may_follow_and_the_readings_are_those_of_the_log(tmp_path: Path) -> None:
+    targets, ended = TargetStream(), []
+    options, log = PlaybackOptions(end_pose=False), tmp_path / "log.npz"
+    with emulated(tmp_path) as arm:
+        thread = threading.Thread(target=lambda: ended.append(follow(targets, ARM, arm.port, options, log=log)))
+        thread.start()
+        with giving(targets, swinging, 1.5):
+            thread.join(1.0)
+            read = targets.present
+        thread.join()
+    assert ended[0].ended is PlaybackEnd.FINISHED
+    with np.load(log) as found:
+        assert read is not None and (np.abs(found["present"] - read).max(axis=1) == 0).any()
+
+
 def test_in_silence_the_goals_rest_and_the_return_is_approached(tmp_path: Path) -> None:
     silent = lambda now: None if 0.8 < now < 0.8 + SILENCE + 0.4 else swinging(now)  # noqa: E731
     with emulated(tmp_path) as arm:

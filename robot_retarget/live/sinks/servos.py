@@ -37,8 +37,12 @@ class ServoSink:
         self.guard = SelfCollisionGuard(robot)
 
     def show(self, pose: LivePose) -> None:
-        self._pose = pose.qpos
-        self.targets.set_target(pose.qpos[self._places])
+        self.set_target(pose.qpos)
+
+    def set_target(self, qpos: Floats) -> None:
+        """Set the joints of a configuration (nq,) as the next target."""
+        self._pose = qpos
+        self.targets.set_target(qpos[self._places])
 
     def clear(self, last: Floats, goal: Floats) -> Floats:
         """Return the goal (n,), moved back towards the last one where links would overlap [rad]."""
