@@ -41,7 +41,7 @@ def write(motion: RobotMotion, path: Path) -> None:
     features |= {name: _feature("int64", 1, None) for name in INDICES} | {"timestamp": _feature("float32", 1, None)}
     statistics = {name: _statistics(values) for name, values in rows.items()}
     _write_rows(path, rows, motion.fps)
-    _write_episode(path, count, statistics, motion.trajectory.source or motion.robot.name)
+    _write_episode(path, count, statistics, Path(motion.trajectory.source).stem or motion.robot.name)
     (path / STATISTICS).write_text(json.dumps(statistics), encoding="utf-8")
     info = {
         "codebase_version": VERSION, "robot_type": motion.robot.name, "total_episodes": 1, "total_frames": count,
