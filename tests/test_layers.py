@@ -80,7 +80,7 @@ LIBRARIES = {
     "typer": ("cli/",),
     "rich": ("cli/console.py", "cli/bars.py"),
     "ray": ("batch/cluster.py",),
-    "pyarrow": ("batch/summary.py",),
+    "pyarrow": ("batch/summary.py", "untrusted/tables.py"),
     "pythonosc": ("live/send.py",),
     "matplotlib": ("view/",),
     "ezc3d": ("motion/formats/c3d/child.py",),
