@@ -14,7 +14,16 @@ from robot_retarget.formats.npz import (
     pyroki,
 )
 from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
-from robot_retarget.formats.scenes import bag, joint_trajectory, keyframes, lerobot, scene, skeleton, sonic
+from robot_retarget.formats.scenes import (
+    bag,
+    joint_trajectory,
+    keyframes,
+    lerobot,
+    limb_trajectories,
+    scene,
+    skeleton,
+    sonic,
+)
 from robot_retarget.formats.text import kimodo, named_csv, protomotions_csv, servo_ticks, soma, unitree
 
 FORMATS: dict[str, TrajectoryFormat] = {
@@ -40,6 +49,7 @@ FORMATS: dict[str, TrajectoryFormat] = {
         keyframes,
         scene,
         joint_trajectory,
+        limb_trajectories,
         bag,
         skeleton,
         servo_ticks,

@@ -89,3 +89,18 @@ def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
     sites, moves = anatomy.sites, carrying(robot.model)[:, robot.dof_index]
     still = moves[sites["chest"].body] if "chest" in sites else np.zeros(moves.shape[1], dtype=bool)
     return np.flatnonzero(moves[sites[end].body] & ~still)
+
+
+LIMBS = {"left_arm": "l_hand", "right_arm": "r_hand", "left_leg": "l_ankle", "right_leg": "r_ankle", "head": "head"}
+"""Limbs by the keypoint at their end."""
+
+
+def joints_by_limb(robot: Robot, anatomy: Anatomy) -> dict[str, tuple[str, ...]]:
+    """The joints of each limb that the robot has, which move its end and no other limb's, fingers with their arm; the others
+    as `torso`."""
+    moves, bodies = carrying(robot.model)[:, robot.dof_index], robot.model.dof_bodyid[robot.dof_index]
+    ends = {limb: moves[anatomy.sites[end].body] for limb, end in LIMBS.items() if end in anatomy.sites}
+    moved = np.sum(list(ends.values()), axis=0)
+    below = {limb: moves[bodies][:, hinges & (moved == 1)].any(axis=1) for limb, hinges in ends.items()}
+    below["torso"] = ~np.any(list(below.values()), axis=0)
+    return {limb: tuple(np.array(robot.joint_names)[which].tolist()) for limb, which in below.items() if which.any()}

@@ -263,6 +263,14 @@ def joint_trajectory(path, model) -> Pose:
     return Pose(np.empty((0, 3)), np.empty((0, 4)), joints, 1 / float(np.median(np.diff(stamps))))
 
 
+def limb_trajectories(path, model) -> Pose:
+    """A message per limb, as a controller per limb takes it."""
+    poses = [joint_trajectory(file, model) for file in sorted(path.glob("*.yaml"))]
+    joints = {name: angles for pose in poses for name, angles in pose.joints.items()}
+    assert len(joints) == sum(len(pose.joints) for pose in poses), "no joint has two controllers"
+    return Pose(poses[0].position, poses[0].wxyz, joints, poses[0].fps)
+
+
 def bag(path, model) -> Pose:
     """The mcap library's reader; bodies by chaining the transforms of /tf, as tf2 does."""
     states, trees = [], []
@@ -389,6 +397,7 @@ READERS = {
     "mujoco-keyframes": keyframes,
     "mujoco-scene": scene,
     "ros-joint-trajectory": joint_trajectory,
+    "ros-limb-trajectories": limb_trajectories,
     "mcap": bag,
     "bvh": bvh,
     "isaaclab-amp": isaaclab_amp,

@@ -241,3 +241,12 @@ def test_a_trunk_of_one_piece_that_stands_over_the_shoulders_ends_in_a_head(tmp_
     sites = places(robot, recognise(robot))
     assert sites["head"] == pytest.approx([0.05, 0, 1.2], abs=0.11)
     assert "head" not in recognise(built(tmp_path, '<geom type="box" size=".1 .1 .25" pos="0 0 .1"/>' + arms)).sites
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_joint_belongs_to_one_limb_and_mirrored_limbs_have_as_many(name: str) -> None:
+    robot = load_robot(ROBOTS[name])
+    limbs = joints_by_limb(robot, recognise(robot))
+    assert sorted(joint for joints in limbs.values() for joint in joints) == sorted(robot.joint_names)
+    for part in ("arm", "leg"):
+        assert len(limbs.get(f"left_{part}", ())) == len(limbs.get(f"right_{part}", ()))

@@ -4,11 +4,13 @@
 differences, at rest at both ends as controllers of ros2_control ask for it.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError, UsageError, install_line
 from robot_retarget.formats.bodies import central
 from robot_retarget.formats.columns import Columns
@@ -24,20 +26,25 @@ NANO = 10**9
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the message (extra `formats`)."""
+    write_message(path, motion.joints, motion.angles, motion.fps)
+
+
+def write_message(path: Path, joints: Sequence[str], angles: Floats, fps: float) -> None:
+    """Write the angles (T, n) of some joints [rad] as a message."""
     yaml = _yaml()
-    rates = central(motion.angles, motion.fps)
+    rates = central(angles, fps)
     rates[[0, -1]] = 0.0
-    stamps = [round(frame / motion.fps * NANO) for frame in range(len(motion))]
+    stamps = [round(frame / fps * NANO) for frame in range(len(angles))]
     message = {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
-        "joint_names": list(motion.joints),
+        "joint_names": list(joints),
         "points": [
             {
-                "positions": angles.tolist(),
+                "positions": row.tolist(),
                 "velocities": speeds.tolist(),
                 "time_from_start": {"sec": stamp // NANO, "nanosec": stamp % NANO},
             }
-            for angles, speeds, stamp in zip(motion.angles, rates, stamps, strict=True)
+            for row, speeds, stamp in zip(angles, rates, stamps, strict=True)
         ],
     }
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -51,10 +58,15 @@ def read(source: TrajectorySource) -> Columns:
     Raises:
         TrajectoryError: it is no YAML, or no JointTrajectory.
     """
+    return read_message(source.text)
+
+
+def read_message(text: str) -> Columns:
+    """Read the text of a message; as `read`."""
     yaml = _yaml()
     try:
-        message: Any = yaml.load(source.text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-        require_tree(message, len(source.text))
+        message: Any = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        require_tree(message, len(text))
         points = [(point["positions"], point["time_from_start"]) for point in message["points"]]
         times = [float(stamp["sec"]) + float(stamp.get("nanosec", 0)) / NANO for _, stamp in points]
     except (yaml.YAMLError, *BROKEN) as error:
