@@ -11,6 +11,7 @@ from shared_files import SHARED, needs_shared
 from robot_retarget.errors import MatchError
 from robot_retarget.keypoints import KEYPOINTS, mirrored
 from robot_retarget.robot import Anatomy, Points, Robot, load_robot, override, recognise, world_points
+from robot_retarget.robot.anatomy import joints_by_limb
 from robot_retarget.robot.links import Links
 
 JUDGED = ["robotis_op3", "unitree_g1", "booster_t1", "toddlerbot_2xc", "unitree_h1"]
@@ -243,9 +244,10 @@ def test_a_trunk_of_one_piece_that_stands_over_the_shoulders_ends_in_a_head(tmp_
     assert "head" not in recognise(built(tmp_path, '<geom type="box" size=".1 .1 .25" pos="0 0 .1"/>' + arms)).sites
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@needs_shared
+@pytest.mark.parametrize("name", JUDGED)
 def test_every_joint_belongs_to_one_limb_and_mirrored_limbs_have_as_many(name: str) -> None:
-    robot = load_robot(ROBOTS[name])
+    robot = shared_robot(name)
     limbs = joints_by_limb(robot, recognise(robot))
     assert sorted(joint for joints in limbs.values() for joint in joints) == sorted(robot.joint_names)
     for part in ("arm", "leg"):
