@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from robot_retarget.scene import read_scene as read_scene
     from robot_retarget.score.score import Score as Score
     from robot_retarget.score.score import score as score
+    from robot_retarget.sequence.build import sequence as sequence
+    from robot_retarget.sequence.build import splice as splice
     from robot_retarget.simulate.report import Report as Report
     from robot_retarget.simulate.rollout import simulate as simulate
     from robot_retarget.solve.live.stream import Stream as Stream
@@ -76,13 +78,15 @@ _HOME = {
     "read_scene": "scene",
     "Score": "score.score",
     "score": "score.score",
+    "sequence": "sequence.build",
+    "splice": "sequence.build",
     "Report": "simulate.report",
     "simulate": "simulate.rollout",
     "Trajectory": "trajectory",
     "load_trajectory": "formats",
     "view": "view.web.page",
 }
-_FOLDERS = ("score", "simulate", "solve", "view")
+_FOLDERS = ("score", "sequence", "simulate", "solve", "view")
 """Folders that have the name of a public function."""
 
 

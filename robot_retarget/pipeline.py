@@ -166,11 +166,29 @@ def transfer(
         TrajectoryError: the trajectory belongs to another robot.
         MatchError: one of the robots is no humanoid.
     """
+    motion = performed(trajectory, source)
+    return carried(
+        motion, robot, fps=fps, weights=weights, preset=preset, legs=legs, balance=balance, progress=progress
+    )
+
+
+def carried(
+    motion: Motion,
+    robot: Robot,
+    *,
+    fps: float | None = None,
+    weights: Weights | None = None,
+    preset: str = "balanced",
+    legs: str = "auto",
+    balance: str = "off",
+    progress: Progress | None = None,
+) -> Result:
+    """Carry the motion of a robot performer over to a robot, as `transfer`."""
     given = weights or Weights()
     exact = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
     kinds = (replace(kind, other=0.0) if isinstance(kind, TouchKind) else kind for kind in KINDS)
     return solve(
-        describe(performed(trajectory, source), robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
+        describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),
         smoothing=Smoothing(proximal=EXACT * Smoothing.proximal),
         legs=legs,

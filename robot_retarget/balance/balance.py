@@ -17,7 +17,7 @@ from robot_retarget.balance.footstep_limits import reachable_footholds, total_st
 from robot_retarget.balance.playback import Balanced, expected_steps, paced
 from robot_retarget.balance.playback_plan import PlaybackClip
 from robot_retarget.balance.stand import balanced_stand, in_place, posed_in_place, stand_places
-from robot_retarget.balance.support import planted_feet, without_small_swings
+from robot_retarget.balance.support import StepRule, planted_feet, without_small_swings
 from robot_retarget.balance.zmp import Steadiness
 from robot_retarget.errors import BalanceError, UsageError, known
 from robot_retarget.graph.describe import RobotGraph, graph_from
@@ -142,7 +142,8 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     """
     graph, fps = ik.graph, ik.graph.fps
     corners = ik.corners(draft)
-    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps)
+    exact = StepRule(speed=0.0) if graph.match.recognition.segments else None  # a robot that performs has flat soles
+    planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact)
     own = stand_places(ik)
     corners = spread(corners, own)
     kept = without_small_swings(planted, corners, ik.leg, fps)

@@ -14,7 +14,6 @@ from robot_retarget import __version__
 from robot_retarget.cli import (
     batch,
     console,
-    cut,
     doctor,
     formats,
     graph,
@@ -23,6 +22,7 @@ from robot_retarget.cli import (
     play,
     run,
     score,
+    sequence,
     servos,
     simulate,
     solve,
@@ -32,7 +32,24 @@ from robot_retarget.cli import (
 )
 from robot_retarget.cli.ending import Interruptible, ending
 
-GROUPS = (info, graph, solve, run, view, mend, cut, simulate, warn, score, batch, formats, play, stream, servos, doctor)
+GROUPS = (
+    info,
+    graph,
+    solve,
+    run,
+    view,
+    mend,
+    sequence,
+    simulate,
+    warn,
+    score,
+    batch,
+    formats,
+    play,
+    stream,
+    servos,
+    doctor,
+)
 
 app: typer.Typer = typer.Typer(
     cls=Interruptible,

@@ -77,7 +77,7 @@ def solve(
     model = load(robot, limits, None, freeze, only)
     with progress({"retarget": retarget_cost(clip)}) as stages:
         result = retargeted(clip, model, options, stages.begin("retarget"))
-    _save(result, output, explain, json)
+    save_solved(result, output, explain, json)
     if own_unmet(result.solution.unmet):
         raise typer.Exit(1)
 
@@ -115,10 +115,10 @@ def transfer(
         result = carried(
             trajectory, performer, follower, fps=fps, preset=preset, legs=legs, balance=balance, progress=begun
         )
-    _save(result, output, explain, json)
+    save_solved(result, output, explain, json)
 
 
-def _save(result: "Result", output: Path, explain: bool, json: bool) -> None:
+def save_solved(result: "Result", output: Path, explain: bool, json: bool) -> None:
     """Write the trajectory and show how it was solved."""
     from robot_retarget.summary import describe_solution
 

@@ -1,6 +1,4 @@
-"""Changes by hand: touch-ups of single frames; cuts, mirrors, repetitions and joins of trajectories."""
+"""Changes by hand: touch-ups of single frames; cuts and mirror images of trajectories."""
 
-from robot_retarget.edit.cuts import joined as joined
 from robot_retarget.edit.cuts import mirrored as mirrored
-from robot_retarget.edit.cuts import repeated as repeated
 from robot_retarget.edit.cuts import trimmed as trimmed

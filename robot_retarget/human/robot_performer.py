@@ -16,7 +16,7 @@ from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.timing import require_same_robot
 from robot_retarget.trajectory import Trajectory
 
-SOLES = StanceRule(enter_speed=0.05, leave_speed=0.08, enter_height=0.005, leave_height=0.01)
+SOLES = StanceRule(enter_speed=0.05, leave_speed=0.1, enter_height=0.005, leave_height=0.01, averaged=0.0)
 """A robot's soles stand lower and stiller than a human's ankles and toes [leg lengths, leg lengths / s]."""
 
 

@@ -15,7 +15,17 @@ from robot_retarget.cli import app
 GROUPS = {
     "Read": ("read_motion", "Motion", "Skeleton", "write_bvh", "read_scene", "Scene", "load_robot", "Robot"),
     "Describe": ("describe", "RobotGraph", "Graph", "match", "Match"),
-    "Solve": ("retarget", "solve", "Result", "Solution", "stream", "Stream", "interaction_distance"),
+    "Solve": (
+        "retarget",
+        "solve",
+        "Result",
+        "Solution",
+        "stream",
+        "Stream",
+        "sequence",
+        "splice",
+        "interaction_distance",
+    ),
     "Judge and look": ("simulate", "Report", "score", "Score", "view"),
     "Files and errors": ("Trajectory", "load_trajectory", "export", "RobotRetargetError"),
 }
