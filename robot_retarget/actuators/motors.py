@@ -16,6 +16,10 @@ FULL_PWM = 885
 """Of the register `goal_pwm`: full duty."""
 CONTINUOUS_SHARE = 0.2
 """Of stall torque and current that may last: the maker's manuals call motions stable at a fifth of stall or less."""
+HEAT_RISE = 50.0
+"""Final temperature rise at the continuous current [K]: from 30 °C to the shutdown at 80 °C."""
+HEAT_TIME = 300.0
+"""Time constant of that warming [s]."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,14 @@ class MotorModel:
     def back_emf(self) -> float:
         """Torque that speed takes away [N m s/rad]."""
         return self.stall_torque / self.no_load_speed
+
+    def stall_at(self, voltage: float) -> float:
+        """Return the torque of full duty at standstill [N m] on a supply [V]."""
+        return self.stall_torque * voltage / self.voltage
+
+    def current(self, duty: float, speed: float, voltage: float) -> float:
+        """Return the current of the winding [A] at a duty and a speed [rad/s] on a supply [V]."""
+        return self.stall_current * (duty * voltage / self.voltage - speed / self.no_load_speed)
 
     def duty_per_error(self, p_gain: int | None = None) -> float:
         """Return the duty per error of the position [1/rad], at the factory's gain by default."""

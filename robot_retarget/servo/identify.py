@@ -210,7 +210,7 @@ def simulated(
     """
     armature, friction, drag, gain = parameters
     motor, gear = servo.type.motor, servo.gear
-    limit = gear * motor.stall_torque * voltage / motor.voltage
+    limit = gear * motor.stall_at(voltage)
     stiffness, brake = (gear * gain * limit * duty for duty in (motor.duty_per_error(), motor.duty_per_speed()))
     load = inertia + gear**2 * armature, gear**2 * drag, gear * friction
     path, angle, speed = [], float(start), 0.0

@@ -17,16 +17,11 @@ import numpy as np
 
 from robot_retarget.actuators.map import Identified
 from robot_retarget.actuators.mechanics import IDENTIFIED, REFERENCE, Mechanics, mechanics_of
-from robot_retarget.actuators.motors import TICKS_PER_TURN, MotorModel, motor_named
+from robot_retarget.actuators.motors import HEAT_RISE, HEAT_TIME, TICKS_PER_TURN, MotorModel, motor_named
 from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.robot.model import Robot
 from robot_retarget.simulate.friction import GearFriction
-
-HEAT_RISE = 50.0
-"""Final temperature rise at the continuous current [K]: from 30 °C to the shutdown at 80 °C."""
-HEAT_TIME = 300.0
-"""Time constant of that warming [s]."""
 
 
 @dataclass(frozen=True, eq=False)

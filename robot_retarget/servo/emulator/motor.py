@@ -5,16 +5,12 @@ from math import exp, sin, tau
 
 from robot_retarget.actuators.control_tables import Model
 from robot_retarget.actuators.mechanics import mechanics_of, next_speed
-from robot_retarget.actuators.motors import FULL_PWM, TICKS_PER_TURN
+from robot_retarget.actuators.motors import FULL_PWM, HEAT_RISE, HEAT_TIME, TICKS_PER_TURN
 from robot_retarget.servo.pendulum import Pendulum
 
 RADIANS = tau / TICKS_PER_TURN
 AMBIENT = 30.0
 """Temperature of the room and of a rested servo [°C]."""
-HEAT_RISE = 9.0
-"""How far a servo warms up per A² in the end [K]."""
-HEAT_TIME = 300.0
-"""How long that takes [s]."""
 OVERLOAD_DUTY = 0.8
 """A servo that puts this part of its supply on the winding ..."""
 OVERLOAD_SPEED = 0.1
@@ -55,18 +51,9 @@ class EmulatedMotor:
     """For how long it has carried more than it can [s]."""
     integral: float = field(default=0.0, repr=False)
 
-    def stiffness(self, voltage: float) -> float:
-        """Torque of full duty at standstill [N m]."""
-        return self.model.motor.stall_torque * voltage / self.model.motor.voltage
-
-    @property
-    def back_emf(self) -> float:
-        """Torque lost per speed [N m s/rad]."""
-        return self.model.motor.back_emf
-
     def torque(self, voltage: float) -> float:
         """Of the winding, before what speed takes away [N m]."""
-        return self.duty * self.stiffness(voltage)
+        return self.duty * self.model.motor.stall_at(voltage)
 
     def carry(self, pendulum: Pendulum, gear: float, hanging: float) -> None:
         """Put a pendulum on the joint behind the gear, that hangs at `hanging` [ticks], with the published mechanics of the servo."""
@@ -78,19 +65,18 @@ class EmulatedMotor:
     def step_plant(self, voltage: float, dt: float) -> None:
         """Step the built-in plant: J ω' = τ(duty) − m g l sin q − d ω − friction (`mechanics.next_speed`)."""
         torque = self.torque(voltage) - self.weight * sin((self.position - self.hanging) * RADIANS / self.gear)
-        drag = self.back_emf + self.damping
+        drag = self.model.motor.back_emf + self.damping
         omega = next_speed(self.velocity * RADIANS, torque, self.inertia, drag, self.friction, dt)
         self.velocity = 0.0 if self.jammed else omega / RADIANS
         self.position += self.velocity * dt
 
     def update_load(self, voltage: float, dt: float) -> None:
         """Current, heat and strain from duty and speed."""
-        back = self.velocity * RADIANS / self.model.motor.no_load_speed
-        share = voltage / self.model.motor.voltage
-        self.current = self.model.motor.stall_current * (self.duty * share - back) if self.duty else 0.0
-        goal = AMBIENT + HEAT_RISE * self.current**2
+        motor, speed = self.model.motor, self.velocity * RADIANS
+        self.current = motor.current(self.duty, speed, voltage) if self.duty else 0.0
+        goal = AMBIENT + HEAT_RISE * (self.current / motor.continuous_current) ** 2
         self.temperature += (goal - self.temperature) * (1 - exp(-dt / HEAT_TIME))
-        stuck = abs(self.duty) >= OVERLOAD_DUTY and abs(back) < OVERLOAD_SPEED
+        stuck = abs(self.duty) >= OVERLOAD_DUTY and abs(speed) < OVERLOAD_SPEED * motor.no_load_speed
         self.strained = self.strained + dt if stuck else 0.0
 
     @property
