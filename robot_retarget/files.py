@@ -3,12 +3,15 @@
 A symbolic link keeps its place: the file that it names is replaced. Devices and pipes are written through.
 """
 
+import csv
+import io
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from robot_retarget.errors import OutputError
 
@@ -47,6 +50,22 @@ def replacing(path: str | Path, mode: int | None = None) -> Iterator[Path]:
     finally:
         if scratch is not None:
             scratch.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a text file whole, as `replacing` does, and return its path."""
+    with replacing(path) as scratch:
+        scratch.write_text(text, encoding="utf-8")
+    return Path(path)
+
+
+def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+    """Write a table with its heads whole, as `replacing` does, and return its path."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return write_text(path, text.getvalue())
 
 
 @contextmanager

@@ -1,134 +1,115 @@
 """`batch`: many clips onto many robots."""
 
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from robot_retarget.cli import console
+from robot_retarget.cli.command import argument, command, option, options
 from robot_retarget.cli.options import (
-    Balance,
-    Fps,
-    Frames,
-    Freeze,
-    Json,
-    Legs,
-    Limits,
-    Only,
-    Overrides,
-    Preset,
-    Quiet,
-    Repair,
-    Up,
+    BALANCE,
+    OUT,
+    FollowOptions,
+    FreezeOptions,
+    LimitOptions,
+    MapOptions,
+    PartOptions,
+    PrintOptions,
+    RateOptions,
 )
 from robot_retarget.errors import OutputError, UsageError, known
 
 if TYPE_CHECKING:
     from robot_retarget.batch.filters import Chosen, Filter
     from robot_retarget.batch.run import Engine, RunPlan, RunSummary
-    from robot_retarget.batch.settings import Job, Shard
+    from robot_retarget.batch.settings import Job, Settings, Shard
 
 commands: typer.Typer = typer.Typer()
 MERGE = "merge"
 RETRIES = ("failed", "timeout", "memory", "crashed")
 
 
-@commands.command(
-    epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set"
+@options
+class BatchOptions(FollowOptions, FreezeOptions, LimitOptions, RateOptions, MapOptions, PartOptions):
+    """Which clips are retargeted onto which robots, how, and where the results go."""
+
+    folders: list[Path] = argument("Folders of motions; or merge, and folders of results.")
+    out: Path = option("Folder for the results; running again continues.", *OUT)
+    robot: list[str] | None = option("As for solve; several --robot for several robots.", "--robot", "-r", default=None)
+    include: list[str] | None = option("Pattern of paths below a folder, such as '*walk*'.", default=None)
+    exclude: list[str] | None = option("Pattern of paths to leave out.", default=None)
+    jobs: int = option("Processes, of one thread each.", "--jobs", "-j", default=os.cpu_count() or 1, min=1)
+    engine: Literal["local", "ray"] = option(
+        "Processes of this machine, or a Ray cluster (extra cluster).", default="local"
+    )
+    address: str | None = option("Of the Ray cluster; without one, Ray starts here.", default=None)
+    shard: str | None = option("I/N: every N-th clip, I from 0 to N - 1.", default=None)
+    retry: list[str] | None = option(f"Repeat clips of a state: {', '.join(RETRIES)}.", default=None)
+    timeout: float = option("Seconds that a clip may take.", default=3600.0, min=0.001)
+    memory: float = option("GiB of memory that a process may take.", default=2.0, min=0.01)
+    dry_run: bool = option(
+        "Print the number of clips and an estimate of the time; run nothing.", "--dry-run", default=False
+    )
+    format: list[str] | None = option("Additional format to write; see export --list.", "--format", "-f", default=None)
+    pack: list[str] | None = option("Format to pack all clips into: locomujoco, phc (SONIC).", default=None)
+    mirror: bool = option("Write the mirror image of every trajectory too.", "--mirror", default=False)
+    filter_file: Path | None = option("TOML file of thresholds; by default the shipped ones.", "--filter", default=None)
+    extremes: int = option("Number of worst and of best clips to draw.", default=2, min=0)
+    balance: Literal["auto", "static", "dynamic", "off"] = option(BALANCE, default="off")
+
+    def settings(self) -> "Settings":
+        """Return what determines the outputs."""
+        from robot_retarget.batch.settings import Settings
+
+        how = Settings(self.fps, self.preset, self.legs, self.balance, self.frames, self.up, self.repair)
+        return replace(
+            how,
+            formats=tuple(self.format or ()),
+            mirror=self.mirror,
+            map_file=_text(self.map_file),
+            limits=_text(self.limits),
+            freeze=tuple(self.freeze or ()),
+            only=self.only,
+        )
+
+    def job(self) -> "Job":
+        """Return the work to do."""
+        from robot_retarget.batch.settings import Allowance, Job
+
+        allowed, retry = Allowance(self.timeout, self.memory), tuple(self.retry or ())
+        include, exclude = tuple(self.include or ()), tuple(self.exclude or ())
+        what = (tuple(self.folders), tuple(self.robot or ()), self.out, self.settings())
+        return Job(*what, allowed, include, exclude, _shard(self.shard), retry)
+
+
+@command(
+    commands,
+    epilog="Example: robot-retarget batch mocap --robot op3 --out set; robot-retarget batch merge set_1 set_2 --out set",
 )
-def batch(
-    folders: Annotated[list[Path], typer.Argument(help="Folders of motions; or merge, and folders of results.")],
-    out: Annotated[
-        Path, typer.Option("-o", "--out", "--output", help="Folder for the results; running again continues.")
-    ],
-    robot: Annotated[
-        list[str] | None, typer.Option("--robot", "-r", help="As for solve; several --robot for several robots.")
-    ] = None,
-    include: Annotated[
-        list[str] | None, typer.Option(help="Pattern of paths below a folder, such as '*walk*'.")
-    ] = None,
-    exclude: Annotated[list[str] | None, typer.Option(help="Pattern of paths to leave out.")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes, of one thread each.")] = os.cpu_count()
-    or 1,
-    engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="Processes of this machine, or a Ray cluster (extra cluster).")
-    ] = "local",
-    address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without one, Ray starts here.")] = None,
-    shard: Annotated[str | None, typer.Option(help="I/N: every N-th clip, I from 0 to N - 1.")] = None,
-    retry: Annotated[list[str] | None, typer.Option(help=f"Repeat clips of a state: {', '.join(RETRIES)}.")] = None,
-    timeout: Annotated[float, typer.Option(min=0.001, help="Seconds that a clip may take.")] = 3600.0,
-    memory: Annotated[float, typer.Option(min=0.01, help="GiB of memory that a process may take.")] = 2.0,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the number of clips and an estimate of the time; run nothing.")
-    ] = False,
-    format: Annotated[
-        list[str] | None, typer.Option("--format", "-f", help="Additional format to write; see export --list.")
-    ] = None,
-    pack: Annotated[
-        list[str] | None, typer.Option(help="Format to pack all clips into: locomujoco, phc (SONIC).")
-    ] = None,
-    mirror: Annotated[bool, typer.Option("--mirror", help="Write the mirror image of every trajectory too.")] = False,
-    filter_file: Annotated[
-        Path | None, typer.Option("--filter", help="TOML file of thresholds; by default the shipped ones.")
-    ] = None,
-    extremes: Annotated[int, typer.Option(min=0, help="Number of worst and of best clips to draw.")] = 2,
-    frames: Frames = None,
-    fps: Fps = None,
-    up: Up = None,
-    repair: Repair = True,
-    map_file: Overrides = None,
-    limits: Limits = None,
-    freeze: Freeze = None,
-    only: Only = None,
-    preset: Preset = "balanced",
-    legs: Legs = "auto",
-    balance: Balance = "off",
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+def batch(how: BatchOptions, printing: PrintOptions) -> None:
     """Retarget and score every motion below some folders; a manifest lets a stopped run continue."""
     from robot_retarget.batch.filters import SHIPPED, read_filters
-    from robot_retarget.batch.settings import Allowance, Job, Settings
 
-    if folders[0] == Path(MERGE) and not folders[0].exists():
-        _merge(folders[1:], out, json)
+    if how.folders[0] == Path(MERGE) and not how.folders[0].exists():
+        _merge(how.folders[1:], how.out, printing)
         return
-    if not robot:
+    if not how.robot:
         raise UsageError("--robot is missing: a shipped name (op3), an MJCF file, or a robot_descriptions name")
-    _require(format, pack, retry)
-    settings = Settings(
-        fps,
-        preset,
-        legs,
-        balance,
-        frames,
-        up,
-        repair,
-        tuple(format or ()),
-        mirror,
-        _text(map_file),
-        _text(limits),
-        tuple(freeze or ()),
-        only,
-    )
-    job = Job(
-        tuple(folders), tuple(robot), out, settings, Allowance(timeout, memory), tuple(include or ()), tuple(exclude or ()),
-        _shard(shard), tuple(retry or ()),
-    )  # fmt: skip
-    filters = list(read_filters(filter_file or SHIPPED).values())
-    if dry_run:
-        _estimate(job, jobs, json)
+    _require(how)
+    job, filters = how.job(), list(read_filters(how.filter_file or SHIPPED).values())
+    if how.dry_run:
+        _estimate(job, how.jobs, printing)
         return
-    ended, chosen = _run(job, _engine(engine, jobs, address), filters, extremes, pack or [])
-    _tell(job, ended, chosen, json)
+    ended, chosen = _run(job, how, filters)
+    _show(job, ended, chosen, printing)
     raise typer.Exit(130 if ended.stopped else 1 if ended.failures else 0)
 
 
-def _run(
-    job: "Job", engine: "Engine", filters: "list[Filter]", extremes: int, pack: list[str]
-) -> "tuple[RunSummary, list[Chosen]]":
+def _run(job: "Job", how: BatchOptions, filters: "list[Filter]") -> "tuple[RunSummary, list[Chosen]]":
     """Perform a job with a bar, stopped gently by the first Ctrl-C and at once by the second."""
     from robot_retarget.batch.manifest import Manifest
     from robot_retarget.batch.pack import pack_all
@@ -149,16 +130,17 @@ def _run(
                 raise KeyboardInterrupt(f"finished clips are kept in {out}; run it again to continue")
             return interrupts.count > 0
 
-        with interrupts.listening(), tally(len(plan.tasks), stopping) as told:
-            ended = perform_all(plan, manifest, job, engine, lambda outcome: told(outcome.state == "done"), stopping)
+        engine = _engine(how.engine, how.jobs, how.address)
+        with interrupts.listening(), tally(len(plan.tasks), stopping) as report:
+            ended = perform_all(plan, manifest, job, engine, lambda outcome: report(outcome.state == "done"), stopping)
         every = list(manifest.rows())
         rows = [row for row in every if plan.is_current(row)]
         if len(rows) < len(every):
             console.note(
                 f"{len(every) - len(rows)} rows are not in the lists: their clips are gone, or they were made with other options"
             )
-        chosen = write_reports(rows, filters, job, 0 if ended.stopped else extremes)
-        for format in pack:
+        chosen = write_reports(rows, filters, job, 0 if ended.stopped else how.extremes)
+        for format in how.pack or ():
             console.note(f"packed {pack_all(rows, job, format)}")
     return ended, chosen
 
@@ -175,8 +157,8 @@ def _say_plan(plan: "RunPlan") -> None:
     console.to_stderr(f"{plan.total} clips × robots: {plan.kept} finished, {len(plan.tasks)} to do{anew}")
 
 
-def _tell(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", json: bool) -> None:
-    if json:
+def _show(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", printing: PrintOptions) -> None:
+    if printing.json:
         failures = [{"robot": r.robot, "clip": r.clip, "state": r.state, "message": r.message} for r in ended.failures]
         passed = {one.filter.name: len(one.passed) for one in chosen}
         facts = {"out": str(job.out), "states": dict(ended.states), "stopped": ended.stopped}
@@ -191,7 +173,7 @@ def _tell(job: "Job", ended: "RunSummary", chosen: "list[Chosen]", json: bool) -
     console.say(f"wrote summary.html, summary.csv, index.jsonl and lists/ in {job.out}")
 
 
-def _estimate(job: "Job", jobs: int, json: bool) -> None:
+def _estimate(job: "Job", jobs: int, printing: PrintOptions) -> None:
     """Print the number of tasks and their estimated duration. Only the manifest of an existing folder is touched."""
     import tempfile
 
@@ -203,35 +185,30 @@ def _estimate(job: "Job", jobs: int, json: bool) -> None:
         place = job.out if (job.out / NAME).is_file() else Path(scratch)
         with Manifest(place) as manifest:
             found = estimate(plan_of(job, manifest), manifest)
-    if json:
-        console.dump({**vars(found), "jobs": jobs, "hours": round(found.hours(jobs), 3)})
-        return
     by = "measured on this folder" if found.measured else "a G1 at 30 frames/s on a core of 2.5 GHz"
-    console.say(f"{found.tasks} clips × robots to do, {found.kept} finished")
-    console.say(
-        f"{found.motion_seconds / 3600:.2f} h of motion, about {found.hours(jobs):.2f} h on {jobs} processes ({by})"
-    )
+    hours = f"{found.motion_seconds / 3600:.2f} h of motion, about {found.hours(jobs):.2f} h on {jobs} processes ({by})"
+    facts = {**vars(found), "jobs": jobs, "hours": round(found.hours(jobs), 3)}
+    printing.result(facts, f"{found.tasks} clips × robots to do, {found.kept} finished\n{hours}")
 
 
-def _merge(parts: list[Path], out: Path, json: bool) -> None:
+def _merge(parts: list[Path], out: Path, printing: PrintOptions) -> None:
     from robot_retarget.batch.merge import merge
 
     if not parts:
         raise UsageError("merge takes folders of results: batch merge A B --out ALL")
     count = merge(parts, out)
-    console.show_result(
-        {"out": str(out), "rows": count}, f"{count} rows in {out}; run batch on it again for the summary", json
-    )
+    printing.result({"out": str(out), "rows": count}, f"{count} rows in {out}; run batch on it again for the summary")
 
 
-def _require(format: list[str] | None, pack: list[str] | None, retry: list[str] | None) -> None:
+def _require(how: BatchOptions) -> None:
     from robot_retarget.batch.pack import PACKED
     from robot_retarget.formats import FORMATS
 
-    for option, given, names in (("--format", format, FORMATS), ("--pack", pack, PACKED), ("--retry", retry, RETRIES)):
-        strange = [name for name in given or () if name not in names]
+    lists = (("--format", how.format, FORMATS), ("--pack", how.pack, PACKED), ("--retry", how.retry, RETRIES))
+    for name, given, names in lists:
+        strange = [each for each in given or () if each not in names]
         if strange:
-            raise UsageError(f"{option}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
+            raise UsageError(f"{name}: {strange[0]!r}; {known(names, 40, typed=strange[0])}")
 
 
 def _shard(text: str | None) -> "Shard":

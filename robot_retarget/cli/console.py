@@ -207,8 +207,9 @@ def show_playback(figures: dict[str, Any]) -> None:
     table("Played", ("what", "value"), rows)
 
 
-def show_warnings(events: Sequence[dict[str, Any]], figures: dict[str, Any]) -> None:
+def show_warnings(facts: dict[str, Any]) -> None:
     """Print the events of a trajectory's warnings, a line each."""
+    events, figures = facts["events"], facts["figures"]
     frames, fps = figures["frames"], figures["fps"]
     say(f"{figures['events']} warnings in {frames} frames at {fps:g} fps, {figures['contacts']} ended in contact")
     rows = [
@@ -268,14 +269,6 @@ def show_score(score: "Score") -> None:
         say(f"do not apply: {', '.join(missing)}")
     for sentence in score.notes:
         note(sentence)
-
-
-def show_result(facts: dict[str, Any], sentence: str, json: bool) -> None:
-    """Print a result as JSON or as a sentence."""
-    if json:
-        dump(facts)
-    else:
-        say(sentence)
 
 
 def dump(value: Any, side: bool = False) -> None:

@@ -1,16 +1,17 @@
 """`export`, `import`, `convert`: motions of robots in the formats of others."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, TrajectoryFile
-from robot_retarget.cli.stages import load
+from robot_retarget.cli.command import argument, command, option, options
+from robot_retarget.cli.options import OUT, OutputOptions, PrintOptions, RobotOptions, TrajectoryOptions
 
 if TYPE_CHECKING:
     from robot_retarget.formats import FormatOptions
+    from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()
 
@@ -28,114 +29,146 @@ def _list(wanted: bool) -> None:
     raise typer.Exit
 
 
-MotionOfRobot = Annotated[Path, typer.Argument(help="File or folder with the motion of a robot.")]
-FileFormat = Annotated[
-    str | None, typer.Option("--format", "-f", help="Its format; found out by default. export --list names all.")
-]
-Rate = Annotated[float | None, typer.Option(help="Frames per second of the output; resampled, the root by slerp.")]
-SourceRate = Annotated[float | None, typer.Option(help="Frames per second of a file that says none, or says it wrong.")]
-Joints = Annotated[
-    str | None,
-    typer.Option(help="Names of the joint columns in their order, a,b,…, or a file of them; _ for one to leave out."),
-]
-Quaternion = Annotated[
-    str | None, typer.Option(help="wxyz or xyzw: the root's order in a file that has another than its format.")
-]
-Servos = Annotated[str | None, typer.Option(help="Servo map of servo-ticks: a shipped robot's name or a TOML file.")]
-List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="Print the known formats and exit.")]
+@options
+class FileOptions:
+    """A file of others."""
+
+    file: Path = argument("File or folder with the motion of a robot.")
 
 
-@commands.command(epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
+@options
+class KnownOptions:
+    """The format of a file."""
+
+    format: str | None = option(
+        "Its format; found out by default. export --list names all.", "--format", "-f", default=None
+    )
+
+
+@options
+class JointOptions:
+    """The columns of a file."""
+
+    joints: str | None = option(
+        "Names of the joint columns in their order, a,b,…, or a file of them; _ for one to leave out.", default=None
+    )
+
+
+@options
+class ColumnOptions(JointOptions):
+    """What the columns of a file hold."""
+
+    quaternion: str | None = option(
+        "wxyz or xyzw: the root's order in a file that has another than its format.", default=None
+    )
+
+
+@options
+class WriteOptions:
+    """How a file is written."""
+
+    fps: float | None = option("Frames per second of the output; resampled, the root by slerp.", default=None)
+    servos: str | None = option("Servo map of servo-ticks: a shipped robot's name or a TOML file.", default=None)
+
+
+@options
+class ImportOptions(ColumnOptions, WriteOptions):
+    """How a file of others is read."""
+
+    source_fps: float | None = option("Frames per second of a file that says none, or says it wrong.", default=None)
+
+
+@options
+class FileOutputOptions:
+    """Where a motion goes."""
+
+    output: Path = option("The file or folder to write.", *OUT)
+
+
+@command(commands, epilog="Example: robot-retarget export dance.npz --robot op3 --format csv -o dance.csv")
 def export(
-    trajectory: TrajectoryFile,
-    robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file or folder to write.")],
+    source: TrajectoryOptions,
+    robot: RobotOptions,
+    to: FileOutputOptions,
+    written: WriteOptions,
+    columns: JointOptions,
+    printing: PrintOptions,
     format: Annotated[str, typer.Option("--format", "-f", help="See --list.")] = "csv",
-    fps: Rate = None,
-    joints: Joints = None,
-    servos: Servos = None,
-    limits: Limits = None,
-    json: Json = False,
-    quiet: Quiet = False,
-    list: List = False,
+    list: Annotated[
+        bool, typer.Option("--list", callback=_list, is_eager=True, help="Print the known formats and exit.")
+    ] = False,
 ) -> None:
     """Write a trajectory in a format that others read."""
     from robot_retarget.formats import export as write
     from robot_retarget.trajectory import load_trajectory
 
-    options = options_of(joints, fps, servos)
-    write(load_trajectory(trajectory), load(robot, limits), format, output, options)
-    console.show_result({"output": str(output), "format": format}, f"wrote {output}", json)
+    options = options_of(columns.joints, written.fps, written.servos)
+    write(load_trajectory(source.trajectory), robot.load(), format, to.output, options)
+    printing.result({"output": str(to.output), "format": format}, f"wrote {to.output}")
 
 
-@commands.command(
-    "import", epilog="Example: robot-retarget import dance.pkl --robot unitree_g1.xml --format gmr -o dance.npz"
+@command(
+    commands,
+    "import",
+    epilog="Example: robot-retarget import dance.pkl --robot unitree_g1.xml --format gmr -o dance.npz",
 )
 def import_(
-    file: MotionOfRobot,
-    robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
-    format: FileFormat = None,
-    fps: Rate = None,
-    source_fps: SourceRate = None,
-    joints: Joints = None,
-    quaternion: Quaternion = None,
-    servos: Servos = None,
-    limits: Limits = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    source: FileOptions,
+    robot: RobotOptions,
+    to: OutputOptions,
+    known: KnownOptions,
+    made: ImportOptions,
+    printing: PrintOptions,
 ) -> None:
     """Read the motion of a robot that others made, for warn, simulate, view and play."""
     from robot_retarget.formats import import_motion
 
-    trajectory = import_motion(
-        file, load(robot, limits), format, options_of(joints, fps, servos, source_fps, quaternion)
-    )
-    for note in trajectory.notes:
-        console.note(note)
-    trajectory.save(output)
-    facts = {"output": str(output), "frames": len(trajectory), "fps": trajectory.fps, "notes": list(trajectory.notes)}
-    console.show_result(
-        facts, f"wrote {output}: {len(trajectory)} frames at {trajectory.fps:g} frames per second", json
-    )
+    options = options_of(made.joints, made.fps, made.servos, made.source_fps, made.quaternion)
+    trajectory = import_motion(source.file, robot.load(), known.format, options)
+    facts = _noted(trajectory) | {"output": str(to.output), "fps": trajectory.fps}
+    trajectory.save(to.output)
+    frames = f"{len(trajectory)} frames at {trajectory.fps:g} frames per second"
+    printing.result(facts, f"wrote {to.output}: {frames}")
 
 
-@commands.command(
-    epilog="Example: robot-retarget convert dance.csv --from unitree --to mjlab --robot unitree_g1.xml -o dance.npz"
+@options
+class ConvertOptions(ImportOptions):
+    """Formats of a motion before and after."""
+
+    to: str = option("Format to write; export --list names all.", "--to", "-t")
+    source: str | None = option("Format to read; found out by default.", "--from", "-f", default=None)
+    to_joints: str | None = option("As --joints, for the output.", default=None)
+
+
+@command(
+    commands,
+    epilog="Example: robot-retarget convert dance.csv --from unitree --to mjlab --robot unitree_g1.xml -o dance.npz",
 )
 def convert(
-    file: MotionOfRobot,
-    robot: RobotName,
-    to: Annotated[str, typer.Option("--to", "-t", help="Format to write; export --list names all.")],
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file or folder to write.")],
-    source: Annotated[str | None, typer.Option("--from", "-f", help="Format to read; found out by default.")] = None,
-    fps: Rate = None,
-    source_fps: SourceRate = None,
-    joints: Joints = None,
-    quaternion: Quaternion = None,
-    to_joints: Annotated[str | None, typer.Option(help="As --joints, for the output.")] = None,
-    servos: Servos = None,
-    limits: Limits = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    source: FileOptions, robot: RobotOptions, to: FileOutputOptions, how: ConvertOptions, printing: PrintOptions
 ) -> None:
     """Read a motion in one format and write it in another."""
     from robot_retarget.formats import export as write
     from robot_retarget.formats import import_motion
 
-    model = load(robot, limits)
-    trajectory = import_motion(file, model, source, options_of(joints, None, servos, source_fps, quaternion))
+    model, read = robot.load(), options_of(how.joints, None, how.servos, how.source_fps, how.quaternion)
+    trajectory = import_motion(source.file, model, how.source, read)
+    facts = _noted(trajectory) | {"output": str(to.output), "format": how.to}
+    write(trajectory, model, how.to, to.output, options_of(how.to_joints, how.fps, how.servos))
+    printing.result(facts, f"wrote {to.output}")
+
+
+def _noted(trajectory: "Trajectory") -> dict[str, Any]:
+    """Print the notes of a trajectory and return what `--json` says of it."""
     for note in trajectory.notes:
         console.note(note)
-    write(trajectory, model, to, output, options_of(to_joints, fps, servos))
-    facts = {"output": str(output), "format": to, "frames": len(trajectory), "notes": list(trajectory.notes)}
-    console.show_result(facts, f"wrote {output}", json)
+    return {"frames": len(trajectory), "notes": [*trajectory.notes]}
 
 
 def options_of(
     joints: str | None,
-    fps: float | None,
-    servos: str | None,
+    fps: float | None = None,
+    servos: str | None = None,
     source_fps: float | None = None,
     quaternion: str | None = None,
 ) -> "FormatOptions":
@@ -146,7 +179,7 @@ def options_of(
 
 
 def _names(joints: str | None) -> tuple[str, ...] | None:
-    """The names in a list with commas, or in a file, one a line or with commas."""
+    """Return the names in a list with commas, or in a file, one a line or with commas."""
     if joints is None:
         return None
     text = Path(joints).read_text(encoding="utf-8") if "," not in joints and Path(joints).is_file() else joints

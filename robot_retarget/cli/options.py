@@ -1,153 +1,322 @@
-"""Options and arguments that several commands share."""
+"""Groups of options that several commands share, and what commands make of them."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Any, Literal
 
 from robot_retarget.cli import console
+from robot_retarget.cli.command import argument, option, options
 from robot_retarget.cli.kinds import require_motion, require_trajectory
+from robot_retarget.errors import UsageError
+
+if TYPE_CHECKING:
+    from robot_retarget.actuators.map import ServoMap
+    from robot_retarget.graph.describe import RobotGraph
+    from robot_retarget.motion import Motion
+    from robot_retarget.progress import Progress
+    from robot_retarget.result import Result
+    from robot_retarget.robot import Robot
 
 DEFAULT_ROBOT = "op3"
+ROBOT = "A shipped name (op3), an MJCF file, or a robot_descriptions name"
+BALANCE = (
+    "static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
+    "servos.toml and for legs that stand."
+)
+OUT = ("-o", "--out", "--output")
 
 
 def named_robot(name: str) -> str:
-    """The robot that was named, or `DEFAULT_ROBOT` with a note."""
+    """Return the robot that was named, or `DEFAULT_ROBOT` with a note."""
     if not name:
         console.note(f"no --robot given: {DEFAULT_ROBOT} is used")
     return name or DEFAULT_ROBOT
 
 
-MotionFile = Annotated[
-    Path,
-    typer.Argument(
-        callback=require_motion,
-        help="A motion: BVH, AMC, C3D, glTF, GLB, VRMA, SMPL or AMASS, DeepMimic, HumanML3D, landmarks, joint positions; "
-        "FILE#NAME where a file holds several.",
-    ),
-]
-SourceFps = Annotated[
-    float | None, typer.Option(help="Frames per second of the motion file; overrides the stored rate.")
-]
-BodyModel = Annotated[
-    Path | None, typer.Option(help="Your .npz of an SMPL model, for the skeleton of SMPL parameters; else a mean one.")
-]
-TrajectoryFile = Annotated[
-    Path, typer.Argument(callback=require_trajectory, help="Trajectory .npz, as solve writes it.")
-]
-RobotName = Annotated[
-    str, typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name.")
-]
-DefaultRobot = Annotated[
-    str,
-    typer.Option(
-        "--robot",
-        "-r",
-        callback=named_robot,
-        help=f"A shipped name (op3), an MJCF file, or a robot_descriptions name; by default {DEFAULT_ROBOT}.",
-    ),
-]
-SceneFile = Annotated[
-    Path | None,
-    typer.Option("--scene", help="Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md)."),
-]
-SceneScale = Annotated[
-    str,
-    typer.Option(
-        help="Size of the bodies beside the robot: `human` scales them with the human, 1 keeps their size, or a number."
-    ),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Quiet = Annotated[
-    bool,
-    typer.Option(
+@options
+class PrintOptions:
+    """What a command prints; `quiet` has done its work when the command begins."""
+
+    json: bool = option("Print JSON.", "--json", default=False)
+    quiet: bool = option(
+        "Say nothing but errors, and what --json prints.",
         "--quiet",
         "-q",
+        default=False,
         callback=console.set_quiet,
         is_eager=True,
-        help="Say nothing but errors, and what --json prints.",
-    ),
-]
-"""Has done its work when the command begins."""
-Frames = Annotated[
-    str | None,
-    typer.Option(help="Part of the clip: START:STOP in frames (30:90) or seconds (1s:3s), after what reading drops."),
-]
-Fps = Annotated[
-    float | None, typer.Option(help="Frames per second of the trajectory; by default the motion's own, 30 at most.")
-]
-Overrides = Annotated[Path | None, typer.Option("--map", help="TOML file that replaces lines of the keypoint map.")]
-Thresholds = Annotated[Path | None, typer.Option(help="TOML file with thresholds of the verdict.")]
-Legs = Annotated[
-    Literal["auto", "follow", "stand"],
-    typer.Option(
-        help="follow the human's legs, or stand with both feet in place; auto follows if the result is like the human."
-    ),
-]
-Balance = Annotated[
-    Literal["auto", "static", "dynamic", "off"],
-    typer.Option(
-        help="static (centre of mass over the soles), dynamic (zero moment point), off; auto: static for robots with a "
-        "servos.toml and for legs that stand."
-    ),
-]
-Preset = Annotated[
-    Literal["directions", "balanced", "distances"],
-    typer.Option(
+    )
+
+    def show(self, facts: Any, show: Callable[[Any], None]) -> None:
+        """Print facts as JSON, or in words."""
+        console.dump(facts) if self.json else show(facts)
+
+    def result(self, facts: dict[str, Any], sentence: str) -> None:
+        """Print a result as JSON, or as a sentence."""
+        self.show(facts, lambda _: console.say(sentence))
+
+
+@options
+class PartOptions:
+    """Which part of a clip is read, and how."""
+
+    frames: str | None = option(
+        "Part of the clip: START:STOP in frames (30:90) or seconds (1s:3s), after what reading drops.", default=None
+    )
+    up: str | None = option(
+        "The axis of the file that points up (x, y, z, -y …); by default inferred from the poses.", default=None
+    )
+    repair: bool = option(
+        "Repair defects of the motion (jumps, gaps under 0.3 s, noise), or only report them.",
+        "--repair/--no-repair",
+        default=True,
+    )
+
+
+@options
+class ReadOptions(PartOptions):
+    """How the file of a clip is read."""
+
+    source_fps: float | None = option("Frames per second of the motion file; overrides the stored rate.", default=None)
+    body_model: Path | None = option(
+        "Your .npz of an SMPL model, for the skeleton of SMPL parameters; else a mean one.", default=None
+    )
+    height: float | None = option(
+        "Stature of the human [m], which sets the scale; by default the unit of the file.", default=None
+    )
+
+    def read(self, path: Path) -> "Motion":
+        """Return the motion of a file, or the wanted part of it."""
+        from robot_retarget.motion import read_motion
+        from robot_retarget.motion.span import part_of
+
+        motion = read_motion(
+            path, fps=self.source_fps, body_model=self.body_model, up=self.up, repair=self.repair, height=self.height
+        )
+        return part_of(motion, self.frames)
+
+
+@options
+class ClipOptions(ReadOptions):
+    """The motion of a human."""
+
+    motion: Path = argument(
+        "A motion: BVH, AMC, C3D, glTF, GLB, VRMA, SMPL or AMASS, DeepMimic, HumanML3D, landmarks, joint positions; "
+        "FILE#NAME where a file holds several.",
+        callback=require_motion,
+    )
+
+    def load(self) -> "Motion":
+        """Return the motion."""
+        return self.read(self.motion)
+
+
+@options
+class TrajectoryOptions:
+    """The trajectory that a command takes."""
+
+    trajectory: Path = argument("Trajectory .npz, as solve writes it.", callback=require_trajectory)
+
+
+@options
+class LimitOptions:
+    """Limits of a robot's joints."""
+
+    limits: Path | None = option("TOML file with joint ranges, speeds and torques the MJCF lacks.", default=None)
+
+
+@options
+class RobotOptions(LimitOptions):
+    """A robot."""
+
+    robot: str = option(f"{ROBOT}.", "--robot", "-r")
+
+    def load(self, servos: str | None = None) -> "Robot":
+        """Return the robot, with the limits and servos that its model lacks."""
+        return load(self.robot, self.limits, servos)
+
+
+@options
+class FreezeOptions:
+    """Joints of a robot that do not move."""
+
+    freeze: list[str] | None = option(
+        "Joints that keep their standing angle, waist_*, or another, waist_yaw_joint=0.2 [rad]; repeatable.",
+        default=None,
+    )
+    only: Literal["arms", "upper"] | None = option(
+        "Move the arms alone, or all but the legs; the other joints keep their standing angles.", default=None
+    )
+
+    def of(self, robot: "Robot") -> "Robot":
+        """Return a robot with these joints frozen."""
+        from robot_retarget.robot import freeze
+
+        return freeze(robot, self.freeze or (), self.only)
+
+
+@options
+class DefaultRobotOptions(FreezeOptions, RobotOptions):
+    """A robot, by default the shipped one."""
+
+    robot: str = option(f"{ROBOT}; by default {DEFAULT_ROBOT}.", "--robot", "-r", default="", callback=named_robot)
+
+    def load(self, servos: str | None = None) -> "Robot":
+        """Return the robot, with the limits and servos that its model lacks, some joints frozen."""
+        return self.of(super().load(servos))
+
+
+@options
+class MapOptions:
+    """A map of keypoints."""
+
+    map_file: Path | None = option("TOML file that replaces lines of the keypoint map.", "--map", default=None)
+
+
+@options
+class RateOptions:
+    """How finely the trajectory is solved."""
+
+    fps: float | None = option(
+        "Frames per second of the trajectory; by default the motion's own, 30 at most.", default=None
+    )
+    preset: Literal["directions", "balanced", "distances"] = option(
+        "Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
         "--preset",
         "--favour",
-        help="Weights: favour directions of limbs, distances between parts, or the blend that looks best.",
-    ),
-]
-Edges = Annotated[Path | None, typer.Option(help="TOML file of edges to add, weigh or drop.")]
-Freeze = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Joints that keep their standing angle, waist_*, or another, waist_yaw_joint=0.2 [rad]; repeatable."
-    ),
-]
-Only = Annotated[
-    Literal["arms", "upper"] | None,
-    typer.Option(help="Move the arms alone, or all but the legs; the other joints keep their standing angles."),
-]
-Limits = Annotated[Path | None, typer.Option(help="TOML file with joint ranges, speeds and torques the MJCF lacks.")]
-Servos = Annotated[
-    str | None,
-    typer.Option(
+        default="balanced",
+    )
+
+
+@options
+class BalancedOptions:
+    """What holds the robot upright."""
+
+    balance: Literal["auto", "static", "dynamic", "off"] = option(BALANCE, default="auto")
+
+
+@options
+class FollowOptions(BalancedOptions):
+    """What the legs do."""
+
+    legs: Literal["auto", "follow", "stand"] = option(
+        "follow the human's legs, or stand with both feet in place; auto follows if the result is like the human.",
+        default="auto",
+    )
+
+
+@options
+class GraphOptions(RateOptions, MapOptions):
+    """What the graph of a motion on a robot holds."""
+
+    scene: Path | None = option(
+        "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", "--scene", default=None
+    )
+    scene_scale: str = option(
+        "Size of the bodies beside the robot: `human` scales them with the human, 1 keeps their size, or a number.",
+        default="human",
+    )
+
+    def describe(self, motion: "Motion", robot: "Robot") -> "RobotGraph":
+        """Return the graph of a motion on a robot."""
+        from robot_retarget.graph.describe import describe
+
+        scale, what = self._scale(), (motion, robot)
+        return describe(
+            *what, fps=self.fps, overrides=self.map_file, preset=self.preset, scene=self.scene, scene_scale=scale
+        )
+
+    def _scale(self) -> float | None:
+        """Return the size of bodies beside the robot over their captured size; None for `human`."""
+        try:
+            scale = None if self.scene_scale == "human" else float(self.scene_scale)
+        except ValueError:
+            scale = 0.0
+        if scale is not None and not 0 < scale < float("inf"):
+            raise UsageError(f"--scene-scale takes human, 1 or another positive number, got {self.scene_scale!r}")
+        return scale
+
+
+@options
+class EditedGraphOptions(GraphOptions):
+    """What the graph of a motion on a robot holds, with edits of the user."""
+
+    edges: Path | None = option("TOML file of edges to add, weigh or drop.", default=None)
+
+    def describe(self, motion: "Motion", robot: "Robot") -> "RobotGraph":
+        """Return the graph of a motion on a robot, edited."""
+        from robot_retarget.graph.edits import edited, read_edits
+
+        edits = read_edits(self.edges) if self.edges else []
+        return edited(super().describe(motion, robot), edits)
+
+
+@options
+class JudgeOptions:
+    """How a trajectory is judged."""
+
+    feedback: bool | None = option(
+        "Judge goals with the balance feedback of the servo map's sensor; by default where the robot stands free and the map has one.",
+        "--feedback/--no-feedback",
+        default=None,
+    )
+    draws: int = option(
+        "Worlds with other mass, friction, servos and tilt that it has to stay upright in, nine of ten; 0: none.",
+        default=10,
+        min=0,
+    )
+
+
+@options
+class ServoOptions:
+    """The servos of a robot, where they are not in its folder."""
+
+    servos: str | None = option(
+        "Servo map (.toml) or name of a shipped robot; by default servos.toml in the folder of the MJCF.",
         "--servos",
         "-s",
-        help="Servo map (.toml) or name of a shipped robot; by default servos.toml in the folder of the MJCF.",
-    ),
-]
-Port = Annotated[str, typer.Option("--port", "-p", help="Serial port, or that of an emulator.")]
-Baud = Annotated[int | None, typer.Option(help="Baud rate; the map's by default.")]
-Height = Annotated[
-    float | None,
-    typer.Option(help="Stature of the human [m], which sets the scale; by default the unit of the file."),
-]
-Up = Annotated[
-    str | None,
-    typer.Option(help="The axis of the file that points up (x, y, z, -y …); by default inferred from the poses."),
-]
-Force = Annotated[bool, typer.Option("--force", help="Accept a motion other than the source of the trajectory.")]
-Repair = Annotated[
-    bool,
-    typer.Option(
-        "--repair/--no-repair",
-        help="Repair defects of the motion (jumps, gaps under 0.3 s, noise), or only report them.",
-    ),
-]
-Feedback = Annotated[
-    bool | None,
-    typer.Option(
-        "--feedback/--no-feedback",
-        help="Judge goals with the balance feedback of the servo map's sensor; by default where the robot stands free and the map has one.",
-    ),
-]
-Draws = Annotated[
-    int,
-    typer.Option(
-        min=0,
-        help="Worlds with other mass, friction, servos and tilt that it has to stay upright in, nine of ten; 0: none.",
-    ),
-]
+        default=None,
+    )
+
+
+@options
+class BaudOptions:
+    """The rate of a bus."""
+
+    baud: int | None = option("Baud rate; the map's by default.", default=None)
+
+    def map_of(self, name: str) -> "ServoMap":
+        """Return a servo map with the wanted baud rate."""
+        from robot_retarget.actuators.map import load_map
+
+        servo_map = load_map(name)
+        return replace(servo_map, baud=self.baud) if self.baud else servo_map
+
+
+@options
+class OutputOptions:
+    """The trajectory that a command writes."""
+
+    output: Path = option("The trajectory to write (.npz).", *OUT)
+
+
+@options
+class ForceOptions:
+    """Whether a trajectory may come from another motion."""
+
+    force: bool = option("Accept a motion other than the source of the trajectory.", "--force", default=False)
+
+
+def load(name: str, limits: Path | None = None, servos: str | None = None) -> "Robot":
+    """Return a robot by name or file, with missing limits and servos from separate files."""
+    from robot_retarget.robot import load_robot
+
+    return load_robot(name, limits, servos)
+
+
+def solved(graph: "RobotGraph", how: FollowOptions, progress: "Progress") -> "Result":
+    """Return the trajectory of a graph."""
+    from robot_retarget.pipeline import solve
+
+    return solve(graph, legs=how.legs, balance=how.balance, progress=progress)

@@ -1,16 +1,17 @@
 """`play`: a trajectory on Dynamixel servos."""
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Baud, Json, Port, Quiet, TrajectoryFile
-from robot_retarget.cli.stages import judged_plain, load
+from robot_retarget.cli.command import command, option, options
+from robot_retarget.cli.options import BaudOptions, PrintOptions, TrajectoryOptions, load
+from robot_retarget.cli.stages import judged_plain
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,96 +28,88 @@ OPEN_LOOP = (
 ALTERED = "--rate, --speed, --loop, --from and --to alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
 
 
-@commands.command(epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
-def play(
-    trajectory: TrajectoryFile,
-    servos: Annotated[str, typer.Option("--servos", "-s", help="A shipped robot's name (op3) or a servo map (.toml).")],
-    port: Port = "",
-    report: Annotated[
-        Path | None, typer.Option(help="Report of the trajectory; by default the one in its folder.")
-    ] = None,
-    loose: Annotated[
-        bool, typer.Option("--loose-thresholds", help="Accept a pass under thresholds above the defaults.")
-    ] = False,
-    feedback: Annotated[bool, typer.Option(help="Play the balance feedback of goals that were judged with it.")] = True,
-    plain: Annotated[
-        bool, typer.Option("--plain", help="Simulate the plain trajectory, and send it if it passes.")
-    ] = False,
-    unsafe: Annotated[bool, typer.Option("--unsafe", help="Play without a passing report.")] = False,
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", "-r", help="With --plain: the robot to simulate; by default the trajectory's."),
-    ] = None,
-    mode: Annotated[
-        Literal["free", "pinned"], typer.Option(help="free (on a floor), or pinned: the robot is held by its pelvis.")
-    ] = "free",
-    rate: Annotated[
-        float | None, typer.Option(min=10, max=1000, help="With --plain or --unsafe: ticks a second, 125 by default.")
-    ] = None,
-    speed: Annotated[float, typer.Option(help="With --plain or --unsafe: factor of the trajectory's speed.")] = 1.0,
-    loop: Annotated[int, typer.Option(help="With --plain or --unsafe: number of repetitions.")] = 1,
-    start: Annotated[float, typer.Option("--from", help="With --plain or --unsafe: begin here [s].")] = 0.0,
-    stop: Annotated[float | None, typer.Option("--to", help="With --plain or --unsafe: end here [s].")] = None,
-    baud: Baud = None,
-    log: Annotated[Path, typer.Option(help="The log to write (.npz).")] = Path("play.npz"),
-    end_pose: Annotated[bool, typer.Option(help="Go to the map's stop pose at the end.")] = True,
-    release: Annotated[bool, typer.Option("--release", help="Switch torque off at the end.")] = False,
-    test_lean: Annotated[
-        bool,
-        typer.Option(help="With feedback: lean 3° right and ahead first, and compare the inertial sensor with that."),
-    ] = True,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Start the test lean without a question.")] = False,
-    grace: Annotated[
-        float, typer.Option(help="After Ctrl-C: time to hold the pose; a second Ctrl-C switches torque off [s].")
-    ] = 10.0,
-    wait: Annotated[float, typer.Option(min=0, help="Longest wait for a missing port [s].")] = 5.0,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, move nothing.")] = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@options
+class PlayOptions(BaudOptions, TrajectoryOptions):
+    """What is played, where, and what has to be true before."""
+
+    servos: str = option("A shipped robot's name (op3) or a servo map (.toml).", "--servos", "-s")
+    port: str = option("Serial port, or that of an emulator.", "--port", "-p", default="")
+    report: Path | None = option("Report of the trajectory; by default the one in its folder.", default=None)
+    loose: bool = option("Accept a pass under thresholds above the defaults.", "--loose-thresholds", default=False)
+    feedback: bool = option("Play the balance feedback of goals that were judged with it.", default=True)
+    plain: bool = option("Simulate the plain trajectory, and send it if it passes.", "--plain", default=False)
+    unsafe: bool = option("Play without a passing report.", "--unsafe", default=False)
+    robot: str | None = option(
+        "With --plain: the robot to simulate; by default the trajectory's.", "--robot", "-r", default=None
+    )
+    mode: Literal["free", "pinned"] = option(
+        "free (on a floor), or pinned: the robot is held by its pelvis.", default="free"
+    )
+    rate: float | None = option(
+        "With --plain or --unsafe: ticks a second, 125 by default.", default=None, min=10, max=1000
+    )
+    speed: float = option("With --plain or --unsafe: factor of the trajectory's speed.", default=1.0)
+    loop: int = option("With --plain or --unsafe: number of repetitions.", default=1)
+    start: float = option("With --plain or --unsafe: begin here [s].", "--from", default=0.0)
+    stop: float | None = option("With --plain or --unsafe: end here [s].", "--to", default=None)
+    log: Path = option("The log to write (.npz).", default=Path("play.npz"))
+    end_pose: bool = option("Go to the map's stop pose at the end.", default=True)
+    release: bool = option("Switch torque off at the end.", "--release", default=False)
+    test_lean: bool = option(
+        "With feedback: lean 3° right and ahead first, and compare the inertial sensor with that.", default=True
+    )
+    yes: bool = option("Start the test lean without a question.", "--yes", "-y", default=False)
+    grace: float = option("After Ctrl-C: time to hold the pose; a second Ctrl-C switches torque off [s].", default=10.0)
+    wait: float = option("Longest wait for a missing port [s].", default=5.0, min=0)
+    dry_run: bool = option("Check everything, move nothing.", "--dry-run", default=False)
+
+    @property
+    def altered(self) -> bool:
+        """Whether the motion is other than the one in the file."""
+        return (self.rate, self.speed, self.loop, self.start, self.stop) != (None, 1.0, 1, 0.0, None)
+
+    def part(self, trajectory: "Trajectory") -> "Trajectory":
+        """Return the wanted part of a trajectory, at its speed and as often as wanted."""
+        from robot_retarget.servo.plan import part_of
+
+        return part_of(trajectory, self.speed, self.loop, self.start, self.stop)
+
+
+@command(commands, epilog="Example: robot-retarget play out/trajectory.npz --servos op3 --port /dev/ttyUSB0")
+def play(how: PlayOptions, printing: PrintOptions) -> None:
     """Send the goals of a trajectory that passed to Dynamixel servos. Exit code 1 when it was stopped."""
-    from robot_retarget.actuators.map import load_map
     from robot_retarget.files import require_writable
-    from robot_retarget.servo.judgement import require_judged
     from robot_retarget.servo.outcome import PlaybackOptions
-    from robot_retarget.servo.plan import goal_plan
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import preview
     from robot_retarget.trajectory import load_trajectory
 
-    options, servo_map = PlaybackOptions(end_pose, release, grace=grace, test_lean=test_lean), load_map(servos)
-    servo_map = replace(servo_map, baud=baud) if baud else servo_map
-    read, part = load_trajectory(trajectory), PlaybackRange(speed, loop, start, stop)
-    if plain:
-        plan = _plain(read, part, servo_map, servos, robot, mode, rate, feedback)
-    elif unsafe:
-        plan = _unjudged(read, part, servo_map, rate)
+    options = PlaybackOptions(how.end_pose, how.release, grace=how.grace, test_lean=how.test_lean)
+    servo_map, read = how.map_of(how.servos), load_trajectory(how.trajectory)
+    if how.plain:
+        plan = _plain(read, how, servo_map)
+    elif how.unsafe:
+        plan = _unjudged(read, how, servo_map)
     else:
-        if part != PlaybackRange() or rate is not None:
-            raise UsageError(ALTERED)
-        options = replace(
-            options, tracking_rms=require_judged(trajectory, read, servo_map, servos, report, mode, loose)
-        )
-        plan = goal_plan(read, servo_map)
-        if plan.feedback is not None and not feedback:
-            raise UsageError(OPEN_LOOP)
-    if not feedback:
+        plan, tracking_rms = _judged(read, how, servo_map)
+        options = replace(options, tracking_rms=tracking_rms)
+    if not how.feedback:
         plan = replace(plan, feedback=None)
-    if mode == "pinned":
+    if how.mode == "pinned":
         plan = plan.held()
-    if dry_run:
-        facts = preview(plan, servo_map, port or None)
-        console.dump(facts) if json else console.table("Dry run", ("figure", "value"), [*facts.items()])
+    if how.dry_run:
+        facts = preview(plan, servo_map, how.port or None)
+        printing.show(facts, lambda _: console.table("Dry run", ("figure", "value"), [*facts.items()]))
         return
-    if not port:
+    if not how.port:
         raise UsageError("play needs --port (or --dry-run)")
-    require_writable(log)
-    if plan.feedback is not None and test_lean and not yes:
+    require_writable(how.log)
+    if plan.feedback is not None and how.test_lean and not how.yes:
         _agree()
-    _await(Path(port), wait)
-    say = (lambda text: None) if json else console.say
-    outcome = perform(plan, servo_map, port, options, log, say)
-    _tell(outcome, log, json)
+    _await(Path(how.port), how.wait)
+    say = (lambda text: None) if printing.json else console.say
+    outcome = perform(plan, servo_map, how.port, options, how.log, say)
+    _show(outcome, how.log, printing)
     raise typer.Exit(outcome.exit_code)
 
 
@@ -136,53 +129,42 @@ def _await(port: Path, wait: float) -> None:
         sleep(0.05)
 
 
-@dataclass(frozen=True)
-class PlaybackRange:
-    """Which part of a trajectory, how fast and how often."""
+def _judged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "tuple[ServoPlan, float]":
+    """Return the goals that passed, and the largest tracking error of a joint (rms) that was judged [rad]."""
+    from robot_retarget.servo.judgement import require_judged
+    from robot_retarget.servo.plan import goal_plan
 
-    speed: float = 1.0
-    loops: int = 1
-    start: float = 0.0
-    stop: float | None = None
-
-    def of(self, trajectory: "Trajectory") -> "Trajectory":
-        from robot_retarget.servo.plan import part_of
-
-        return part_of(trajectory, self.speed, self.loops, self.start, self.stop)
+    if how.altered:
+        raise UsageError(ALTERED)
+    rms = require_judged(how.trajectory, trajectory, servo_map, how.servos, how.report, how.mode, how.loose)
+    plan = goal_plan(trajectory, servo_map)
+    if plan.feedback is not None and not how.feedback:
+        raise UsageError(OPEN_LOOP)
+    return plan, rms
 
 
-def _plain(
-    trajectory: "Trajectory",
-    part: PlaybackRange,
-    servo_map: "ServoMap",
-    servos: str,
-    robot: str | None,
-    mode: str,
-    rate: float | None,
-    feedback: bool,
-) -> "ServoPlan":
+def _plain(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
     """Return the goals of the plain trajectory after it passes in simulation, with feedback where the map has a sensor."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan
 
-    model = load(robot or trajectory.robot, None, servos)
-    how = None if feedback else False
-    return goal_plan(judged_plain(part.of(trajectory), model, mode, rate or RATE, how), servo_map)
+    model, feedback = load(how.robot or trajectory.robot, servos=how.servos), None if how.feedback else False
+    return goal_plan(judged_plain(how.part(trajectory), model, how.mode, how.rate or RATE, feedback), servo_map)
 
 
-def _unjudged(trajectory: "Trajectory", part: PlaybackRange, servo_map: "ServoMap", rate: float | None) -> "ServoPlan":
+def _unjudged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
     """Return the stored goals if nothing is altered, else the plain trajectory."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
 
-    if trajectory.goals is not None and part == PlaybackRange() and rate is None:
+    if trajectory.goals is not None and not how.altered:
         return goal_plan(trajectory, servo_map)
-    return plain_plan(part.of(trajectory), servo_map, rate or RATE)
+    return plain_plan(how.part(trajectory), servo_map, how.rate or RATE)
 
 
-def _tell(outcome: "PlaybackOutcome", log: Path, json: bool) -> None:
+def _show(outcome: "PlaybackOutcome", log: Path, printing: PrintOptions) -> None:
     """Print how a playback ended."""
-    if json:
+    if printing.json:
         facts = {"ended": outcome.ended.name.lower(), "state": outcome.state, "reason": outcome.reason}
         console.dump(facts | {"figures": outcome.figures, "warnings": list(outcome.warnings), "log": str(log)})
         return

@@ -1,131 +1,110 @@
 """`solve`, `transfer`: a motion, or that of another robot, to a trajectory."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from robot_retarget.cli import console
 from robot_retarget.cli.bars import progress
-from robot_retarget.cli.formats import FileFormat
+from robot_retarget.cli.command import argument, command, option, options
+from robot_retarget.cli.formats import KnownOptions
 from robot_retarget.cli.options import (
-    Balance,
-    BodyModel,
-    DefaultRobot,
-    Edges,
-    Fps,
-    Frames,
-    Freeze,
-    Height,
-    Json,
-    Legs,
-    Limits,
-    MotionFile,
-    Only,
-    Overrides,
-    Preset,
-    Quiet,
-    Repair,
-    SceneFile,
-    SceneScale,
-    SourceFps,
-    Up,
+    ClipOptions,
+    DefaultRobotOptions,
+    EditedGraphOptions,
+    FollowOptions,
+    FreezeOptions,
+    LimitOptions,
+    OutputOptions,
+    PrintOptions,
+    RateOptions,
+    load,
     named_robot,
+    solved,
 )
-from robot_retarget.cli.stages import RetargetOptions, load, own_unmet, read_clip, retarget_cost, retargeted
+from robot_retarget.cli.stages import own_unmet, retarget_cost
 
 if TYPE_CHECKING:
     from robot_retarget.result import Result
 
 commands: typer.Typer = typer.Typer()
-Explain = Annotated[bool, typer.Option(help="Print the edges that lost most.")]
 
 
-@commands.command(epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
+@options
+class SolvedOptions(OutputOptions):
+    """The trajectory to write, and what is said of it."""
+
+    explain: bool = option("Print the edges that lost most.", default=False)
+
+    def require_writable(self) -> None:
+        """Refuse a file that cannot be written."""
+        from robot_retarget.files import require_suffix, require_writable
+
+        require_suffix(self.output, ".npz", "`export` writes trajectories in other formats")
+        require_writable(self.output)
+
+    def save(self, result: "Result", printing: PrintOptions) -> None:
+        """Write the trajectory and show how it was solved."""
+        from robot_retarget.summary import describe_solution
+
+        result.trajectory.save(self.output)
+        printing.show(describe_solution(result.solution, result.notes), self._show)
+
+    def _show(self, facts: dict[str, Any]) -> None:
+        console.show_solution(facts, self.explain)
+        console.say(f"wrote {self.output}")
+
+
+@command(commands, epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
-    motion: MotionFile,
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
-    robot: DefaultRobot = "",
-    frames: Frames = None,
-    fps: Fps = None,
-    source_fps: SourceFps = None,
-    body_model: BodyModel = None,
-    up: Up = None,
-    repair: Repair = True,
-    height: Height = None,
-    map_file: Overrides = None,
-    freeze: Freeze = None,
-    only: Only = None,
-    limits: Limits = None,
-    edges: Edges = None,
-    scene: SceneFile = None,
-    scene_scale: SceneScale = "human",
-    preset: Preset = "balanced",
-    legs: Legs = "auto",
-    balance: Balance = "auto",
-    explain: Explain = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    clip: ClipOptions,
+    to: SolvedOptions,
+    robot: DefaultRobotOptions,
+    goals: EditedGraphOptions,
+    following: FollowOptions,
+    printing: PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
-    from robot_retarget.files import require_suffix, require_writable
-
-    require_suffix(output, ".npz", "`export` writes trajectories in other formats")
-    require_writable(output)
-    options = RetargetOptions(fps, map_file, legs, balance, edges, preset, scene, scene_scale)
-    clip = read_clip(motion, frames, source_fps, body_model, up, repair, height)
-    model = load(robot, limits, None, freeze, only)
-    with progress({"retarget": retarget_cost(clip)}) as stages:
-        result = retargeted(clip, model, options, stages.begin("retarget"))
-    save_solved(result, output, explain, json)
+    to.require_writable()
+    motion, model = clip.load(), robot.load()
+    with progress({"retarget": retarget_cost(motion)}) as stages:
+        result = solved(goals.describe(motion, model), following, stages.begin("retarget"))
+    to.save(result, printing)
     if own_unmet(result.solution.unmet):
         raise typer.Exit(1)
 
 
-@commands.command(epilog="Example: robot-retarget transfer dance_g1.npz --from g1 --to op3 -o dance_op3.npz")
+@options
+class TransferOptions(KnownOptions):
+    """The motion of a robot, and the robot that follows."""
+
+    motion: Path = argument("The motion of a robot, in any format that import reads.")
+    source: str = option("The robot that performs it: a name or a model file.", "--from", "-f")
+    robot: str = option("The robot that follows: a name or a model file.", "--to", "-t", default="")
+    source_fps: float | None = option("Frames per second of the motion file; overrides the stored rate.", default=None)
+
+
+@command(commands, epilog="Example: robot-retarget transfer dance_g1.npz --from g1 --to op3 -o dance_op3.npz")
 def transfer(
-    motion: Annotated[Path, typer.Argument(help="The motion of a robot, in any format that import reads.")],
-    source: Annotated[str, typer.Option("--from", "-f", help="The robot that performs it: a name or a model file.")],
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The trajectory to write (.npz).")],
-    robot: Annotated[str, typer.Option("--to", "-t", help="The robot that follows: a name or a model file.")] = "",
-    format: FileFormat = None,
-    source_fps: SourceFps = None,
-    fps: Fps = None,
-    freeze: Freeze = None,
-    only: Only = None,
-    limits: Limits = None,
-    preset: Preset = "balanced",
-    legs: Legs = "auto",
-    balance: Balance = "auto",
-    explain: Explain = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    performed: TransferOptions,
+    to: SolvedOptions,
+    rate: RateOptions,
+    frozen: FreezeOptions,
+    limits: LimitOptions,
+    following: FollowOptions,
+    printing: PrintOptions,
 ) -> None:
     """Carry the motion of one robot over to another."""
-    from robot_retarget.files import require_suffix, require_writable
     from robot_retarget.formats import FormatOptions, import_motion
     from robot_retarget.pipeline import transfer as carried
 
-    require_suffix(output, ".npz", "`export` writes trajectories in other formats")
-    require_writable(output)
-    performer, follower = load(source, None), load(named_robot(robot), limits, None, freeze, only)
-    trajectory = import_motion(motion, performer, format, FormatOptions(source_fps=source_fps))
+    to.require_writable()
+    performer, follower = load(performed.source), frozen.of(load(named_robot(performed.robot), limits.limits))
+    read = FormatOptions(source_fps=performed.source_fps)
+    trajectory = import_motion(performed.motion, performer, performed.format, read)
+    legs, balance = following.legs, following.balance
     with progress({"transfer": 0.5 + 0.5 * trajectory.duration}) as stages:
-        begun = stages.begin("transfer")
-        result = carried(
-            trajectory, performer, follower, fps=fps, preset=preset, legs=legs, balance=balance, progress=begun
-        )
-    save_solved(result, output, explain, json)
-
-
-def save_solved(result: "Result", output: Path, explain: bool, json: bool) -> None:
-    """Write the trajectory and show how it was solved."""
-    from robot_retarget.summary import describe_solution
-
-    result.trajectory.save(output)
-    facts = describe_solution(result.solution, result.notes)
-    if json:
-        console.dump(facts)
-    else:
-        console.show_solution(facts, explain)
-        console.say(f"wrote {output}")
+        bar, what = stages.begin("transfer"), (trajectory, performer, follower)
+        result = carried(*what, fps=rate.fps, preset=rate.preset, legs=legs, balance=balance, progress=bar)
+    to.save(result, printing)

@@ -1,24 +1,23 @@
 """The stages behind the commands: from files to files, with messages on the terminal."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from robot_retarget.cli import console
 from robot_retarget.cli.bars import Stages, progress
+from robot_retarget.cli.command import option, options
 from robot_retarget.cli.ending import filling
+from robot_retarget.cli.options import OUT, FollowOptions, GraphOptions, JudgeOptions, PrintOptions, solved
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
     from robot_retarget.collision.warn import Warnings
-    from robot_retarget.graph.describe import RobotGraph
     from robot_retarget.motion import Motion
     from robot_retarget.progress import Progress
     from robot_retarget.result import Result
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
-    from robot_retarget.simulate.bodies import Objects
     from robot_retarget.simulate.report import Report
     from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
@@ -34,59 +33,48 @@ FILM_COST = 2.2
 """About how long a second of film takes [s]."""
 
 
-@dataclass(frozen=True)
-class RetargetOptions:
-    """Options of a user for a retargeting."""
+@options
+class FolderOptions(JudgeOptions, FollowOptions):
+    """How a folder of results is filled."""
 
-    fps: float | None
-    map_file: Path | None
-    legs: str
-    balance: str
-    edges: Path | None = None
-    preset: str = "balanced"
-    scene: Path | None = None
-    scene_scale: str = "human"
+    out: Path = option("Folder for the results.", *OUT, default=Path("out"))
+    video: bool = option("Make a film as well: video.mp4.", "--video", default=False)
 
 
 def fill_folder(
     motion: "Motion",
     robot: "Robot",
-    out: Path,
-    options: RetargetOptions,
-    film: bool,
-    json: bool,
-    draws: int,
-    feedback: bool | None = None,
+    goals: GraphOptions,
+    how: FolderOptions,
+    printing: PrintOptions,
     play: bool = False,
 ) -> str:
-    """Solve, simulate (free if balanced, else pinned), draw and write a folder.
+    """Solve, simulate (free if balanced, else pinned), draw and write a folder; return the verdict.
 
     Args:
-        feedback: as in `simulate`.
         play: play what passes on an emulated bus too, for robots that ship with a servo map.
-
-    Returns:
-        The verdict.
     """
     from robot_retarget.summary import describe_solution
 
-    with filling(out) as filled, progress(costs_of(motion, robot, film, draws)) as stages:
-        result = retargeted(motion, robot, options, stages.begin(f"retarget to {robot.name}"))
+    out = how.out
+    with filling(out) as filled, progress(costs_of(motion, robot, how)) as stages:
+        bar = stages.begin(f"retarget to {robot.name}")
+        result = solved(goals.describe(motion, robot), how, bar)
         target = filled.path
-        report, warnings = _tried(result, target, draws, feedback, stages.begin("simulate"))
+        report, warnings = _tried(result, target, how, stages.begin("simulate"))
         outcome = played_on_emulated(robot.name, target) if play and report.verdict == "pass" else None
         if outcome is not None:
             report = report.with_playback(outcome.figures)
             report.save(target / "report.json")
-        pictures = _shown(result, target, film, stages)
+        pictures = _shown(result, target, how.video, stages)
         viewer = _write_viewer(result, report, target / "viewer.html")
         write_page(report, target / "trajectory.npz", warnings, target / "report.html", *pictures, viewer)
         files = filled.written()
-    solved = describe_solution(result.solution, result.notes)
-    if json:
-        console.dump({"solution": solved, "report": report.contract(), "folder": str(out), "files": files})
+    found = describe_solution(result.solution, result.notes)
+    if printing.json:
+        console.dump({"solution": found, "report": report.contract(), "folder": str(out), "files": files})
     else:
-        console.show_solution(solved, explain=False)
+        console.show_solution(found, explain=False)
         console.show_report(report)
         if outcome is not None:
             console.show_playback(outcome.figures)
@@ -96,13 +84,13 @@ def fill_folder(
     return report.verdict
 
 
-def costs_of(motion: "Motion", robot: "Robot", film: bool, draws: int) -> dict[str, float]:
+def costs_of(motion: "Motion", robot: "Robot", how: FolderOptions) -> dict[str, float]:
     """About how long the stages of `run` take, measured on the sample clips [s]."""
     length = len(motion) / motion.fps + STANDS
     return {
         f"retarget to {robot.name}": retarget_cost(motion),
-        "simulate": simulation_cost(length, draws),
-        **({"film": FILM_COST * length} if film else {}),
+        "simulate": simulation_cost(length, how.draws),
+        **({"film": FILM_COST * length} if how.video else {}),
         "pictures": 5.0,
     }
 
@@ -118,14 +106,14 @@ def simulation_cost(length: float, draws: int) -> float:
 
 
 def _tried(
-    result: "Result", target: Path, draws: int, feedback: bool | None, progress: "Progress"
+    result: "Result", target: Path, how: JudgeOptions, progress: "Progress"
 ) -> tuple["Report", "Warnings | None"]:
     """In simulation: `trajectory.npz` with its goals, `report.json` and, of more than one frame, `warnings.csv`."""
     from robot_retarget.collision.events import write_csv
     from robot_retarget.simulate.rollout import simulate as roll_out
 
     warnings = result.warnings if len(result.trajectory) > 1 else None
-    report = roll_out(result, warnings=warnings, draws=draws, feedback=feedback, progress=progress)
+    report = roll_out(result, warnings=warnings, draws=how.draws, feedback=how.feedback, progress=progress)
     save_judged(report, target / "trajectory.npz", target / "report.json")
     if warnings is not None:
         write_csv(warnings.events, target / "warnings.csv")
@@ -159,49 +147,6 @@ def judged_plain(
         raise ServoError(f"the trajectory without compensation does not pass: {'; '.join(report.reasons)}")
     assert report.trajectory is not None
     return report.trajectory
-
-
-def judged(
-    trajectory: "Trajectory",
-    robot: "Robot",
-    mode: str,
-    compensate: bool,
-    servos: bool,
-    thresholds: Path | None,
-    warnings: "Warnings | None",
-    draws: int,
-    feedback: bool | None = None,
-    backlash: float = 0.0,
-    objects: str = "carried",
-) -> "Report":
-    """A trajectory played on simulated servos, or on the MJCF's own actuators."""
-    from robot_retarget.simulate.rollout import simulate as roll_out
-    from robot_retarget.simulate.thresholds import read_thresholds
-
-    most = None if thresholds is None else read_thresholds(thresholds)
-    drives = "auto" if servos else None
-    with progress({"simulate": simulation_cost(trajectory.duration, draws)}) as stages:
-        return roll_out(
-            trajectory,
-            robot,
-            mode=mode,
-            drives=drives,
-            compensate=compensate,
-            thresholds=most,
-            warnings=warnings,
-            draws=draws,
-            feedback=feedback,
-            backlash=backlash,
-            objects=cast("Objects", objects),
-            progress=stages.begin("simulate"),
-        )
-
-
-def warnings_or_none(trajectory: "Trajectory", robot: "Robot") -> "Warnings | None":
-    """The warnings of a trajectory; a single frame has no next one to warn of."""
-    from robot_retarget.collision.warn import warnings_of
-
-    return warnings_of(trajectory, robot) if len(trajectory) > 1 else None
 
 
 def played_on_emulated(robot: str, folder: Path) -> "PlaybackOutcome | None":
@@ -275,73 +220,11 @@ def draw_warnings(warnings: "Warnings", path: Path) -> None:
     console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
 
 
-def described(
-    motion: "Motion",
-    robot: "Robot",
-    fps: float | None,
-    map_file: Path | None,
-    edges: Path | None,
-    preset: str = "balanced",
-    scene: Path | None = None,
-    scene_scale: str = "human",
-) -> "RobotGraph":
-    """The graph of a motion on a robot, with the edits of a file."""
-    from robot_retarget.graph.describe import describe
-    from robot_retarget.graph.edits import edited, read_edits
-
-    edits = read_edits(edges) if edges else []
-    scale = scale_of(scene_scale)
-    graph = describe(motion, robot, fps=fps, overrides=map_file, preset=preset, scene=scene, scene_scale=scale)
-    return edited(graph, edits)
-
-
-def scale_of(text: str) -> float | None:
-    """Return the size of bodies beside the robot over their captured size; None for `human`.
-
-    Raises:
-        UsageError: it is neither `human` nor a positive number.
-    """
-    try:
-        scale = None if text == "human" else float(text)
-    except ValueError:
-        scale = 0.0
-    if scale is not None and not 0 < scale < float("inf"):
-        raise UsageError(f"--scene-scale takes human, 1 or another positive number, got {text!r}")
-    return scale
-
-
 def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
     """A sentence for each hard edge of the user that is not met: the command then exits with 1."""
     from robot_retarget.graph.kinds.own import OwnKind
 
     return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == OwnKind.name))
-
-
-def retargeted(motion: "Motion", robot: "Robot", options: RetargetOptions, progress: "Progress") -> "Result":
-    """The motion on the robot."""
-    from robot_retarget.pipeline import solve
-
-    graph = described(
-        motion, robot, options.fps, options.map_file, options.edges, options.preset, options.scene, options.scene_scale
-    )
-    return solve(graph, legs=options.legs, balance=options.balance, progress=progress)
-
-
-def read_clip(
-    path: Path,
-    frames: str | None,
-    source_fps: float | None = None,
-    body_model: Path | None = None,
-    up: str | None = None,
-    repair: bool = True,
-    height: float | None = None,
-) -> "Motion":
-    """The motion of a file, or the part of it that `START:STOP` names."""
-    from robot_retarget.motion import read_motion
-    from robot_retarget.motion.span import part_of
-
-    motion = read_motion(path, fps=source_fps, body_model=body_model, up=up, repair=repair, height=height)
-    return part_of(motion, frames)
 
 
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:
@@ -357,19 +240,6 @@ def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> N
     except TrajectoryError as error:
         if not force:
             raise UsageError(f"{error}; --force accepts it") from error
-
-
-def load(
-    name: str,
-    limits: Path | None,
-    servos: str | None = None,
-    frozen: list[str] | None = None,
-    only: str | None = None,
-) -> "Robot":
-    """Load a robot by name or file, with missing limits and servos from separate files, and some joints frozen."""
-    from robot_retarget.robot import freeze, load_robot
-
-    return freeze(load_robot(name, limits, servos), frozen or (), only)
 
 
 def is_robot_name(name: str) -> bool:

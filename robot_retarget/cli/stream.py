@@ -4,12 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Freeze, Json, Limits, Only, Quiet
+from robot_retarget.cli.command import command, option, options
+from robot_retarget.cli.options import ROBOT, FreezeOptions, LimitOptions, PrintOptions, ReadOptions, load
 from robot_retarget.errors import UsageError, known
 
 if TYPE_CHECKING:
@@ -25,111 +26,80 @@ SINKS = ("stdout", "view", "mujoco", "servos")
 EMULATED = "emulated"
 
 
-@commands.command(epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
-def stream(
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", "-r", help="A shipped name (op3), an MJCF file, or a robot_descriptions name."),
-    ] = None,
-    source: Annotated[
-        str, typer.Option("--from", help="vmc, json, floats, or a motion file, which is played in real time.")
-    ] = "vmc",
-    target: Annotated[
-        str,
-        typer.Option(
-            "--to", help="stdout, view, mujoco or servos; with --send vmc://HOST:PORT, json://… or floats://…."
-        ),
-    ] = "stdout",
-    port: Annotated[
-        int | None,
-        typer.Option(help="Where to listen: UDP; 39539 for vmc. json and floats come from stdin without."),
-    ] = None,
-    host: Annotated[
-        str, typer.Option(help="Address to listen at: this machine only by default, 0.0.0.0 for a whole network.")
-    ] = "127.0.0.1",
-    sender: Annotated[str, typer.Option(help="Address of the only machine that may send; by default any.")] = "",
-    tcp: Annotated[bool, typer.Option("--tcp", help="json and floats over TCP, not UDP.")] = False,
-    skeleton: Annotated[Path | None, typer.Option(help="Motion file with the joints of the floats protocol.")] = None,
-    servos: Annotated[
-        str | None,
-        typer.Option("--servos", "-s", help="Servo map (.toml) or a shipped robot's; by default the robot's own."),
-    ] = None,
-    serial: Annotated[
-        str, typer.Option(help="Serial port of the servos; `emulated` starts an emulated robot with physics.")
-    ] = "",
-    mode: Annotated[
-        Literal["pinned", "free"], typer.Option(help="With --to mujoco: pinned (the pelvis is held) or free.")
-    ] = "pinned",
-    window: Annotated[bool, typer.Option("--window", help="With --to mujoco: show it in a window.")] = False,
-    page: Annotated[int, typer.Option(help="With --to view: where to serve the page; 0 takes a free port.")] = 8410,
-    lag: Annotated[
-        int, typer.Option(min=0, max=30, help="Frames of look-ahead: smoother and later by as many frames.")
-    ] = 0,
-    calibrate: Annotated[
-        Path | None,
-        typer.Option(help="Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end."),
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="Duration [s]; by default until Ctrl-C.")] = None,
-    log: Annotated[Path, typer.Option(help="With --to servos: the log to write (.npz).")] = Path("play.npz"),
-    send: Annotated[Path | None, typer.Option(help="Send this motion file as a performer would, instead.")] = None,
-    fps: Annotated[
-        float | None, typer.Option(help="With --send: frames a second; by default the motion's own.")
-    ] = None,
-    speed: Annotated[float, typer.Option(help="Of a motion file: times its own speed.")] = 1.0,
-    freeze: Freeze = None,
-    only: Only = None,
-    limits: Limits = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@options
+class StreamInputOptions:
+    """Where frames come from."""
+
+    source: str = option("vmc, json, floats, or a motion file, which is played in real time.", "--from", default="vmc")
+    port: int | None = option(
+        "Where to listen: UDP; 39539 for vmc. json and floats come from stdin without.", default=None
+    )
+    host: str = option(
+        "Address to listen at: this machine only by default, 0.0.0.0 for a whole network.", default="127.0.0.1"
+    )
+    sender: str = option("Address of the only machine that may send; by default any.", default="")
+    tcp: bool = option("json and floats over TCP, not UDP.", "--tcp", default=False)
+    skeleton: Path | None = option("Motion file with the joints of the floats protocol.", default=None)
+    speed: float = option("Of a motion file: times its own speed.", default=1.0)
+
+
+@options
+class StreamOutputOptions:
+    """What poses are for."""
+
+    target: str = option(
+        "stdout, view, mujoco or servos; with --send vmc://HOST:PORT, json://… or floats://….", "--to", default="stdout"
+    )
+    servos: str | None = option(
+        "Servo map (.toml) or a shipped robot's; by default the robot's own.", "--servos", "-s", default=None
+    )
+    serial: str = option("Serial port of the servos; `emulated` starts an emulated robot with physics.", default="")
+    mode: Literal["pinned", "free"] = option("With --to mujoco: pinned (the pelvis is held) or free.", default="pinned")
+    window: bool = option("With --to mujoco: show it in a window.", "--window", default=False)
+    page: int = option("With --to view: where to serve the page; 0 takes a free port.", default=8410)
+    log: Path = option("With --to servos: the log to write (.npz).", default=Path("play.npz"))
+
+
+@options
+class StreamOptions(FreezeOptions, LimitOptions):
+    """The robot that follows, or the motion that is sent instead."""
+
+    robot: str | None = option(f"{ROBOT}.", "--robot", "-r", default=None)
+    lag: int = option("Frames of look-ahead: smoother and later by as many frames.", default=0, min=0, max=30)
+    calibrate: Path | None = option(
+        "Bone lengths, floor and facing (.npz): taken from it, and kept in it at the end.", default=None
+    )
+    seconds: float | None = option("Duration [s]; by default until Ctrl-C.", default=None, min=0.1)
+    send: Path | None = option("Send this motion file as a performer would, instead.", default=None)
+    fps: float | None = option("With --send: frames a second; by default the motion's own.", default=None)
+
+
+@command(commands, epilog="Example: robot-retarget stream --robot op3 --from vmc --to view")
+def stream(how: StreamOptions, source: StreamInputOptions, place: StreamOutputOptions, printing: PrintOptions) -> None:
     """Have a robot follow a performer live. Ctrl-C ends it with a summary; exit code 1 when servos were stopped."""
     from robot_retarget.files import require_suffix, require_writable
 
-    if send is not None:
-        _send(send, target, fps, speed, seconds, json)
+    if how.send is not None:
+        _send(how.send, place.target, how, source.speed, printing)
         return
-    if robot is None:
+    if how.robot is None:
         raise UsageError("stream needs --robot, or --send and a target to send to")
-    if calibrate is not None:
-        require_suffix(calibrate, ".npz", "calibrations are arrays")
-        require_writable(calibrate)
-    if target not in SINKS:
-        raise UsageError(
-            f"--to {target!r} is no place for poses; {known(SINKS, typed=target)}; with --send it is vmc://HOST:PORT"
-        )
-    from robot_retarget.cli.stages import load
-
-    model = load(robot, limits, servos, freeze, only)
-    with _opened(StreamInput(source, port, host, tcp, sender, skeleton, speed)) as frames:
-        poses = StreamRun(model, frames, lag, calibrate, float("inf") if seconds is None else seconds)
-        figures, code = _SHOWN[target](poses, StreamOutput(servos, serial, mode, window, page, log))
-    _tell(figures, json, target)
+    if how.calibrate is not None:
+        require_suffix(how.calibrate, ".npz", "calibrations are arrays")
+        require_writable(how.calibrate)
+    if place.target not in SINKS:
+        named = known(SINKS, typed=place.target)
+        raise UsageError(f"--to {place.target!r} is no place for poses; {named}; with --send it is vmc://HOST:PORT")
+    model = how.of(load(how.robot, how.limits, place.servos))
+    with _opened(source) as frames:
+        seconds = float("inf") if how.seconds is None else how.seconds
+        poses = StreamRun(model, frames, how.lag, how.calibrate, seconds)
+        figures, code = _SHOWN[place.target](poses, place)
+    if printing.json:
+        console.dump(figures, side=place.target == "stdout")
+    else:
+        console.show_stream(figures)
     raise typer.Exit(code)
-
-
-@dataclass(frozen=True)
-class StreamInput:
-    """Where frames come from."""
-
-    source: str
-    port: int | None
-    host: str
-    tcp: bool
-    sender: str
-    skeleton: Path | None
-    speed: float
-
-
-@dataclass(frozen=True)
-class StreamOutput:
-    """What poses are for."""
-
-    servos: str | None
-    serial: str
-    mode: str
-    window: bool
-    page: int
-    log: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +145,7 @@ class StreamRun:
 
 
 @contextmanager
-def _opened(wanted: StreamInput) -> "Iterator[FrameSource]":
+def _opened(wanted: StreamInputOptions) -> "Iterator[FrameSource]":
     """A source, closed at the end."""
     from robot_retarget.live.open import opened
 
@@ -200,7 +170,7 @@ def _stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _to_stdout(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
+def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     import sys
 
     from robot_retarget.live.sinks.lines import LineSink
@@ -208,7 +178,7 @@ def _to_stdout(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], i
     return poses.run(LineSink(sys.stdout)), 0
 
 
-def _to_page(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
+def _to_page(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from threading import Thread
 
     from robot_retarget.live.sinks.page import PageSink
@@ -224,7 +194,7 @@ def _to_page(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int
         thread.join()
 
 
-def _to_physics(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
+def _to_physics(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from robot_retarget.live.sinks.physics import PhysicsSink
 
     sink = PhysicsSink(poses.robot, place.mode, place.window)
@@ -235,7 +205,7 @@ def _to_physics(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], 
     return figures | sink.figures(), 0
 
 
-def _to_servos(poses: StreamRun, place: StreamOutput) -> tuple[dict[str, Any], int]:
+def _to_servos(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
     from robot_retarget.files import require_writable
     from robot_retarget.live.sinks.servos import ServoSink, run_servos
     from robot_retarget.servo.emulated import emulator_process
@@ -270,26 +240,18 @@ def _map_of(robot: "Robot", servos: str | None) -> "ServoMap":
 _SHOWN = {"stdout": _to_stdout, "view": _to_page, "mujoco": _to_physics, "servos": _to_servos}
 
 
-def _send(clip: Path, target: str, fps: float | None, speed: float, seconds: float | None, json: bool) -> None:
+def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: PrintOptions) -> None:
     from threading import Event
 
-    from robot_retarget.cli.stages import read_clip
     from robot_retarget.live.open import require_osc
 
     require_osc()
     from robot_retarget.live.send import send
 
-    motion, stop = read_clip(clip, None), Event()
-    motion = motion if fps is None else motion.resample(fps)
+    motion, stop = ReadOptions().read(clip), Event()
+    motion = motion if how.fps is None else motion.resample(how.fps)
     console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
     with _stopping_on_signals(stop.set):
-        figures = send(motion, target, speed, seconds, stop)
-    console.dump(figures) if json else console.to_stderr(f"sent {figures['frames']} frames in {figures['seconds']:g} s")
-
-
-def _tell(figures: dict[str, Any], json: bool, target: str) -> None:
-    """Print the summary; on stderr if stdout carries the poses."""
-    if json:
-        console.dump(figures, side=target == "stdout")
-    else:
-        console.show_stream(figures)
+        figures = send(motion, target, speed, how.seconds, stop)
+    sent = f"sent {figures['frames']} frames in {figures['seconds']:g} s"
+    printing.show(figures, lambda _: console.to_stderr(sent))

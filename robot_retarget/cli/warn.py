@@ -1,32 +1,28 @@
 """`warn`: self-collisions foreseen."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.options import Json, Limits, Quiet, RobotName, TrajectoryFile
-from robot_retarget.cli.stages import draw_warnings, load
+from robot_retarget.cli.command import command, option, options
+from robot_retarget.cli.options import OUT, PrintOptions, RobotOptions, TrajectoryOptions
+from robot_retarget.cli.stages import draw_warnings
 
 commands: typer.Typer = typer.Typer()
 
 
-@commands.command(epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
-def warn(
-    trajectory: TrajectoryFile,
-    robot: RobotName,
-    horizon: Annotated[
-        float, typer.Option(help="How far ahead joints continue [s]; 0.2 for smooth machine motion.")
-    ] = 1 / 30,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--out", "--output", help="A table of the events to write (.csv).")
-    ] = None,
-    plot: Annotated[Path | None, typer.Option(help="A picture of D, distance and α to draw.")] = None,
-    limits: Limits = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@options
+class WarnedOptions(TrajectoryOptions):
+    """How far ahead to look, and what to write."""
+
+    horizon: float = option("How far ahead joints continue [s]; 0.2 for smooth machine motion.", default=1 / 30)
+    output: Path | None = option("A table of the events to write (.csv).", *OUT, default=None)
+    plot: Path | None = option("A picture of D, distance and α to draw.", default=None)
+
+
+@command(commands, epilog="Example: robot-retarget warn dance.npz --robot op3 --plot warnings.png")
+def warn(warned: WarnedOptions, robot: RobotOptions, printing: PrintOptions) -> None:
     """Foresee a trajectory's self-collisions, frame by frame, and say what came of each warning."""
     from robot_retarget.collision.events import figures_of, write_csv
     from robot_retarget.collision.warn import WarnOptions, warnings_of
@@ -34,21 +30,21 @@ def warn(
     from robot_retarget.trajectory import load_trajectory
     from robot_retarget.view.approaches import require_drawable
 
+    output, plot = warned.output, warned.plot
     for path in filter(None, (output, plot)):
         require_writable(path)
     if output is not None:
         require_suffix(output, ".csv", "--json prints the events as JSON")
     if plot is not None:
         require_drawable(plot)
-    options = WarnOptions(horizon=horizon)
-    found = warnings_of(load_trajectory(trajectory), load(robot, limits), options)
+    found = warnings_of(load_trajectory(warned.trajectory), robot.load(), WarnOptions(horizon=warned.horizon))
     if output is not None:
         write_csv(found.events, output)
-    figures = figures_of(found.events, len(found), found.fps)
-    if json:
-        console.dump({"events": [event.contract() for event in found.events], "figures": figures})
-    else:
-        console.show_warnings([event.contract() for event in found.events], figures)
+    facts = {
+        "events": [event.contract() for event in found.events],
+        "figures": figures_of(found.events, len(found), found.fps),
+    }
+    printing.show(facts, console.show_warnings)
     if output is not None:
         console.note(f"wrote {output}")
     if plot is not None:

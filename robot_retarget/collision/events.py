@@ -1,6 +1,5 @@
 """Warnings as events: pair of links, time and outcome."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from robot_retarget import files
 from robot_retarget.arrays import Floats
-from robot_retarget.files import replacing
 
 COLUMNS = ("link_a", "link_b", "first_warning", "predicted_contact", "contact", "lead_s", "depth_m", "last")
 
@@ -97,11 +96,5 @@ def write_csv(events: Sequence[Event], path: str | Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    with replacing(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(COLUMNS)
-        for event in events:
-            contact = "" if event.contact is None else event.contact
-            row = (event.first_warning, event.predicted_contact, contact, event.lead_s, event.depth_m, event.last)
-            writer.writerow((*event.pair, *row))
-    return Path(path)
+    rows = ((*e.pair, e.first_warning, e.predicted_contact, e.contact, e.lead_s, e.depth_m, e.last) for e in events)
+    return files.write_csv(path, COLUMNS, rows)

@@ -13,9 +13,9 @@ from shared_files import ROOT
 WAVE = ROOT / "samples/wave.bvh"
 DEFECTIVE = """
 import sys
-from robot_retarget.cli import main, stages
-def fail(*_): raise ZeroDivisionError("float division by zero\\nand more")
-stages.load = sys.modules["robot_retarget.cli.info"].load = fail
+from robot_retarget.cli import main
+def fail(*_, **__): raise ZeroDivisionError("float division by zero\\nand more")
+sys.modules["robot_retarget.cli.info"].load = fail
 main()
 """
 
