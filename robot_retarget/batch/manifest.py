@@ -14,7 +14,7 @@ from typing import Any
 
 from robot_retarget.batch.task import TaskResult
 from robot_retarget.errors import OutputError
-from robot_retarget.files import replacing
+from robot_retarget.files import write_text
 
 NAME, INDEX = "manifest.sqlite", "index.jsonl"
 COLUMNS = (
@@ -124,9 +124,7 @@ class Manifest:
     def save_index(self) -> Path:
         """Write the rows as JSON lines next to the manifest."""
         target = self.path.with_name(INDEX)
-        with replacing(target) as scratch:
-            scratch.write_text("".join(f"{row.line()}\n" for row in self.rows()), encoding="utf-8")
-        return target
+        return write_text(target, "".join(f"{row.line()}\n" for row in self.rows()))
 
     def _write(self, statement: str, values: Iterable[Any]) -> None:
         try:

@@ -1,7 +1,5 @@
 """Everything that a run writes at its end: summary, lists of filters, near-duplicates, pictures of extremes."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from robot_retarget.batch.settings import Job
 from robot_retarget.batch.summary import save_csv, save_parquet
 from robot_retarget.batch.task import robot_of
 from robot_retarget.errors import RobotRetargetError
-from robot_retarget.files import folder, replacing
+from robot_retarget.files import folder, write_csv, write_text
 
 LISTS, PICTURES = "lists", "extremes"
 
@@ -31,7 +29,7 @@ def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, extr
     for one in chosen:
         _save_lists(one, folder(out / LISTS))
     pairs = near_duplicates(rows)
-    _save_table(folder(out / LISTS) / "near_duplicates.csv", ("robot", "clip", "like"), pairs)
+    write_csv(folder(out / LISTS) / "near_duplicates.csv", ("robot", "clip", "like"), pairs)
     shown = [_pictured(row, job) for row in extremes_of(rows, extremes)] if extremes else []
     save_page(rows, chosen, shown, len(pairs), out / "summary.html")
     return chosen
@@ -39,19 +37,9 @@ def write_reports(rows: Sequence[Row], filters: Sequence[Filter], job: Job, extr
 
 def _save_lists(one: Chosen, target: Path) -> None:
     """The outputs that pass, a path a line, and the others with their reasons."""
-    with replacing(target / f"{one.filter.name}.txt") as scratch:
-        scratch.write_text("".join(f"{row.robot}/{row.clip}.npz\n" for row in one.passed), encoding="utf-8")
+    write_text(target / f"{one.filter.name}.txt", "".join(f"{row.robot}/{row.clip}.npz\n" for row in one.passed))
     rejected = ((row.robot, row.clip, "; ".join(reasons)) for row, reasons in one.rejected)
-    _save_table(target / f"{one.filter.name}_rejected.csv", ("robot", "clip", "reasons"), list(rejected))
-
-
-def _save_table(path: Path, columns: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(lines)
-    with replacing(path) as scratch:
-        scratch.write_text(text.getvalue(), encoding="utf-8")
+    write_csv(target / f"{one.filter.name}_rejected.csv", ("robot", "clip", "reasons"), rejected)
 
 
 def _pictured(row: Row, job: Job) -> ClipCard:

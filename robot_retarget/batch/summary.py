@@ -1,13 +1,11 @@
 """The results as tables: `summary.csv`, and `summary.parquet` if pyarrow is installed."""
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from robot_retarget.batch.manifest import Row
-from robot_retarget.files import replacing
+from robot_retarget.files import replacing, write_csv
 from robot_retarget.score.table import FIGURES
 
 FACTS = ("robot", "clip", "state", "message", "frames", "fps", "licence", "source", "path", "output_sha256")
@@ -15,13 +13,8 @@ FACTS = ("robot", "clip", "state", "message", "frames", "fps", "licence", "sourc
 
 def save_csv(rows: Iterable[Row], path: Path) -> Path:
     """A line for each clip on each robot: facts, then figures, in the order of the table."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*FACTS, *FIGURES])
-    writer.writerows([*(getattr(row, fact) for fact in FACTS), *(_cell(row, name) for name in FIGURES)] for row in rows)
-    with replacing(path) as scratch:
-        scratch.write_text(text.getvalue(), encoding="utf-8")
-    return path
+    lines = ([*(getattr(r, fact) for fact in FACTS), *(_cell(r, name) for name in FIGURES)] for r in rows)
+    return write_csv(path, (*FACTS, *FIGURES), lines)
 
 
 def save_parquet(rows: Sequence[Row], path: Path) -> Path | None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robot_retarget.errors import FileError, TrajectoryError, UsageError, known
-from robot_retarget.files import replacing, replacing_folder, require_writable
+from robot_retarget.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.formats.columns import Columns, assembled
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.options import FormatOptions
@@ -53,8 +53,7 @@ def export(
         kind.write(motion, scratch)
         said = "" if kind.complete else sidecar_text(motion, kind.name, kind.quaternion, scratch)
     if said:
-        with replacing(sidecar_path(target)) as scratch:
-            scratch.write_text(said, encoding="utf-8")
+        write_text(sidecar_path(target), said)
     return target
 
 

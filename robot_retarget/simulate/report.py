@@ -12,7 +12,7 @@ from robot_retarget import __version__
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
-from robot_retarget.files import replacing
+from robot_retarget.files import write_text
 from robot_retarget.notebook import card, frame
 from robot_retarget.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
 from robot_retarget.robot.contacts import Contacts
@@ -153,9 +153,7 @@ class Report:
         Raises:
             OutputError: it cannot be written.
         """
-        with replacing(path) as scratch:
-            scratch.write_text(self.text(), encoding="utf-8")
-        return Path(path)
+        return write_text(path, self.text())
 
     def text(self) -> str:
         """The text of `report.json`."""

@@ -5,18 +5,16 @@ file, and a static chart shows a fault at once.
 """
 
 import base64
-import html
-from collections.abc import Iterable, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.files import replacing
+from robot_retarget.files import write_text
 from robot_retarget.simulate.report import Report
-from robot_retarget.simulate.report_text import Line, facts, headline, judged_lines
+from robot_retarget.simulate.report_text import facts, headline, judged_lines
 from robot_retarget.simulate.units import shown
+from robot_retarget.templates import rendered
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 from robot_retarget.view import charts
 from robot_retarget.view.approaches import NEEDS_MATPLOTLIB
@@ -58,42 +56,27 @@ def save_page(
         import matplotlib  # noqa: F401
     except ImportError:
         return Unavailable(NEEDS_MATPLOTLIB)
-    page = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=html.escape(f"{played.source or 'a trajectory'} on {report.robot}: {report.badge.text}"),
-        level=report.badge.level,
-        badge=html.escape(report.badge.text),
-        motion=html.escape(played.source or "a trajectory"),
-        robot=html.escape(report.robot),
-        how=_how(report),
-        reasons=_reasons(report),
-        headline=html.escape(headline(report)),
-        facts=_facts(report.figures),
-        film=_film(film),
-        pictures=_pictures(strip, viewer),
+    lines, heads = judged_lines(report), _joint_heads(report.figures["joints"])
+    broken = [line for line in lines if not line.held]
+    page = rendered(
+        TEMPLATE,
+        report=report,
+        motion=played.source or "a trajectory",
+        headline=headline(report),
+        reasons=(*report.reasons, *report.unlike),
+        advice=_advice(report.figures) if report.reasons else [],
+        **_film(film),
+        lines=lines,
+        broken=broken,
+        kept=f"{len(lines) - len(broken)} of {len(lines)} limits kept",
+        strip=None if strip is None else _base64(strip.webp),
+        viewer=viewer.name if viewer is not None and viewer.is_file() else None,
         charts=_charts(report, warnings),
-        checks=_checks(report),
-        joints=_joints(report.figures["joints"]),
-        notes=_notes(report.figures["notes"]),
-        sha256=report.trajectory_sha256,
-        version=html.escape(report.version),
+        facts=[*facts(report.figures), *_foreseen(report.figures)],
+        heads=[key.removesuffix(end).replace("_", " ") for key, end in heads.items()],
+        joints=[(name, _values(own, heads)) for name, own in report.figures["joints"].items()],
     )
-    with replacing(path) as scratch:
-        scratch.write_text(page, encoding="utf-8")
-    return Path(path)
-
-
-def _how(report: Report) -> str:
-    f = report.figures
-    mode = "standing free on a floor" if f["mode"] == "free" else "pelvis held"
-    goals = "goals compensate lag and load" if f["compensated"] else "goals without compensation"
-    return f"{f['duration_s']:.3g} s, {f['frames']} frames at {f['fps']:g} fps · {mode} · {goals}"
-
-
-def _reasons(report: Report) -> str:
-    """Reasons and differences from the human; advice on what failed."""
-    advice = _advice(report.figures) if report.reasons else []
-    found = (*report.reasons, *report.unlike)
-    return (_list(found) if found else "") + "".join(f"<p>{html.escape(text)}</p>" for text in advice)
+    return write_text(path, page)
 
 
 def _advice(f: Any) -> list[str]:
@@ -110,15 +93,6 @@ def _advice(f: Any) -> list[str]:
     return advice
 
 
-def _facts(f: Any) -> str:
-    """Return every reported figure with its meaning."""
-    rows = [
-        f"<tr><td>{html.escape(what)}</td><td><b>{html.escape(value)}</b></td><td>{html.escape(meaning)}</td></tr>"
-        for what, value, meaning in (*facts(f), *_foreseen(f))
-    ]
-    return _table(("figure", "value", "meaning"), rows)
-
-
 def _foreseen(f: Any) -> list[tuple[str, str, str]]:
     predicted = f.get("foreseen")
     if not predicted or not predicted["tracked_contacts"]:
@@ -127,35 +101,25 @@ def _foreseen(f: Any) -> list[tuple[str, str, str]]:
     return [("contacts foreseen", share, "touches on the servos that were warned of")]
 
 
-def _film(film: Path | AnimatedWebP | Unavailable | None) -> str:
-    """Return the film, which begins again when it ends, or a sentence in its place."""
+def _film(film: Path | AnimatedWebP | Unavailable | None) -> dict[str, str]:
+    """Return the film or loop with its caption, or the reason for its absence."""
+    found = dict.fromkeys(("absent", "loop_data", "film_data", "caption"), "")
     if isinstance(film, Unavailable):
-        return f"<p class='film said'>No film: {html.escape(film.reason)}.</p>"
-    if isinstance(film, AnimatedWebP):
+        found["absent"] = film.reason
+    elif isinstance(film, AnimatedWebP):
         pace = f"{film.pace:.2g} times as fast as the robot" if film.pace > 1 else ""
-        said = html.escape("; ".join(filter(None, (pace, film.note))))
-        image = f"<img alt='film of the motion' src='data:image/webp;base64,{_base64(film.data)}'>"
-        return f"<figure class='film'>{image}<figcaption class='said'>{said}</figcaption></figure>"
-    if film is None or not film.is_file():
-        return ""
-    source = f"data:video/mp4;base64,{_base64(film.read_bytes())}"
-    return f"<figure class='film'><video autoplay loop muted playsinline controls src='{source}'></video></figure>"
-
-
-def _pictures(strip: Picture | None, viewer: Path | None) -> str:
-    parts = []
-    if viewer is not None and viewer.is_file():
-        parts.append(f"<p class='said'><a href='{html.escape(viewer.name)}'>Look at it from all sides</a></p>")
-    if strip is not None:
-        parts.append(f"<img alt='moments of the motion' src='data:image/webp;base64,{_base64(strip.webp)}'>")
-    return f"<section><h2>The motion</h2>{''.join(parts)}</section>" if parts else ""
+        found |= {"loop_data": _base64(film.data), "caption": "; ".join(filter(None, (pace, film.note)))}
+    elif film is not None and film.is_file():
+        found["film_data"] = _base64(film.read_bytes())
+    return found
 
 
 def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def _charts(report: Report, warnings: Warnings | None) -> str:
+def _charts(report: Report, warnings: Warnings | None) -> list[tuple[str, str, str]]:
+    """Return the title, the explanation and the SVG of every chart that has something to show."""
     planned = "" if report.figures["mode"] == "free" else ", as planned"
     drawn = (
         ("Tracking", "the joints with the largest error in plain playback", lambda: charts.tracking(report)),
@@ -169,56 +133,17 @@ def _charts(report: Report, warnings: Warnings | None) -> str:
         ),
     )
     if not len(report.series.get("time", ())):
-        return ""
-    parts = [(title, said, draw()) for title, said, draw in drawn]
-    return "".join(f"<section><h2>{t}</h2><p class='said'>{s}</p>{chart}</section>" for t, s, chart in parts if chart)
+        return []
+    return [(title, meaning, chart) for title, meaning, draw in drawn if (chart := draw())]
 
 
-def _checks(report: Report) -> str:
-    """Return how many limits are kept, the broken ones in full view, and all of them folded."""
-    lines = judged_lines(report)
-    broken = [line for line in lines if not line.held]
-    summary = f"{len(lines) - len(broken)} of {len(lines)} limits kept"
-    if not broken:
-        return f"<details><summary>{summary}</summary>{_judged(lines)}</details>"
-    return f"<h2>{summary}</h2>{_judged(broken)}<details><summary>All limits</summary>{_judged(lines)}</details>"
+def _joint_heads(joints: Any) -> dict[str, str]:
+    """Return every figure that a joint has, with the end of its name that stands for its unit."""
+    keys = dict.fromkeys(key for own in joints.values() for key in own)
+    return {key: next((end for end in UNITS if key.endswith(end)), "") for key in keys}
 
 
-def _judged(lines: Sequence[Line]) -> str:
-    rows = [
-        f"<tr><td class='{'yes' if line.held else 'no'}'>{'✓' if line.held else '✗'}</td>"
-        f"<td>{html.escape(line.what)}</td><td>{line.value}</td><td>{line.most}</td></tr>"
-        for line in lines
-    ]
-    return _table(("", "what", "is", "at most"), rows)
-
-
-def _joints(joints: Any) -> str:
-    """Every joint a row, every figure a column."""
-    keys = list(dict.fromkeys(key for own in joints.values() for key in own))
-    ends = [next((end for end in UNITS if key.endswith(end)), "") for key in keys]
-    rows = [
-        f"<tr><td>{html.escape(name)}</td>"
-        + "".join(f"<td>{_number(own.get(key), UNITS.get(end, ''))}</td>" for key, end in zip(keys, ends, strict=True))
-        + "</tr>"
-        for name, own in joints.items()
-    ]
-    heads = (key.removesuffix(end).replace("_", " ") for key, end in zip(keys, ends, strict=True))
-    return _table(("joint", *heads), rows)
-
-
-def _number(value: float | None, unit: str) -> str:
-    return "–" if value is None else shown(value, unit)
-
-
-def _table(heads: Sequence[str], rows: Iterable[str]) -> str:
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in heads)
-    return f"<div class='wide'><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-
-
-def _notes(notes: Sequence[str]) -> str:
-    return f"<section><h2>Notes</h2>{_list(notes)}</section>" if notes else ""
-
-
-def _list(sentences: Iterable[str]) -> str:
-    return "<ul>" + "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences) + "</ul>"
+def _values(own: Any, heads: dict[str, str]) -> list[str]:
+    """Return a joint's figures in common units."""
+    found = ((own.get(key), UNITS.get(end, "")) for key, end in heads.items())
+    return ["–" if value is None else shown(value, unit) for value, unit in found]

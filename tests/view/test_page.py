@@ -118,8 +118,8 @@ def folded(text: str) -> tuple[str, str]:
 
 def test_a_broken_limit_is_in_full_view_and_the_others_are_folded(page: Path) -> None:
     view, rest = folded(page.read_text(encoding="utf-8"))
-    broken, every = view.count("<tr><td class='no'"), rest.count("<tr><td class=")
-    assert broken == rest.count("<tr><td class='no'") > 0 and "class='yes'" not in view
+    broken, every = view.count('<tr><td class="no"'), rest.count("<tr><td class=")
+    assert broken == rest.count('<tr><td class="no"') > 0 and 'class="yes"' not in view
     assert f"{every - broken} of {every} limits kept" in view and "<details open" not in view + rest
 
 
@@ -127,7 +127,7 @@ def test_limits_that_are_all_kept_are_one_line(tmp_path: Path) -> None:
     report = simulate(hold(OP3, 0.2), OP3)
     save_page(report, judged(report), tmp_path / "report.html")
     view, rest = folded((tmp_path / "report.html").read_text(encoding="utf-8"))
-    every = rest.count("<tr><td class='yes'")
+    every = rest.count('<tr><td class="yes"')
     assert report.verdict == "pass" and view == "" and f"<summary>{every} of {every} limits kept</summary>" in rest
 
 
@@ -138,7 +138,7 @@ def test_angles_are_in_degrees_only(page: Path) -> None:
 
 def test_the_film_is_in_the_head_and_plays_the_whole_motion_again_and_again(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    found = re.search(r"src='data:image/webp;base64,([^']*)'", text[: text.index("</header>")])
+    found = re.search(r'src="data:image/webp;base64,([^"]*)"', text[: text.index("</header>")])
     assert found
     with Image.open(io.BytesIO(base64.b64decode(found[1]))) as film:
         assert film.info["loop"] == 0 and getattr(film, "n_frames", 1) == 20
@@ -173,7 +173,7 @@ def test_a_report_links_to_the_viewer_that_lies_beside_it(tmp_path: Path) -> Non
     assert report.trajectory is not None
     for there in (False, True):
         save_page(report, report.trajectory, tmp_path / "report.html", viewer=beside)
-        assert ("href='viewer.html'" in (tmp_path / "report.html").read_text(encoding="utf-8")) is there
+        assert ('href="viewer.html"' in (tmp_path / "report.html").read_text(encoding="utf-8")) is there
         beside.write_text("")
 
 

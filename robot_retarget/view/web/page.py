@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any
 
-from robot_retarget.files import replacing
+from robot_retarget.files import write_text
+from robot_retarget.templates import rendered
 from robot_retarget.view.web.pack import Packer
 from robot_retarget.view.web.show import take_header
 from robot_retarget.view.web.take import Take, human_of
@@ -49,14 +49,14 @@ class Viewer:
 
     def page_with(self, touchable: bool = False, live: bool = False) -> str:
         """The HTML, with the controls for touch-ups or live poses if a server answers."""
-        title = " · ".join(take.title for take in self.takes)
-        return Template(_asset("page.html")).substitute(
-            title=html.escape(title),
+        return rendered(
+            ASSETS / "page.html",
+            title=" · ".join(take.title for take in self.takes),
             style=_asset("vendor.css") + _asset("style.css"),
             modules=json.dumps({"imports": {f"#{path.stem}": _module(path) for path in sorted(ASSETS.glob("*.js"))}}),
             licences=_asset("vendor.LICENCES.txt").replace("--", "–"),
-            touchable="yes" if touchable else "no",
-            live="yes" if live else "no",
+            touchable=touchable,
+            live=live,
             data=base64.b64encode(self.data).decode("ascii"),
         )
 
@@ -66,9 +66,7 @@ class Viewer:
         Raises:
             OutputError: it cannot be written.
         """
-        with replacing(path) as scratch:
-            scratch.write_text(self.page, encoding="utf-8")
-        return Path(path)
+        return write_text(path, self.page)
 
     def _repr_html_(self) -> str:
         frame = f"width:100%;height:{CELL}px;border:0;border-radius:8px"
