@@ -18,6 +18,14 @@ ALIGNED = 0.5**0.5
 _LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
+def path_to_root(parents: Ints, node: int) -> list[int]:
+    """Return a node of a tree, its parent and so on; the parent of a root is negative or the root itself."""
+    path = [node]
+    while (parent := int(parents[path[-1]])) >= 0 and parent != path[-1]:
+        path.append(parent)
+    return path
+
+
 def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
     """A read-only copy of `values` as a contiguous array of `dtype`."""
     array = np.array(values, dtype=dtype, order="C")
@@ -38,6 +46,11 @@ def cross(a: Floats, b: Floats) -> Floats:
 def lengths(vectors: Floats) -> Floats:
     """‖x‖ along the last axis (…, n)."""
     return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+
+
+def bearing(ahead: Floats) -> Floats:
+    """Return the angle (…) of directions (…, 2) along the floor, from x towards y [rad]."""
+    return np.arctan2(ahead[..., 1], ahead[..., 0])
 
 
 def leftward(ahead: Floats) -> Floats:

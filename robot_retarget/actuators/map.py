@@ -8,7 +8,7 @@ Radians outside, ticks inside the two functions that convert.
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from math import pi, tau
 from pathlib import Path
 from typing import Any
@@ -302,27 +302,21 @@ def with_zeros(name: str | Path, servo_map: ServoMap) -> str:
 
 def dump_map(servo_map: ServoMap) -> str:
     """A servo map as TOML; `load_map` reads the same map back."""
-    lines = [f'robot = "{servo_map.robot}"', f"baud = {servo_map.baud}"]
+    import tomlkit
+
+    table: dict[str, Any] = {"robot": servo_map.robot, "baud": servo_map.baud}
     if servo_map.passive:
-        lines += [f"passive = [{', '.join(map(_toml, servo_map.passive))}]"]
-    lines += ["", "[limits]"]
-    lines += [f"{f.name} = {getattr(servo_map.limits, f.name)!r}" for f in fields(Limits)]
-    if servo_map.imu is not None:
-        lines += ["", "[imu]", *(f"{f.name} = {_toml(getattr(servo_map.imu, f.name))}" for f in fields(Imu))]
-    if servo_map.balance is not None:
-        lines += ["", "[balance]"]
-        lines += [f"{f.name} = {getattr(servo_map.balance, f.name)!r}" for f in fields(Balance) if f.name != "joints"]
-        gains = servo_map.balance.joints.items()
-        lines += ["", "[balance.joints]"]
-        lines += [f'"{joint}" = {{ rate = {gain.rate!r}, tilt = {gain.tilt!r} }}' for joint, gain in gains]
+        table["passive"] = servo_map.passive
+    table["limits"] = vars(servo_map.limits)
+    table |= {name: asdict(part) for name in ("imu", "balance") if (part := getattr(servo_map, name)) is not None}
     if servo_map.stop.pose:
-        lines += ["", "[stop.pose]", *(f'"{joint}" = {angle!r}' for joint, angle in servo_map.stop.pose.items())]
-    for model, found in servo_map.identified.items():
-        lines += ["", f'[identified."{model}"]', *(f"{name} = {value!r}" for name, value in vars(found).items())]
-    for servo in servo_map.servos:
-        lines += ["", f'[servo."{servo.joint}"]']
-        lines += [f"{f.name} = {_toml(getattr(servo, f.name))}" for f in fields(Servo) if f.name != "joint"]
-    return "\n".join(lines) + "\n"
+        table["stop"] = {"pose": servo_map.stop.pose}
+    if servo_map.identified:
+        table["identified"] = {model: vars(found) for model, found in servo_map.identified.items()}
+    table["servo"] = {
+        s.joint: {name: value for name, value in vars(s).items() if name != "joint"} for s in servo_map.servos
+    }
+    return tomlkit.dumps(table)
 
 
 def _from_table(table: dict[str, Any]) -> ServoMap:
@@ -381,9 +375,3 @@ def _dict(value: Any, *key: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise MapError(f"{'.'.join(key)}: expected a table, got {value!r}", *key)
     return value
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)

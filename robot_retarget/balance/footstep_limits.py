@@ -8,7 +8,7 @@ footholds move by the same amount, so steps within reach stay unchanged.
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.graph.soles import lengths
+from robot_retarget.balance.foot_spacing import ahead
 from robot_retarget.human.stance import intervals
 
 REACH = 0.35
@@ -24,7 +24,7 @@ def reachable_footholds(planted: np.ndarray, corners: Floats, own: Floats, leg: 
         own: (2, 4, 3) corners in the robot's own stand [m].
     """
     middle, beside = corners.mean(axis=2)[..., :2], _complex((own[1] - own[0]).mean(axis=0)[:2])
-    place = beside * _turns(corners) / _turns(own[None])
+    place = beside * _complex(ahead(corners)) / _complex(ahead(own[None]))
     places = np.stack([-place, place], axis=1)
     moved = _moved(planted, _complex(middle), places, reach * leg)
     placed = corners.copy()
@@ -72,12 +72,6 @@ def total_step_length(planted: np.ndarray, corners: Floats) -> float:
 def _stance(planted: np.ndarray, frame: int) -> slice:
     """Return the stance of a foot at a frame or the one before it."""
     return next(slice(*span) for span in intervals(planted) if span[0] <= frame <= span[1])
-
-
-def _turns(corners: Floats) -> np.ndarray:
-    """Return (T,) the common heading of both feet, as complex numbers of length 1."""
-    turn = _complex(lengths(corners).sum(axis=1))
-    return turn / np.maximum(np.abs(turn), 1e-9)
 
 
 def _complex(flat: Floats) -> np.ndarray:

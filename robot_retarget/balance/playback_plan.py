@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.balance.balanced_ik import BalancedIk
@@ -12,7 +13,7 @@ from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Timeline
 from robot_retarget.balance.zmp import Steadiness, ZmpPlan, plan_centre
 from robot_retarget.graph.describe import RobotGraph
-from robot_retarget.graph.soles import flattened
+from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.ramps import JERK_PEAK, minimum_jerk
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.support import Polygon, support
@@ -90,7 +91,7 @@ def plan_playback(ik: BalancedIk, clip: PlaybackClip, stretch: Floats, how: Stea
     supports = _supports(timeline, places)
     centre = ik.centres(targets)
     over = np.array([s.middle for s in supports]) if clip.planted.all() else centre[:, :2]
-    plan = plan_centre(over, centre[:, 2], supports, clip.fps, how)
+    plan = plan_centre(over, centre[:, 2] / ik.robot.gravity, supports, clip.fps, how)
     return PlaybackPlan(
         timeline, targets, places, (stands[0], stands[1]), supports, plan, float(stretch.mean()), clip.stride
     )
@@ -149,9 +150,7 @@ def _end_places(ik: BalancedIk, clip: PlaybackClip, frame: int) -> Floats:
     if planted.all() or not planted.any():
         return flattened(corners)
     target, stand = flattened(corners[planted][0]), own[planted][0]
-    a, b = ((c[:2] - c[2:]).mean(axis=0) for c in (stand, target))
-    turn = np.arctan2(b[1], b[0]) - np.arctan2(a[1], a[0])
-    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    spin = Rotation.from_euler("z", heading(target[None]) - heading(stand[None])).as_matrix()
     return target.mean(axis=0) + (own - stand.mean(axis=0)) @ spin.T
 
 

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats, unit
+from robot_retarget.arrays import Floats, bearing
 from robot_retarget.balance.balanced_ik import BalancedIk
-from robot_retarget.graph.soles import flattened, lengths
+from robot_retarget.graph.soles import flattened, heading
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
 from robot_retarget.robot.support import support
@@ -20,9 +20,8 @@ SETTLE = 1.0
 def stand_places(ik: BalancedIk) -> Floats:
     """Return (F, 4, 3) soles of the robot's standing pose, flat on the floor, around the origin, ahead along x [m]."""
     places = flattened(ik.corners(ik.robot.standing()[None])[0])
-    ahead = unit(lengths(places).sum(axis=0))
-    level = np.array([[ahead[0], ahead[1], 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-    return (places - places.mean(axis=(0, 1))) @ level.T
+    turn = Rotation.from_euler("z", heading(places)).as_matrix()
+    return (places - places.mean(axis=(0, 1))) @ turn
 
 
 def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
@@ -36,7 +35,7 @@ def balanced_stand(ik: BalancedIk, places: Floats) -> Floats:
         (nq,) configuration.
     """
     own = flattened(ik.corners(ik.robot.standing()[None])[0])
-    turn, address = _heading(places) - _heading(own), ik.robot.root_address
+    turn, address = float(heading(places) - heading(own)), ik.robot.root_address
     posed, spin = np.array(ik.robot.standing()), Rotation.from_euler("z", turn)
     root = posed[address : address + 3] - own.mean(axis=(0, 1))
     posed[address : address + 3] = spin.apply(root) + places.mean(axis=(0, 1))
@@ -53,7 +52,7 @@ def in_place(human: HumanFeatures, match: Match) -> tuple[HumanFeatures, Floats]
     and both feet stand throughout.
     """
     ahead = human.heading
-    turning = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    turning = np.unwrap(bearing(ahead))
     slow = gaussian_filter1d(turning, SETTLE * human.fps, mode="nearest")
     back = Rotation.from_euler("z", -slow[:, None]).as_matrix()
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else 0
@@ -87,9 +86,3 @@ def posed_in_place(ik: BalancedIk, draft: Floats, turns: Floats, stand: Floats) 
     turned = Rotation.from_euler("z", -turns[:, None]) * own
     posed[:, address + 3 : address + 7] = turned.as_quat(scalar_first=True)
     return posed
-
-
-def _heading(places: Floats) -> float:
-    """Return the common heading of the feet [rad]."""
-    ahead = (places[:, :2] - places[:, 2:]).mean(axis=(0, 1))
-    return float(np.arctan2(ahead[1], ahead[0]))

@@ -18,8 +18,6 @@ from scipy import sparse
 from robot_retarget.arrays import Floats
 from robot_retarget.robot.support import Polygon
 
-GRAVITY = 9.81
-
 
 @dataclass(frozen=True)
 class Steadiness:
@@ -47,12 +45,12 @@ class ZmpPlan:
     """(T,) distance outside the shrunk polygons [m]."""
 
 
-def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> ZmpPlan:
+def plan_centre(targets: Floats, lever: Floats, supports: list[Polygon], fps: float, how: Steadiness) -> ZmpPlan:
     """Plan the path of the centre of mass by the quadratic program of this module.
 
     Args:
         targets: (T, 2) target path c⁰ [m].
-        height: (T,) height of the centre of mass over the floor [m].
+        lever: (T,) height z of the centre of mass over the floor, over gravity g [s²].
         supports: T support polygons.
         fps: frames per second [1/s].
         how: weights of the program, and whether the centre of mass itself stays in the polygons.
@@ -62,7 +60,7 @@ def plan_centre(targets: Floats, height: Floats, supports: list[Polygon], fps: f
     """
     count = len(targets)
     acceleration = _second(count) * fps**2
-    point = sparse.eye(count) - sparse.diags(height / GRAVITY) @ acceleration
+    point = sparse.eye(count) - sparse.diags(lever) @ acceleration
     kinds = [sparse.eye(count), point] if how.static else [point]
     shrunk = [polygon.shrunk(how.keep) for polygon in supports]
     rows, least = zip(*[_inside(shrunk, take) for take in kinds], strict=True)

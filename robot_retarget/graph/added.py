@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, path_to_root
 from robot_retarget.errors import GraphError, known
 from robot_retarget.graph.kinds.own import End, OwnKind
 from robot_retarget.graph.track import HARD, Track, merged
@@ -177,7 +177,7 @@ def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
     if any(point is None for point in points):
         return np.inf
     (first, one), (second, other) = (point for point in points if point is not None)
-    paths = [_ancestors(robot, body) for body in (first, second)]
+    paths = [path_to_root(robot.model.body_parentid, body) for body in (first, second)]
     links = set(paths[0]) ^ set(paths[1])
     model = robot.model
     chain = sum(float(np.linalg.norm(model.body_pos[body])) + 2 * _anchor(robot, body) for body in links)
@@ -192,15 +192,6 @@ def _carrier(match: Match, robot: Robot, end: End) -> tuple[int, float] | None:
     if isinstance(end, tuple) and isinstance(end[0], str):
         return robot.model.body(end[0]).id, float(np.linalg.norm(np.asarray(end[1], dtype=float)))
     return None
-
-
-def _ancestors(robot: Robot, body: int) -> list[int]:
-    """A body and all that carry it, without the world."""
-    found = []
-    while body > 0:
-        found.append(body)
-        body = int(robot.model.body_parentid[body])
-    return found
 
 
 def _anchor(robot: Robot, body: int) -> float:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from robot_retarget.errors import GraphError, known
-from robot_retarget.files import replacing
+from robot_retarget.files import write_text
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.kinds.own import End
 from robot_retarget.untrusted.documents import parse_toml, read_text
@@ -106,13 +106,9 @@ def write_edits(edits: Iterable[Edit], path: str | Path) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    tables = [
-        "\n".join([f"[[{edit.action}]]", *(f"{key} = {_toml(value)}" for key, value in edit.values.items())])
-        for edit in edits
-    ]
-    with replacing(Path(path)) as scratch:
-        scratch.write_text("\n\n".join(tables) + "\n", encoding="utf-8")
-    return Path(path)
+    import tomlkit
+
+    return write_text(path, "\n".join(tomlkit.dumps({edit.action: [_plain(edit.values)]}) for edit in edits))
 
 
 def _made(graph: RobotGraph, action: str, values: Mapping[str, Any]) -> RobotGraph:
@@ -141,14 +137,13 @@ def end_of(value: Any) -> End:
     return np.array(value, dtype=float)
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+def _plain(value: Any) -> Any:
+    """Return a value without NumPy's types."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return repr(float(value)) if isinstance(value, float | np.floating) else str(int(value))
+        return [_plain(item) for item in value]
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _headers(lines: list[str], name: str) -> list[int]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, leftward, unit
+from robot_retarget.arrays import Bools, Floats, bearing, leftward, unit
 from robot_retarget.graph.path import RootScaling, root_scaling_of
 from robot_retarget.graph.placed_scene import PlacedScene, placed_scene
 from robot_retarget.graph.soles import HEEL, TOE, flattened, lengths, raised
@@ -218,7 +218,7 @@ def median_pose(corners: Floats) -> Floats:
     headings, middles = unit(lengths(corners)), corners.mean(axis=1)
     mean = unit(headings.sum(axis=0))
     axes = np.stack([mean, leftward(mean)])
-    angle = float(np.median(np.arctan2(headings @ axes[1], headings @ axes[0])))
+    angle = float(np.median(bearing(headings @ axes.T)))
     ahead = np.array([np.cos(angle), np.sin(angle)]) @ axes
     start, middle = unit(lengths(typical)), typical.mean(axis=0)
     turn = np.stack([start, leftward(start)]).T @ np.stack([ahead, leftward(ahead)])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, leftward, unit
+from robot_retarget.arrays import Floats, bearing, leftward, unit
 
 TOE, HEEL = [0, 1], [2, 3]
 _LEFT, _RIGHT = [0, 2], [1, 3]
@@ -11,6 +11,11 @@ _LEFT, _RIGHT = [0, 2], [1, 3]
 def lengths(corners: Floats) -> Floats:
     """Return (…, 2) vectors from mid-heel to mid-toes of soles (…, 4, 3), along the floor [m]."""
     return corners[..., TOE, :2].mean(axis=-2) - corners[..., HEEL, :2].mean(axis=-2)
+
+
+def heading(soles: Floats) -> Floats:
+    """Return the common heading (…) of F soles (…, F, 4, 3), from x towards y [rad]."""
+    return bearing(lengths(soles).sum(axis=-2))
 
 
 def flattened(corners: Floats) -> Floats:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_retarget.arrays import Floats, Ints, frozen
+from robot_retarget.arrays import Floats, Ints, frozen, path_to_root
 from robot_retarget.errors import MotionError
 
 
@@ -50,10 +50,7 @@ class Skeleton:
 
     def above(self, joint: int) -> tuple[int, ...]:
         """A joint and all that carry it, up to the root."""
-        path = [joint]
-        while (parent := int(self.parents[path[-1]])) >= 0:
-            path.append(parent)
-        return tuple(path)
+        return tuple(path_to_root(self.parents, joint))
 
     def outward(self, joint: int) -> Floats:
         """(3,) from a joint to the next on the way to its farthest descendant at rest [m]; 0 for a joint without children.

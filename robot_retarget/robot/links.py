@@ -11,7 +11,7 @@ from math import fsum
 import mujoco
 import numpy as np
 
-from robot_retarget.arrays import ALIGNED, Floats, Ints
+from robot_retarget.arrays import ALIGNED, Floats, Ints, path_to_root
 from robot_retarget.robot.model import Robot
 
 RANK = 1e-6
@@ -95,15 +95,10 @@ class Links:
         mujoco.mj_forward(self.model, self.data)
         self.weld = np.asarray(self.model.body_weldid)
         self.root = int(self.weld[robot.root_body])
-        self.ids = [b for b in range(1, self.model.nbody) if self.weld[b] == b and self.root in self._ancestry(b)]
+        own, parents = range(1, self.model.nbody), self.model.body_parentid
+        self.ids = [b for b in own if self.weld[b] == b and self.root in path_to_root(parents, b)]
         if self.root not in self.ids:
             self.ids.insert(0, self.root)
-
-    def _ancestry(self, body: int) -> list[int]:
-        line = [body]
-        while line[-1] > 0:
-            line.append(int(self.model.body_parentid[line[-1]]))
-        return line
 
     def parent(self, link: int) -> int:
         """The link that carries `link`."""

@@ -121,6 +121,11 @@ class Robot:
             return int(self.model.jnt_bodyid[self.root_joints[-1]])
         return int(self.model.body_rootid[self.model.jnt_bodyid[self.joint_ids[0]]])
 
+    @property
+    def gravity(self) -> float:
+        """Gravity in the model [m/s²]."""
+        return float(np.linalg.norm(self.model.opt.gravity))
+
     def neutral(self) -> Floats:
         """The reference configuration `qpos0`, hinges brought within their ranges. (nq,)"""
         qpos = np.array(self.model.qpos0)

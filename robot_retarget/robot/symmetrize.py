@@ -10,15 +10,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from robot_retarget.arrays import Floats
+from robot_retarget.keypoints import mirrored
 
 SLIGHT = 0.02
 """Sides that differ by less than this share of the body, or of the foot, are symmetrized, and hinges whose mirrored lines
 do are counterparts [-]."""
-
-
-def other_side(keypoint: str) -> str:
-    """Return `r_hand` for `l_hand` and `l_hand` for `r_hand`; a keypoint in the middle is its own counterpart."""
-    return {"l_": "r_", "r_": "l_"}.get(keypoint[:2], keypoint[:2]) + keypoint[2:]
 
 
 def symmetric_places(places: Mapping[str, Floats], left: Floats) -> dict[str, Floats]:
@@ -27,14 +23,14 @@ def symmetric_places(places: Mapping[str, Floats], left: Floats) -> dict[str, Fl
     Args:
         left: (3,) unit vector from the right to the left.
     """
-    paired = [k for k in places if other_side(k) != k and other_side(k) in places]
+    paired = [k for k in places if mirrored(k) != k and mirrored(k) in places]
     if not paired:
         return dict(places)
     middle = float(np.median([places[k] @ left for k in paired]))
     size = float(np.ptp(np.array(list(places.values())), axis=0).max())
     found = {}
     for keypoint, place in places.items():
-        seen = places.get(other_side(keypoint), place)
+        seen = places.get(mirrored(keypoint), place)
         image = seen + 2 * (middle - seen @ left) * left
         found[keypoint] = (place + image) / 2 if np.linalg.norm(image - place) < SLIGHT * size else place
     return found

@@ -95,7 +95,7 @@ def _residuals(subject: Subject) -> Floats:
     turns = Rotation.from_quat(qpos[:, first + 3 : first + 7], scalar_first=True)
     force, torque = wrench[:, :3], turns.apply(wrench[:, 3:])  # a free joint's torque is in its own frame
     about_centre = torque - np.cross(centre - subject.root, force)
-    weight = float(model.body_subtreemass[robot.root_body] * np.linalg.norm(model.opt.gravity))
+    weight = float(model.body_subtreemass[robot.root_body] * robot.gravity)
     return np.linalg.norm(np.hstack([force, about_centre / height]), axis=1) / weight
 
 

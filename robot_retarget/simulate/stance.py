@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.balance.zmp import GRAVITY
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.kinematics import world_points
 from robot_retarget.robot.stance import DOWN, Stance, margins
@@ -34,7 +33,7 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
     for foot, bodies in enumerate(feet.bodies):
         touching[scene.frame[np.isin(scene.bodies[:, 1], list(bodies))], foot] = True
     down = touching[:, feet.owner] & (points[..., 2] < DOWN)
-    zmp = zero_moment_point(rollout.ground, floor, float(plant.model.body_mass.sum()))
+    zmp = zero_moment_point(rollout.ground, floor, float(plant.model.body_mass.sum()) * plant.robot.gravity)
     com = rollout.com[:, :2]
     margin = margins(np.stack([com, zmp]), points[..., :2], down)
     return Stance(feet, rollout.times, touching, points, down, com, zmp, margin[0], margin[1])
@@ -46,13 +45,13 @@ def floor_height(model: mujoco.MjModel) -> float:
     return float(model.geom_pos[planes, 2].max()) if planes.size else 0.0
 
 
-def zero_moment_point(ground: Floats, floor: float, mass: float) -> Floats:
+def zero_moment_point(ground: Floats, floor: float, weight: float) -> Floats:
     """(N, 2) [m] of wrenches (N, 6) about the origin; NaN where less than LIGHT of the weight is on the ground."""
     force, torque = ground[:, :3], ground[:, 3:]
     with np.errstate(divide="ignore", invalid="ignore"):
         lever = np.stack([floor * force[:, 0] - torque[:, 1], floor * force[:, 1] + torque[:, 0]], axis=1)
         point = lever / force[:, 2:]
-    point[force[:, 2] < LIGHT * mass * GRAVITY] = np.nan
+    point[force[:, 2] < LIGHT * weight] = np.nan
     return point
 
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from robot_retarget.arrays import Floats, Ints
+from robot_retarget.arrays import Floats, Ints, bearing
 from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
@@ -209,8 +209,7 @@ def _heading(robot: Robot, qpos: Floats) -> float:
     except MatchError:
         forward = np.array([1.0, 0.0, 0.0])
     turns = body_frames(robot, np.stack([robot.model.qpos0, qpos]))[1][:, robot.root_body]
-    x, y, _ = turns[1] @ turns[0].T @ forward
-    return float(np.degrees(np.arctan2(y, x)))
+    return float(np.degrees(bearing(turns[1] @ turns[0].T @ forward)))
 
 
 def _right(azimuth: float) -> Floats:

@@ -19,7 +19,7 @@ from robot_retarget.balance.stand import balanced_stand, stand_places
 from robot_retarget.balance.support import planted_feet, without_small_swings
 from robot_retarget.balance.swing import foothold_places
 from robot_retarget.balance.timeline import Pacing, least_durations, motion_needs
-from robot_retarget.balance.zmp import GRAVITY, Steadiness, plan_centre
+from robot_retarget.balance.zmp import Steadiness, plan_centre
 from robot_retarget.errors import BalanceError, UsageError
 from robot_retarget.result import Result
 from robot_retarget.robot import world_points
@@ -32,6 +32,8 @@ from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import Playback, roll_out
 
+LEVER = 0.25 / 9.81
+"""Of a centre of mass 0.25 m above the floor [s²]."""
 SQUARE = np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]])
 IN_ORDER = [0, 3, 1, 2]
 """From around a sole to front left, front right, rear left, rear right."""
@@ -79,12 +81,12 @@ def test_a_planned_path_keeps_mass_and_zero_moment_point_over_the_feet_and_shift
     both, left = support(np.concatenate([LEFT, RIGHT])), support(LEFT)
     supports = [both] * 60 + [left] * 30 + [both] * 60
     how = Steadiness(keep=0.6)
-    plan = plan_centre(np.zeros((150, 2)), np.full(150, 0.25), supports, 30.0, how)
+    plan = plan_centre(np.zeros((150, 2)), np.full(150, LEVER), supports, 30.0, how)
     c = plan.centre
     acceleration = np.zeros_like(c)
     acceleration[1:-1] = (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
     acceleration[0], acceleration[-1] = (c[1] - c[0]) * 30.0**2, (c[-2] - c[-1]) * 30.0**2
-    zmp = c - 0.25 / GRAVITY * acceleration
+    zmp = c - LEVER * acceleration
     for polygon, mass, point in zip(supports, c, zmp, strict=True):
         assert min(polygon.shrunk(0.6).margin(mass), polygon.shrunk(0.6).margin(point)) > -1e-4
     assert plan.excess.max() < 1e-4
@@ -93,7 +95,7 @@ def test_a_planned_path_keeps_mass_and_zero_moment_point_over_the_feet_and_shift
 
 def test_a_shift_without_the_time_for_it_is_reported_as_excess() -> None:
     left, right = support(LEFT), support(RIGHT)
-    plan = plan_centre(np.zeros((60, 2)), np.full(60, 0.25), [left] * 30 + [right] * 30, 30.0, Steadiness(keep=0.5))
+    plan = plan_centre(np.zeros((60, 2)), np.full(60, LEVER), [left] * 30 + [right] * 30, 30.0, Steadiness(keep=0.5))
     assert plan.excess.max() > 0.01
 
 
@@ -101,11 +103,11 @@ def test_a_dynamic_plan_keeps_the_zero_moment_point_over_feet_that_the_mass_swin
     left, right = support(LEFT), support(RIGHT)
     supports, keep = [left] * 12 + [right] * 12 + [left] * 12 + [right] * 12, 0.8
     plans = {
-        static: plan_centre(np.zeros((48, 2)), np.full(48, 0.25), supports, 30.0, Steadiness(keep, static))
+        static: plan_centre(np.zeros((48, 2)), np.full(48, LEVER), supports, 30.0, Steadiness(keep, static))
         for static in (True, False)
     }
     c = plans[False].centre
-    zmp = c[1:-1] - 0.25 / GRAVITY * (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
+    zmp = c[1:-1] - LEVER * (c[2:] - 2 * c[1:-1] + c[:-2]) * 30.0**2
     assert min(p.shrunk(keep).margin(x) for p, x in zip(supports[1:-1], zmp, strict=True)) > -2e-3
     assert plans[False].excess.max() < 2e-3 < 0.01 < plans[True].excess.max()
     assert min(p.margin(x) for p, x in zip(supports, c, strict=True)) < 0

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, path_to_root
 from robot_retarget.robot.kinematics import body_frames
 from robot_retarget.robot.model import Robot
 from robot_retarget.robot.stance import Stance, planned_stance
@@ -71,14 +71,11 @@ def _seen(shapes: list[Shape]) -> list[int]:
 
 def _bodies(robot: Robot, shapes: list[Shape]) -> list[dict[str, Any]]:
     """Names of the bodies that are seen, and the last hinge that moves each."""
-    found = []
+    found, owners = [], robot.model.jnt_bodyid[robot.joint_ids]
     for body in _seen(shapes):
-        carrier, hinge = body, -1
-        while carrier and hinge < 0:
-            own = [k for k, j in enumerate(robot.joint_ids) if robot.model.jnt_bodyid[j] == carrier]
-            hinge = own[-1] if own else -1
-            carrier = int(robot.model.body_parentid[carrier])
-        found.append({"name": robot.model.body(body).name, "joint": hinge})
+        path = path_to_root(robot.model.body_parentid, body)
+        hinges = (k for carrier in path for k in reversed(range(len(owners))) if owners[k] == carrier)
+        found.append({"name": robot.model.body(body).name, "joint": next(hinges, -1)})
     return found
 
 
