@@ -10,7 +10,6 @@ from robot_retarget.balance.playback import expected_steps
 from robot_retarget.errors import MatchError
 from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
-from robot_retarget.graph.kinds.touch import TouchKind
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.robot_performer import performed
 from robot_retarget.motion import Motion
@@ -186,7 +185,7 @@ def carried(
     """Carry the motion of a robot performer over to a robot, as `transfer`."""
     given = weights or Weights()
     exact = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
-    kinds = (replace(kind, other=0.0) if isinstance(kind, TouchKind) else kind for kind in KINDS)
+    kinds = [kind.for_robot() for kind in KINDS]
     return solve(
         describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),
         options=SolveOptions(tolerance=EXACT * SolveOptions.tolerance),

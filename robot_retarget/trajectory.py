@@ -15,7 +15,7 @@ from robot_retarget.errors import SceneError, TrajectoryError
 from robot_retarget.files import replacing
 from robot_retarget.goals import FILE_FIELDS as GOAL_FIELDS
 from robot_retarget.goals import Goals, read_goals, require_angles
-from robot_retarget.notebook import card, frame
+from robot_retarget.notebook import card, data_frame
 from robot_retarget.scene.pack import FIELDS as SCENE_FIELDS
 from robot_retarget.scene.pack import arrays_of, scene_from
 from robot_retarget.scene.scene import Scene
@@ -155,7 +155,7 @@ class Trajectory:
         root = self.qpos.shape[1] - len(self.joint_names)
         free = ["x", "y", "z", "qw", "qx", "qy", "qz"]
         names = [*(free if root == len(free) else [f"root {k}" for k in range(root)]), *self.joint_names]
-        return frame(dict(zip(names, self.qpos.T, strict=True)), np.arange(len(self)) / self.fps)
+        return data_frame(dict(zip(names, self.qpos.T, strict=True)), np.arange(len(self)) / self.fps)
 
     def __len__(self) -> int:
         return len(self.qpos)

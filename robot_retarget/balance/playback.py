@@ -151,7 +151,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     tracks = ik.targets(clip.graph, timeline.at, plan.stands, playback, plan.zmp.centre)
     solver_clip = clip_of(ik.solver, tracks, Smoothing(), clip.fps)
     count.expect(round(ROUNDS * len(plan.targets) * ((0 if near else IN_TURN) + Smoothing().passes)))
-    start = list(plan.targets) if near else _in_turn(ik, plan, solver_clip, count)
+    start = list(plan.targets) if near else _sequential_starts(ik, plan, solver_clip, count)
     poses = clip_passes(solver_clip, np.array(start), count)
     qpos = np.array([pose.qpos for pose in poses])
     pressed = tread(robot, qpos, timeline.fps, QUICK)
@@ -172,7 +172,7 @@ def played(ik: BalancedIk, clip: PlaybackClip, plan: PlaybackPlan, count: Count,
     )
 
 
-def _in_turn(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
+def _sequential_starts(ik: BalancedIk, plan: PlaybackPlan, clip: ClipProblem, count: Count) -> list[Floats]:
     """Return (K, nq) starts of the passes: each frame starts from the correction of the frame before.
 
     Arms and head also start from their target, and the cheaper result wins. Arms in another basin would not leave it

@@ -28,8 +28,8 @@ class Bound:
             return None
         unit, cause = FIGURES[self.figure].unit, FIGURES[self.figure].cause
         side, bound = ("below", self.least) if value < self.least else ("above", self.most)
-        said = f"{self.figure} {value:g} {unit} is {side} {bound:g}".replace("  ", " ")
-        return f"{said} ({cause})" if cause else said
+        sentence = f"{self.figure} {value:g} {unit} is {side} {bound:g}".replace("  ", " ")
+        return f"{sentence} ({cause})" if cause else sentence
 
 
 @dataclass(frozen=True)

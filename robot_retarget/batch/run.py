@@ -44,7 +44,7 @@ class RunPlan:
 
     @property
     def total(self) -> int:
-        """Clips × robots."""
+        """The number of clips times robots."""
         return len(self.keys)
 
     @property

@@ -81,7 +81,7 @@ def tally(total: int, stopping: Callable[[], bool]) -> Iterator[Callable[[bool],
             done, failed = done + 1, failed + (not well)
             now = monotonic()
             rate = done / max(now - began, 1e-9)
-            said = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
-            bars.update(task, completed=done, ends=now + (total - done) / rate, description=said)
+            description = f"{rate:.2f} clips/s, {failed} failed" + (", finishing" if stopping() else "")
+            bars.update(task, completed=done, ends=now + (total - done) / rate, description=description)
 
         yield report

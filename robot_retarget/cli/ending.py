@@ -164,9 +164,9 @@ def filling(place: Path) -> Iterator[Filled]:
         if earlier:
             console.note(f"replaced the results of an earlier run in {place}: {', '.join(earlier)}")
     except KeyboardInterrupt as stopped:
-        said = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
+        message = f"kept {', '.join(filled.written())} in {place}" if filled.written() else NOTHING
         _put(filled)
-        raise KeyboardInterrupt(said) from stopped
+        raise KeyboardInterrupt(message) from stopped
     finally:
         rmtree(filled.path)
         for one in made:

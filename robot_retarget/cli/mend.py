@@ -15,7 +15,7 @@ from robot_retarget.cli.options import (
     RobotOptions,
     TrajectoryOptions,
 )
-from robot_retarget.cli.stages import own_unmet, require_source
+from robot_retarget.cli.stages import require_source
 
 commands: typer.Typer = typer.Typer()
 
@@ -38,6 +38,7 @@ def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printi
     from robot_retarget.files import require_writable
     from robot_retarget.formats import load_trajectory
     from robot_retarget.graph.edits import read_edits
+    from robot_retarget.solve.solution import unmet_of_user
 
     require_writable(edited.output)
     model, edits = frozen.of(robot.load()), read_edits(edited.edges)
@@ -46,7 +47,7 @@ def mend(edited: MendOptions, robot: RobotOptions, frozen: FreezeOptions, printi
     made, outcomes = apply_edits(graph_of(clip, model, played, edited.map_file), played, edits)
     made.save(edited.output)
     reached = [outcome.reached for outcome in outcomes if outcome.reached]
-    unmet = own_unmet(edge for outcome in outcomes for edge in outcome.unmet)
+    unmet = unmet_of_user(edge for outcome in outcomes for edge in outcome.unmet)
     facts = {"output": str(edited.output), "edits": len(edits), "reached": reached, "unmet": unmet}
     wrote = f"wrote {edited.output}; simulate it before you play it"
     printing.result(facts, "\n".join([*reached, *unmet, wrote]))

@@ -23,7 +23,7 @@ from robot_retarget.cli.options import (
     named_robot,
     solved,
 )
-from robot_retarget.cli.stages import own_unmet, retarget_cost
+from robot_retarget.cli.stages import retarget_cost
 
 if TYPE_CHECKING:
     from robot_retarget.result import Result
@@ -66,12 +66,14 @@ def solve(
     printing: PrintOptions,
 ) -> None:
     """Retarget a motion: the trajectory only. Exit code 1 if a hard edge of --edges is not met."""
+    from robot_retarget.solve.solution import unmet_of_user
+
     to.require_writable()
     motion, model = clip.load(), robot.load()
     with progress({"retarget": retarget_cost(motion)}) as stages:
         result = solved(goals.describe(motion, model), following, stages.begin("retarget"))
     to.save(result, printing)
-    if own_unmet(result.solution.unmet):
+    if unmet_of_user(result.solution.unmet):
         raise typer.Exit(1)
 
 

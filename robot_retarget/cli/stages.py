@@ -1,6 +1,5 @@
 """The stages behind the commands: from files to files, with messages on the terminal."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from robot_retarget.robot import Robot
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.simulate.report import Report
-    from robot_retarget.solve.solution import UnmetEdge
     from robot_retarget.trajectory import Trajectory
     from robot_retarget.view import AnimatedWebP, Film, Picture, Unavailable
 
@@ -125,9 +123,9 @@ def save_judged(report: "Report", trajectory: Path, where: Path) -> None:
     from robot_retarget.files import replacing
 
     assert report.trajectory is not None
-    with replacing(where) as said, replacing(trajectory) as judged:
+    with replacing(where) as contract, replacing(trajectory) as judged:
         judged.write_bytes(report.trajectory.serialised())
-        said.write_text(report.text(), encoding="utf-8")
+        contract.write_text(report.text(), encoding="utf-8")
 
 
 def judged_plain(
@@ -218,13 +216,6 @@ def draw_warnings(warnings: "Warnings", path: Path) -> None:
 
     drawn = plot_warnings(warnings, path)
     console.note(drawn.reason if isinstance(drawn, Unavailable) else f"drew {drawn}")
-
-
-def own_unmet(unmet: "Iterable[UnmetEdge]") -> list[str]:
-    """A sentence for each hard edge of the user that is not met: the command then exits with 1."""
-    from robot_retarget.graph.kinds.own import OwnKind
-
-    return list(dict.fromkeys(edge.sentence for edge in unmet if edge.kind == OwnKind.name))
 
 
 def require_source(trajectory: "Trajectory", motion: "Motion", force: bool) -> None:

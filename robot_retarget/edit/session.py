@@ -10,6 +10,7 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.edits import Edit, write_edits
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
+from robot_retarget.solve.solution import unmet_of_user
 from robot_retarget.trajectory import Trajectory
 
 
@@ -93,7 +94,7 @@ class Session:
     def state(self) -> dict[str, Any]:
         """Return the state of the session, for a page."""
         seconds = None if self.last is None else round(self.last.seconds, 3)
-        reached = "" if self.last is None else "; ".join([self.last.reached, *self.last.own_unmet])
+        reached = "" if self.last is None else "; ".join([self.last.reached, *unmet_of_user(self.last.unmet)])
         return {
             "edits": len(self.edits),
             "undone": len(self._states) - 1 - self._at,

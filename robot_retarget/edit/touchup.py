@@ -16,7 +16,6 @@ from robot_retarget.arrays import Floats
 from robot_retarget.graph.added import SOFT, end_name
 from robot_retarget.graph.describe import RobotGraph
 from robot_retarget.graph.edits import Edit, edited, end_of
-from robot_retarget.graph.kinds.own import OwnKind
 from robot_retarget.progress import Count
 from robot_retarget.ramps import SMOOTHSTEP_PEAK, smoothstep
 from robot_retarget.robot.kinematics import difference, integrate
@@ -54,11 +53,6 @@ class EditResult:
     """The measured and the requested interval of an edge, in a sentence."""
     unmet: tuple[UnmetEdge, ...] = ()
     """Hard edges of the window that miss their interval."""
-
-    @property
-    def own_unmet(self) -> tuple[str, ...]:
-        """A sentence for each of the user's edges among them."""
-        return tuple(edge.sentence for edge in self.unmet if edge.kind == OwnKind.name)
 
 
 def apply_edit(graph: RobotGraph, trajectory: Trajectory, edit: Edit) -> EditResult:
@@ -130,11 +124,10 @@ def _reached(graph: RobotGraph, edit: Edit, measured: Mapping[str, Floats], fram
     if edit.action != "edge":
         return ""
     a, b = (end_name(end_of(edit.values[end])) for end in "ab")
-    column = int(np.flatnonzero(graph.kinds[OwnKind.name].joins(a, b))[-1])
-    values, bounds = (
-        100 * measured[OwnKind.name][frames, column],
-        100 * np.atleast_1d(np.asarray(edit.values["at"], float)),
-    )
+    track = next(track for track in graph.tracks if track.kind.by_user)
+    column = int(np.flatnonzero(track.joins(a, b))[-1])
+    values = 100 * measured[track.name][frames, column]
+    bounds = 100 * np.atleast_1d(np.asarray(edit.values["at"], float))
     interval = " to ".join(f"{bound:.3g}" for bound in bounds)
     missed = np.abs(values - np.clip(values, bounds[0], bounds[-1])).min()
     weak = missed > MISSED and not edit.values.get("hard")

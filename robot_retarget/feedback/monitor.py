@@ -26,8 +26,8 @@ class Monitor:
         self._last: Reading | None = None
         self._same = self._saturated = 0.0
 
-    def fault(self, reading: Reading | None) -> str | None:
-        """Return the fault that has lasted for `FROZEN` until now, or None."""
+    def step(self, reading: Reading | None) -> str | None:
+        """Take the reading of a tick, and return the fault that has lasted for `FROZEN` until now, or None."""
         same = reading is None or (self._last is not None and _equal(reading, self._last))
         self._same = self._same + self._dt if same else 0.0
         if reading is not None:

@@ -18,7 +18,7 @@ class Reading(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether all six numbers are finite; a law that took in another would keep it for good."""
+        """Whether all six numbers are finite; the state of a law never recovers from one that is not."""
         return bool(np.isfinite(self.gyro).all() and np.isfinite(self.accel).all())
 
 

@@ -119,8 +119,8 @@ def _places(
     if twice:
         raise TrajectoryError(f"joint {twice[0]!r} stands twice among the columns")
     held = [name for name in robot.joint_names if name not in named]
-    said = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
-    return taken, robot.qpos_index[[robot.joint_names.index(name) for name in named]], said
+    notes = (f"No column for {', '.join(held)}: held as the robot stands.",) if held else ()
+    return taken, robot.qpos_index[[robot.joint_names.index(name) for name in named]], notes
 
 
 def joint_called(name: str, robot: Robot) -> str:

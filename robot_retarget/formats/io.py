@@ -51,9 +51,9 @@ def export(
         require_writable(sidecar_path(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:
         kind.write(motion, scratch)
-        said = "" if kind.complete else sidecar_text(motion, kind.name, kind.quaternion, scratch)
-    if said:
-        write_text(sidecar_path(target), said)
+        message = "" if kind.complete else sidecar_text(motion, kind.name, kind.quaternion, scratch)
+    if message:
+        write_text(sidecar_path(target), message)
     return target
 
 
@@ -152,5 +152,5 @@ def _format(name: str) -> TrajectoryFormat:
 
 
 def _about(path: Path, kind: TrajectoryFormat, error: FileError | TrajectoryError) -> str:
-    said = str(error).removeprefix(f"{path}: ")
-    return said if said.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {said}"
+    message = str(error).removeprefix(f"{path}: ")
+    return message if message.startswith((str(path), "cannot read")) else f"{path} as {kind.name!r}: {message}"

@@ -45,19 +45,19 @@ def read_sidecar(path: Path) -> dict[str, Any] | None:
     where = sidecar_path(path)
     if not (path.is_file() and where.is_file()):
         return None
-    said = read_json(where, TrajectoryError)
+    facts = read_json(where, TrajectoryError)
     try:
-        complete = all(key in said for key in KEYS) and all(isinstance(name, str) for name in said["joint_names"])
+        complete = all(key in facts for key in KEYS) and all(isinstance(name, str) for name in facts["joint_names"])
     except TypeError as error:
         raise TrajectoryError(f"{where}: not the description of a motion file: {error}") from error
     if not complete:
         return None
-    if said["sha256"] != _hash(path):
+    if facts["sha256"] != _hash(path):
         raise TrajectoryError(
             f"{path} is not the file that {where.name} describes: it was cut or changed since. "
             f"Remove {where.name} to read it all the same"
         )
-    return said
+    return facts
 
 
 def _hash(path: Path) -> str:

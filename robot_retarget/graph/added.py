@@ -121,7 +121,7 @@ def with_added(tracks: Sequence[Track], edge: AddedEdge, fps: float, leg: float)
 
 
 def _joined(track: Track, alone: Track, edge: AddedEdge) -> Track:
-    """Return the added edges with one more, which is also given alone."""
+    """Return the track of the added edges extended by one edge; `alone` is the track of that edge."""
     _refuse_contradiction(track, edge)
     for k in np.flatnonzero(track.joins(*edge.names)):
         same = (track.lower[0, k], track.upper[0, k]) == (edge.lower, edge.upper)

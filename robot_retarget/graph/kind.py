@@ -65,6 +65,8 @@ class Kind:
     form: Form = Form.SYMBOLIC
     follows_human: bool = True
     """Whether the targets depend on the human's motion: a stream sets them anew at every frame."""
+    by_user: bool = False
+    """Whether a user adds the edges: a command that misses a hard one of them fails."""
     whole: bool = False
     """Whether the edges belong together: single ones are dropped by π = 0."""
     raises_root: bool = False
@@ -141,6 +143,10 @@ class Kind:
             phase: the coarse path, a playback or a stand.
         """
         return phase.of(track)
+
+    def for_robot(self) -> "Kind":
+        """Return the kind for a performer that is a robot; the same by default."""
+        return self
 
     def bodies(self, track: Track) -> Scene | None:
         """Return the bodies around the robot at the frames of a track, where the kind knows them."""

@@ -10,7 +10,7 @@ from robot_retarget.arrays import Bools, Floats, frozen
 from robot_retarget.errors import MotionError, UsageError
 from robot_retarget.human.recognition import Recognition, recognise
 from robot_retarget.human.skeleton import Skeleton
-from robot_retarget.notebook import card, frame
+from robot_retarget.notebook import card, data_frame
 from robot_retarget.scene.scene import Scene
 
 
@@ -98,7 +98,7 @@ class Motion:
         """
         names = [(joint, axis) for joint in self.skeleton.names for axis in "xyz"]
         columns = dict(zip(names, self.positions.reshape(len(self), -1).T, strict=True))
-        return frame(columns, np.arange(len(self)) / self.fps)
+        return data_frame(columns, np.arange(len(self)) / self.fps)
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -43,16 +43,16 @@ class FaultCounter:
     def __init__(self, say: Callable[[str], None] = lambda text: None) -> None:
         self.counts: Counter[str] = Counter()
         self._say = say
-        self._said: dict[str, tuple[float, int]] = {}
+        self._reported: dict[str, tuple[float, int]] = {}
 
     def note(self, kind: Fault, detail: str = "", count: int = 1) -> None:
         """Count a fault and report it, at most every `AGAIN` seconds."""
         self.counts[str(kind)] += count
         now, total = time.monotonic(), self.counts[str(kind)]
-        before, told = self._said.get(kind, (-AGAIN, 0))
+        before, reported = self._reported.get(kind, (-AGAIN, 0))
         if now - before >= AGAIN:
-            self._said[kind] = now, total
-            times = f" ({total - told} times)" if total - told > 1 else ""
+            self._reported[kind] = now, total
+            times = f" ({total - reported} times)" if total - reported > 1 else ""
             self._say(f"{kind}{times}" + (f": {detail}" if detail else ""))
 
     def refused(self, error: RefusedError) -> None:

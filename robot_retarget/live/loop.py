@@ -75,7 +75,7 @@ class Patience:
     least: float = 0.03
     most: float = 0.2
     """Bounds of that time [s]."""
-    said: float = 0.1
+    noted: float = 0.1
     """Shortest pause that is counted and reported [s]."""
     rate: float = 60.0
     """Rate of poses during a silence [1/s]."""
@@ -171,7 +171,7 @@ class Loop:
         """Return the timeout for the next frame [s]."""
         patience = self._patience
         if self.last is None:
-            return patience.said
+            return patience.noted
         quiet = min(max(patience.intervals * self._interval, patience.least), patience.most)
         since = time.monotonic() - self.last.arrived
         return 1 / patience.rate if since >= quiet else quiet - since
@@ -209,7 +209,7 @@ class Loop:
     def _rest(self, last: Frame) -> None:
         """Ease to a stop on the clock of the frames."""
         now = time.monotonic()
-        if not self._silent and now - last.arrived >= self._patience.said:
+        if not self._silent and now - last.arrived >= self._patience.noted:
             self._silent = True
             self.source.faults.note(Fault.SILENCE, f"no frame for {now - last.arrived:.1f} s, the robot is held")
         self.resting = True

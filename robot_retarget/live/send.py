@@ -103,20 +103,20 @@ def _vmc(motion: Motion) -> Packets:
 
     def packets(t: int, time: float) -> list[bytes]:
         still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-        said = [(ROOT, ["root", *still])]
-        said += [
+        messages = [(ROOT, ["root", *still])]
+        messages += [
             (BONE, [name, *unity_place(bones.places[t, k]), *unity_turn(bones.turns[t, k])])
             for k, name in enumerate(bones.names)
         ]
-        said += [(OK, [1]), (TIME, [time])]
-        return [_bundle(said[k : k + BONES_AT_ONCE]).dgram for k in range(0, len(said), BONES_AT_ONCE)]
+        messages += [(OK, [1]), (TIME, [time])]
+        return [_bundle(messages[k : k + BONES_AT_ONCE]).dgram for k in range(0, len(messages), BONES_AT_ONCE)]
 
     return packets
 
 
-def _bundle(said: list[tuple[str, list[str | float | int]]]) -> OscBundle:
+def _bundle(messages: list[tuple[str, list[str | float | int]]]) -> OscBundle:
     bundle = OscBundleBuilder(IMMEDIATELY)
-    for address, values in said:
+    for address, values in messages:
         message = OscMessageBuilder(address)
         for value in values:
             message.add_arg(value, "f" if isinstance(value, float) else None)
@@ -126,12 +126,12 @@ def _bundle(said: list[tuple[str, list[str | float | int]]]) -> OscBundle:
 
 def _lines(motion: Motion) -> Packets:
     skeleton = skeleton_line(motion.skeleton)
-    said = float("-inf")
+    messages = float("-inf")
 
     def packets(t: int, time: float) -> list[bytes]:
-        nonlocal said
-        first = time - said >= AGAIN
-        said = time if first else said
+        nonlocal messages
+        first = time - messages >= AGAIN
+        messages = time if first else messages
         turns = None if motion.rotations is None else motion.rotations[t]
         line = line_of(time, motion.positions[t], turns)
         return [skeleton, line] if first else [line]

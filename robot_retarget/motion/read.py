@@ -52,7 +52,7 @@ def read_motion(
     request = Request(fps, names, clip, None if body_model is None else Path(body_model))
     try:
         chosen = format_of(file)
-        _refuse_idle(request, chosen.takes, f"{file} ({chosen.name})")
+        _refuse_unused(request, chosen.takes, f"{file} ({chosen.name})")
         with refusing(file, chosen.name):
             capture = chosen.read(file, request)
     except FileError as error:
@@ -81,8 +81,8 @@ def _part(path: Path) -> tuple[Path, str | None]:
     return (path.with_name(name), clip) if mark and name and not path.exists() else (path, None)
 
 
-def _refuse_idle(request: Request, takes: frozenset[str], title: str) -> None:
-    """Refuse options that the reader does not use."""
+def _refuse_unused(request: Request, takes: frozenset[str], title: str) -> None:
+    """Refuse arguments of `read_motion` that the reader of the format does not take."""
     for argument, sentence in _IDLE.items():
         if getattr(request, argument) is not None and argument not in takes:
             raise UsageError(f"{title}: {sentence}")

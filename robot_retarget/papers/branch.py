@@ -5,7 +5,7 @@ two positions, a binary tree. A branch ends if it misses a further distance (a p
 may be an interval; it is sampled. Distances that place a vertex are exact to rounding.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -69,7 +69,7 @@ def discretization_order(graph: PointGraph) -> Ints:
     exact, any_ = _adjacency(graph, graph.edges.exact), _adjacency(graph, np.ones(len(graph.edges), dtype=bool))
     best: list[int] = []
     for clique in _cliques(exact, graph.dimension):
-        order = _grown(list(clique), exact, any_, graph.dimension)
+        order = _extended(clique, exact, any_, graph.dimension)
         if len(order) == len(graph.vertices):
             return np.array(order)
         best = max(best, order, key=len)
@@ -159,8 +159,9 @@ def _cliques(joined: NDArray[np.bool_], size: int) -> Iterator[tuple[int, ...]]:
             yield vertices
 
 
-def _grown(order: list[int], exact: NDArray[np.bool_], joined: NDArray[np.bool_], dimension: int) -> list[int]:
-    """Add the vertex with the most exact earlier references, then the most of any kind, while one has enough."""
+def _extended(clique: Sequence[int], exact: NDArray[np.bool_], joined: NDArray[np.bool_], dimension: int) -> list[int]:
+    """Return an order that begins with a clique; next is the vertex with the most exact references, while one has enough."""
+    order = list(clique)
     left = set(range(len(joined))) - set(order)
     while left:
         score = {v: (int(exact[v, order].sum()), int(joined[v, order].sum())) for v in left}

@@ -77,6 +77,7 @@ class Lifted:
         return value + self.weight * (out**2).sum((0, 1)), slope.reshape(z.shape)
 
     def take(self, columns: NDArray[np.int64]) -> "Lifted":
+        """Return the stress of some of the realizations."""
         return Lifted(self.stress.take(columns), self.kept, self.weight)
 
 

@@ -112,17 +112,17 @@ def _stood(robot: Robot, tables: Limits) -> Robot:
     if robot.floating and _legged(robot):
         return robot
     for turn in UPRIGHT[1:] if robot.floating else UPRIGHT:
-        said = (
+        note = (
             LYING
             if robot.floating
             else NO_ROOT
             if turn == UPRIGHT[0]
             else f"{NO_ROOT}, and stood up from where it lies"
         )
-        stood = _loaded(robot.path, tables, (said,), turn)
-        found = _legged(stood)
-        if found and (turn == UPRIGHT[0] or _has_named_arms(stood, found)):
-            return stood
+        upright = _loaded(robot.path, tables, (note,), turn)
+        found = _legged(upright)
+        if found and (turn == UPRIGHT[0] or _has_named_arms(upright, found)):
+            return upright
     return robot
 
 

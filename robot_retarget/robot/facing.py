@@ -144,11 +144,11 @@ def _beyond(value: float, margin: float) -> int:
 def _names(links: Links, pairs: list[MirroredLimbs]) -> int:
     """Return the vote of names: +1 if the first chain of limbs, on the candidate left, has a left name."""
     lateral = pairs[0].lateral
-    said = 0
+    votes = 0
     for pair in pairs:
         first = int(np.sign((pair.chains[0].end - pair.chains[1].end) @ lateral))
-        said += first * int(np.sign(_handedness(links, pair.chains[0]) - _handedness(links, pair.chains[1])))
-    return int(np.sign(said))
+        votes += first * int(np.sign(_handedness(links, pair.chains[0]) - _handedness(links, pair.chains[1])))
+    return int(np.sign(votes))
 
 
 def _handedness(links: Links, chain: Chain) -> int:

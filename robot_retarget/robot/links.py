@@ -33,7 +33,7 @@ class Axis:
     link: int
     """The link it carries."""
     anchor: Floats
-    """Of the points of the line one that does not depend on where the model has the joint: see `Links.axes`."""
+    """(3,) a point of the line that does not depend on the place of the joint in the model (`Links.axes`) [m]."""
     direction: Floats
 
     def nearest(self, point: Floats) -> Floats:

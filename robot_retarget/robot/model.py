@@ -177,14 +177,14 @@ def robot_from_model(
     for k, pair in bounds.items():
         lower[k], upper[k] = pair
     unlimited = [names[k] for k in unstated if k not in bounds]
-    said = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
+    remarks = (f"no range given for {', '.join(unlimited)}: ±{DEFAULT_RANGE:.4g} rad taken",) if unlimited else ()
     speed, torque = np.full(len(names), DEFAULT_MAX_SPEED), _torques(model, hinges)
     for values, key in ((speed, "speed"), (torque, "torque")):
         for k, value in table.column(key).items():
             values[k] = value
-    said = (*notes, *said)
+    remarks = (*notes, *remarks)
     joints, carriers = np.array(hinges), np.array(root, int)
-    return Robot(name, model, path, names, joints, lower, upper, speed, torque, carriers, said, freed)
+    return Robot(name, model, path, names, joints, lower, upper, speed, torque, carriers, remarks, freed)
 
 
 def _root_joints(model: mujoco.MjModel) -> list[int]:

@@ -38,10 +38,10 @@ def described(name: str, shipped: tuple[str, ...]) -> Path:
     try:
         return Path(getattr(importlib.import_module(f"robot_descriptions.{module}"), KINDS[kind]))
     except Exception as error:  # the package clones with git and lets any of its errors through
-        said = " ".join(str(error).split())[:200]
+        reason = " ".join(str(error).split())[:200]
         line = f'python -c "import robot_descriptions.{module}"'
         raise RobotError(
-            f"{name} is {module} of robot_descriptions, which is not here: {said}. With git and a network, this gets it: {line}"
+            f"{name} is {module} of robot_descriptions, which is not here: {reason}. With git and a network, this gets it: {line}"
         ) from error
 
 

@@ -79,6 +79,7 @@ def _from_map(robot: Robot, sites: dict[str, KeypointSite], forward: Floats | No
 
 
 def _heading(line: Any) -> Floats:
+    """Return the heading (3,) that a map gives; refuse one that is not along the floor."""
     if not (_are_numbers(line, 3) and np.linalg.norm(line[:2])):
         raise MatchError(f"forward must be [x, y, z], not straight up or down, got {line!r}")
     return np.array(line, dtype=float)

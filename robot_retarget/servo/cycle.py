@@ -39,9 +39,9 @@ class Step(NamedTuple):
 class Cycle:
     """The ticks of one performance.
 
-    At a rate near the bus' limit nothing stands between readings and the next goals but a look whether the goals are
-    near enough to the joints: the next goals are made ready, and the last tick is judged and written down, while the
-    answers are on the wire. Where there is time a tick is finished at once.
+    At a rate near the limit of the bus, only the distance of goals from joints is checked between the readings and the next
+    goals. The next goals are prepared, and the last tick is judged and recorded, while the answers are on the wire. If time
+    is left, a tick is finished at once.
     """
 
     link: Link

@@ -88,7 +88,7 @@ class FallGuard:
             return None
         reading = self._sensor.read()
         reading = reading if reading is not None and reading.finite else None
-        fault = self._monitor.fault(reading)
+        fault = self._monitor.step(reading)
         if fault is not None:
             self._lose(fault)
         if reading is None or not self.trusted:

@@ -34,7 +34,7 @@ from robot_retarget.servo.sensor import open_sensor
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """Errors that end a motion with all servos holding."""
 MADE_UP = 0.025
-"""So late a tick may be and still be made, quickly, one after the other [s]: on the whole no goal moves faster."""
+"""Ticks up to this late are sent at once, one after the other; later ones are skipped [s]. The motion keeps its mean speed."""
 
 
 class _InterruptError(Exception):

@@ -56,9 +56,9 @@ def _require_display() -> None:
         return
     import glfw
 
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if glfw.init():
             return
-    reason = "; ".join(str(w.message) for w in said) or "GLFW does not start"
+    reason = "; ".join(str(w.message) for w in caught) or "GLFW does not start"
     raise ServoError(f"--view needs a display: {reason}; leave it out, or set DISPLAY")

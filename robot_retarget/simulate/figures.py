@@ -108,11 +108,11 @@ def plain_figures(trajectory: Trajectory, plant: Plant, plain: Rollout, compensa
     """Return the tracking error without compensation; None if the goals are not compensated."""
     tracking = at_frames(trajectory, plant.robot, plain)
     error, wanted = tracking.error[:, plant.driven], tracking.wanted[:, plant.driven]
-    said = compensated and error.size
+    applies = compensated and error.size
     return {
         "compensated": compensated,
-        "plain_tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 5) if said else None,
-        "plain_lag_s": _lag(error, wanted, trajectory.fps) if said else None,
+        "plain_tracking_rms_rad": round(float(np.sqrt((error**2).mean())), 5) if applies else None,
+        "plain_lag_s": _lag(error, wanted, trajectory.fps) if applies else None,
     }
 
 

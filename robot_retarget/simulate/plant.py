@@ -198,13 +198,13 @@ def build_plant(
     place = {int(j): k for k, j in enumerate(model.dof_jntid[dofs])}
     for actuator in range(model.nu):
         servos[place[int(model.actuator_trnid[actuator, 0])]] = actuator
-    said = list(drives.notes) if drives is not None else []
+    remarks = list(drives.notes) if drives is not None else []
     if mode == "free" and not feet_of(robot).names:
-        said.append("no feet are recognised: the bodies that touch the floor first may stand on it")
+        remarks.append("no feet are recognised: the bodies that touch the floor first may stand on it")
     if backlash:
-        said.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
+        remarks.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
     bodies = None if scene is None else SimulatedBodies(scene, model)
-    return Plant(robot, model, servos, (*said, *_notes(robot, servos, added, floor)), drives, bodies)
+    return Plant(robot, model, servos, (*remarks, *_notes(robot, servos, added, floor)), drives, bodies)
 
 
 def _strip(spec: mujoco.MjSpec, robot: Robot, keep: bool) -> set[int]:

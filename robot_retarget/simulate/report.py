@@ -13,7 +13,7 @@ from robot_retarget.arrays import Floats, frozen
 from robot_retarget.collision.warn import Warnings
 from robot_retarget.errors import UsageError
 from robot_retarget.files import write_text
-from robot_retarget.notebook import card, frame
+from robot_retarget.notebook import card, data_frame
 from robot_retarget.report_file import FORMAT_VERSION, SEAL, content_sha256, sealed
 from robot_retarget.robot.contacts import Contacts
 from robot_retarget.robot.feet import feet_of
@@ -106,7 +106,7 @@ class Report:
         """
         kinds = [kind for kind in ("wanted", "measured", "error", "torque") if kind in self.series]
         columns = {(kind, joint): self.series[kind][:, k] for kind in kinds for k, joint in enumerate(self.joint_names)}
-        return frame(columns, self.series.get("time", np.zeros(0)))
+        return data_frame(columns, self.series.get("time", np.zeros(0)))
 
     @classmethod
     def load(cls, path: str | Path) -> "Report":

@@ -17,7 +17,7 @@ from robot_retarget.simulate.plant import Plant
 from robot_retarget.simulate.stepping import Rollout
 
 LIGHT = 0.05
-"""Under this part of its weight on the ground a robot has no zero moment point worth the name."""
+"""The zero moment point is undefined while the ground carries less than this share of the weight [-]."""
 
 
 def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
@@ -40,7 +40,7 @@ def stance_of(plant: Plant, rollout: Rollout) -> Stance | None:
 
 
 def floor_height(model: mujoco.MjModel) -> float:
-    """Of the highest plane of the scene [m], 0 without one."""
+    """Return the height of the highest plane of the scene [m], 0 without one."""
     planes = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0))
     return float(model.geom_pos[planes, 2].max()) if planes.size else 0.0
 

@@ -146,7 +146,7 @@ class _Log:
         self.contacts.record(k, data)
 
     def rollout(self, times: Floats, unstable: float | None, pace: float) -> Rollout:
-        """Everything noted, as far as the times go."""
+        """Return the recorded states at times (N,) [s] as a rollout; a simulation that broke down has fewer."""
         n, plant, dofs = len(times), self.plant, self.plant.dofs
         qpos = plant.places.configuration(self.qpos[:n])
         return Rollout(

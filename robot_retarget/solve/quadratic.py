@@ -327,8 +327,10 @@ class CostModel:
         near = found[0]
         if len(found) > 1:
             near = replace(near, **{name: np.concatenate([getattr(each, name) for each in found]) for name in columns})
-            return near.of(foremost(near.distance, near.deficit, self.most))
-        return near if len(near.distance) <= self.most else near.of(foremost(near.distance, near.deficit, self.most))
+            return near.of(tightest_rows(near.distance, near.deficit, self.most))
+        return (
+            near if len(near.distance) <= self.most else near.of(tightest_rows(near.distance, near.deficit, self.most))
+        )
 
     def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
         """The model with a proximal term on top."""
@@ -374,7 +376,7 @@ class CostModel:
         return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
 
 
-def foremost(distance: Floats, deficit: Floats, most: int) -> Ints:
+def tightest_rows(distance: Floats, deficit: Floats, most: int) -> Ints:
     """Return at most `most` rows, those with the least room to their bound, the nearest first.
 
     Rows with equal room are kept or dropped together, so that left and right are treated alike.

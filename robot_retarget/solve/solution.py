@@ -1,7 +1,7 @@
 """The result of a solver: the trajectory, and the quality of each frame and each edge."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +33,8 @@ class UnmetEdge:
     """The interval there [m]."""
     reasons: tuple[str, ...]
     """Limits that are active there; may be empty."""
+    by_user: bool = False
+    """Whether a user added the edge."""
 
     @property
     def sentence(self) -> str:
@@ -46,6 +48,11 @@ class UnmetEdge:
         when = f"frame {first}" if count == 1 else f"{count} frames of {first} … {last}"
         why = "; ".join(self.reasons) or "other edges oppose it"
         return f"hard edge {self.name}: {self.measured:.3f} m at frame {self.frame} instead of {asked}, unmet in {when}: {why}"
+
+
+def unmet_of_user(unmet: Iterable[UnmetEdge]) -> list[str]:
+    """Return a sentence for each edge of a user among the unmet ones."""
+    return list(dict.fromkeys(edge.sentence for edge in unmet if edge.by_user))
 
 
 @dataclass(frozen=True, eq=False)

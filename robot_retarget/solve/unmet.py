@@ -49,7 +49,7 @@ def unmet_edges(
             slope = _slope(solver, qpos, worst, track, int(edge))
             reasons = tuple(_reasons(solver, graph, bounds, qpos, worst, -np.sign(error) * slope))
             name, missed = track.edge_name(int(edge)), tuple(frames.tolist())
-            unmet = UnmetEdge(track.name, name, missed, worst, reached, *interval, reasons)
+            unmet = UnmetEdge(track.name, name, missed, worst, reached, *interval, reasons, track.kind.by_user)
             found.append((float(miss[worst, edge]), unmet))
     return tuple(unmet for _, unmet in sorted(found, key=lambda each: -each[0]))
 

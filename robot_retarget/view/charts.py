@@ -161,7 +161,7 @@ def balance(report: Report) -> str:
 
 
 def _floor_plan(axes: Any, series: Any) -> None:
-    """Every support polygon lightly, the paths over them."""
+    """Draw the support polygons, the zero moment point and the centre of mass, seen from above."""
     from matplotlib.collections import PolyCollection
     from scipy.spatial import ConvexHull, QhullError
 

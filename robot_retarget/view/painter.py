@@ -1,4 +1,4 @@
-"""Whoever can paint here: MuJoCo with OpenGL, else a pencil."""
+"""Paint moments of a motion with MuJoCo and OpenGL, or draw figures where OpenGL is missing."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""However a clip is cut, laid down, renamed, mirrored, rewritten or broken: it is taken for the same, or it is said.
+"""A clip that is cut, laid down, renamed, mirrored, rewritten or broken is read as the same motion, or a note states the change.
 
 Every law of `scripts/bench/check_human.py`, which counts them over all clips, on some of them.
 """

@@ -193,8 +193,8 @@ def test_sound_sensors_have_no_faults() -> None:
 )
 def test_a_fault_on_the_way_is_found_within_56_ms(later: Reading | None, message: str) -> None:
     monitor = Monitor(IMU, DT)
-    assert not any(monitor.fault(reading) for reading in rested())
-    found = [monitor.fault(later) for _ in range(8)]
+    assert not any(monitor.step(reading) for reading in rested())
+    found = [monitor.step(later) for _ in range(8)]
     assert found[0] is None and found[7] is not None
     assert re.search(message, found[7])
 

@@ -16,7 +16,7 @@ from robot_retarget.robot.separation import Separation
 from robot_retarget.shipped import SAMPLES
 from robot_retarget.solve.options import Smoothing
 from robot_retarget.solve.problem import build_problem, targets_of
-from robot_retarget.solve.quadratic import foremost
+from robot_retarget.solve.quadratic import tightest_rows
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.solve.sqp import FrameSolution, FrameSolver
 
@@ -39,7 +39,7 @@ def test_slopes_agree_with_central_differences() -> None:
 
     def nearest(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         distance, _, slope = separation.near(at)
-        kept = foremost(distance, -distance, 24)
+        kept = tightest_rows(distance, -distance, 24)
         return distance[kept], slope[kept]
 
     distance, slope = nearest(pose)
@@ -68,10 +68,10 @@ def test_of_more_places_than_there_are_rows_those_with_the_least_room_to_the_mar
         distance[6:], rest[6:] = distance[:6], rest[:6]  # left and right
         distance, rest = distance[(shuffled := draw.permutation(12))], rest[shuffled]
         room = distance - np.minimum(0.01, rest)
-        kept = foremost(distance, -room, 6)
+        kept = tightest_rows(distance, -room, 6)
         assert len(kept) == 6 and room[kept].max() < np.delete(room, kept).min()
         assert (np.diff(distance[kept]) >= 0).all()
-        odd = foremost(distance[1:], -room[1:], 6)  # one has lost its counterpart
+        odd = tightest_rows(distance[1:], -room[1:], 6)  # one has lost its counterpart
         assert len(odd) <= 6 and room[1:][odd].max() < np.delete(room[1:], odd).min()
 
 

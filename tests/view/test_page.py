@@ -128,7 +128,9 @@ def test_limits_that_are_all_kept_are_one_line(tmp_path: Path) -> None:
     save_page(report, judged(report), tmp_path / "report.html")
     view, rest = folded((tmp_path / "report.html").read_text(encoding="utf-8"))
     every = rest.count('<tr><td class="yes"')
-    assert report.verdict == "pass" and not view.strip() and f"<summary>{every} of {every} limits kept</summary>" in rest
+    assert (
+        report.verdict == "pass" and not view.strip() and f"<summary>{every} of {every} limits kept</summary>" in rest
+    )
 
 
 def test_angles_are_in_degrees_only(page: Path) -> None:

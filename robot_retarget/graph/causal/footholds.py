@@ -67,9 +67,9 @@ class CausalFootholds:
         return target.ravel(), target.ravel(), priority.ravel()
 
     def _stands(self, human: HumanFeatures, foot: str) -> np.ndarray:
-        held, said = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
-        if said is not None:
-            held[TOE], held[HEEL] = said[0]
+        held, schedule = np.zeros(CORNERS, dtype=bool), human.contacts.get(foot)
+        if schedule is not None:
+            held[TOE], held[HEEL] = schedule[0]
         return held
 
     def _still(self, foot: int, carried: Floats) -> bool:

@@ -20,6 +20,7 @@ class OwnKind(Kind):
     ends: tuple[tuple[End, End], ...] = ()
     name: str = "own"
     follows_human = False
+    by_user = True
 
     def of(self, edges: np.ndarray) -> "OwnKind":
         """Return some of the edges."""

@@ -99,6 +99,10 @@ class TouchKind(Kind):
                 return {"head": self.head, "hand": self.hand, "knee": self.hand}.get(part.split("_")[-1], self.other)
         return 0.0
 
+    def for_robot(self) -> "TouchKind":
+        """Return the kind without touches of the trunk: a robot's hand passes its hip closely without a touch."""
+        return replace(self, other=0.0)
+
     def _gently(self, touching: Floats, frames: int) -> Floats:
         """Return (T, C) strengths that rise and fall gradually: the maximum of the frames around, then its mean."""
         width = 2 * frames + 1

@@ -134,21 +134,21 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
 
 
 def _sided(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> "_Sided":
-    """Legs and arms with the left one first; names and knees together outvote the feet, else geometry the names."""
-    seen, said = votes(body, legs, arms), named_leftness(body, legs)
-    heels = seen.feet * said < -HEEL and (seen.knees + seen.elbows) * said > HEEL
+    """Return legs and arms with the left one first: by geometry, or by names where knees or elbows confirm them against the feet."""
+    seen, named = votes(body, legs, arms), named_leftness(body, legs)
+    heels = seen.feet * named < -HEEL and (seen.knees + seen.elbows) * named > HEEL
     shown = seen.leftness(feet=not heels)
-    decided = shown if abs(shown) > SURE or not said else said
-    certainty = 1.0 if shown * said > 0 else max(abs(shown), 0.5)
+    decided = shown if abs(shown) > SURE or not named else named
+    certainty = 1.0 if shown * named > 0 else max(abs(shown), 0.5)
     notes: list[str] = []
-    if shown * said < 0 and decided == said:
+    if shown * named < 0 and decided == named:
         notes.append("Feet and knees hint that left and right are swapped; names were followed.")
     if heels:
         notes.append(
             "What hangs below the ankles points backwards by names and knees: heels, not toes; there are no toes."
         )
     arms = arms if same_side_first(body, legs, arms) else _turned(arms)
-    if said * decided < 0:
+    if named * decided < 0:
         arms_agree = named_leftness(body, arms) * decided > 0
         whose = "left and right legs" if arms_agree else "left and right"
         notes.append(f"Names of {whose} are swapped: feet and knees point the other way. Geometry was followed.")

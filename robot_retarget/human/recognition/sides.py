@@ -35,7 +35,7 @@ class Votes:
 
 
 def votes(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> Votes:
-    """How the first of two legs stands to where feet point, knees bend and elbows do not.
+    """Return the evidence of feet, knees and elbows for the first leg as the left one.
 
     Args:
         body: the skeleton in its poses.

@@ -37,8 +37,8 @@ def line_of(time: float, positions: Floats, rotations: Floats | None = None) -> 
     return _line(frame if rotations is None else {**frame, "rotations": np.round(rotations, 6).tolist()})
 
 
-def _line(said: dict[str, Any]) -> bytes:
-    return json.dumps(said, separators=(",", ":")).encode() + b"\n"
+def _line(message: dict[str, Any]) -> bytes:
+    return json.dumps(message, separators=(",", ":")).encode() + b"\n"
 
 
 class LineDecoder:
@@ -50,7 +50,7 @@ class LineDecoder:
         self._faults, self._whole = faults, whole
         self.clock = SenderClock(faults)
         self.skeleton = skeleton
-        self._told: dict[str, Any] | None = None
+        self._tree: dict[str, Any] | None = None
         self._rest = b""
         self._newest: tuple[dict[str, Any], float] = {}, 0.0
 
@@ -76,52 +76,54 @@ class LineDecoder:
 
     def _read(self, line: bytes, arrived: float) -> int:
         """Read a line. Returns 1 for a frame."""
-        said = _object(line)
-        told = said.get("skeleton")
-        if told is not None and told != self._told:
-            self.skeleton, self._told = _skeleton(told, said), told
-        if "positions" not in said:
-            if told is None:
+        message = _object(line)
+        tree = message.get("skeleton")
+        if tree is not None and tree != self._tree:
+            self.skeleton, self._tree = _skeleton(tree, message), tree
+        if "positions" not in message:
+            if tree is None:
                 raise RefusedError(Fault.MALFORMED, f"a line without positions: {line[:60].decode(errors='replace')}")
             return 0
-        self._newest = said, arrived
+        self._newest = message, arrived
         return 1
 
     def newest(self) -> Frame:
-        said, arrived = self._newest
+        message, arrived = self._newest
         if self.skeleton is None:
             raise RefusedError(Fault.MALFORMED, "positions before a skeleton")
-        stamp = said.get("time")
+        stamp = message.get("time")
         if stamp is not None and (isinstance(stamp, bool) or not isinstance(stamp, int | float)):
             raise RefusedError(Fault.MALFORMED, f"time {stamp!r}")
         if stamp is not None and not np.isfinite(stamp):
             raise RefusedError(Fault.NOT_FINITE, "time")
-        frame = Frame(self.skeleton, arrived, arrived, said["positions"], said.get("rotations"))
+        frame = Frame(self.skeleton, arrived, arrived, message["positions"], message.get("rotations"))
         return frame.at(self.clock.time(stamp, arrived))
 
 
 def _object(line: bytes) -> dict[str, Any]:
     try:
-        said = parse_json(line.decode(), "a line", MotionError)
+        message = parse_json(line.decode(), "a line", MotionError)
     except (MotionError, UnicodeDecodeError) as error:
         raise RefusedError(Fault.MALFORMED, f"{error}") from None
-    if not isinstance(said, dict):
+    if not isinstance(message, dict):
         raise RefusedError(Fault.MALFORMED, f"a line that is not an object: {line[:60].decode(errors='replace')}")
-    return said
+    return message
 
 
-def _skeleton(told: Any, said: dict[str, Any]) -> Skeleton:
+def _skeleton(tree: Any, message: dict[str, Any]) -> Skeleton:
     """Return the skeleton of a line; missing offsets come from the frame in the same line.
 
     Raises:
         RefusedError: the skeleton is invalid.
     """
     try:
-        names, parents = told["names"], np.array(told["parents"], dtype=np.int64)
+        names, parents = tree["names"], np.array(tree["parents"], dtype=np.int64)
         if not all(isinstance(name, str) for name in names):
             raise TypeError("names are texts")
         bare = Skeleton(tuple(names), parents, np.zeros((len(names), 3)))
-        offsets = told["offsets"] if "offsets" in told else offsets_of(bare, said["positions"], said.get("rotations"))
+        offsets = (
+            tree["offsets"] if "offsets" in tree else offsets_of(bare, message["positions"], message.get("rotations"))
+        )
         if not np.isfinite(np.asarray(offsets, dtype=float)).all():
             raise ValueError("its offsets are not finite")
         return Skeleton(bare.names, bare.parents, offsets)

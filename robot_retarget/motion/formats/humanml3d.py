@@ -50,11 +50,11 @@ def read(path: Path, request: Request) -> Capture:
     axes = np.linalg.norm(features[:, _SIX].reshape(-1, 3), axis=1)
     if abs(float(axes.mean()) - 1) > _UNIT:
         raise MotionError("the features are normalised: multiply by the data set's Std.npy and add its Mean.npy", path)
-    fps, said = request.rate(usual=FPS)
+    fps, rate_notes = request.rate(usual=FPS)
     joints = positions(features)
     names = tuple(HUMANML3D)
     body = {name: (HUMANML3D[name] or "", joints[:, k]) for k, name in enumerate(names)}
-    notes = ("The file says when the feet stand: its contacts are taken.", *said)
+    notes = ("The file says when the feet stand: its contacts are taken.", *rate_notes)
     capture = of_points(body, fps, str(path), notes, up="+y")
     return replace(capture, contacts=features[:, 259:263] > CONTACT)
 

@@ -35,8 +35,8 @@ class Request:
             if rate is not None and not RATES[0] <= rate <= RATES[1]:
                 raise MotionError(f"frames per second must be from {RATES[0]:g} to {RATES[1]:g}, got {rate:g}")
         if self.fps is not None:
-            told = stored is not None and stored != self.fps
-            note = f"Read at {self.fps:g} frames per second; the file says {stored:.4g}." if told else ""
+            differs = stored is not None and stored != self.fps
+            note = f"Read at {self.fps:g} frames per second; the file says {stored:.4g}." if differs else ""
             return self.fps, (note,) if note else ()
         if stored is None:
             return usual, (f"The file says no frame rate; {usual:g} frames per second were taken.",)

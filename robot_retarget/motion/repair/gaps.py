@@ -28,8 +28,8 @@ def limbs_of(recognition: Recognition) -> dict[str, list[str]]:
 def gaps(jumps: Floats, points: Floats, longest: int) -> Iterator[tuple[int, int, float, bool]]:
     """First and last frame of a limb's gaps, the largest jump [leg lengths], and whether both ends were found.
 
-    Two jumps at most `longest` frames apart hold a gap between them if the second goes back; before a single one lies
-    what stood still.
+    Two jumps at most `longest` frames apart enclose a gap if the second goes back. A single jump ends a gap in which the limb
+    stood still.
 
     Args:
         jumps: (T − 1, 3) how the limb's end jumps between frames.

@@ -71,7 +71,7 @@ class EmulatedMotor:
         self.position += self.velocity * dt
 
     def update_load(self, voltage: float, dt: float) -> None:
-        """Current, heat and strain from duty and speed."""
+        """Update current, heat and overload from duty and speed."""
         motor, speed = self.model.motor, self.velocity * RADIANS
         self.current = motor.current(self.duty, speed, voltage) if self.duty else 0.0
         goal = AMBIENT + HEAT_RISE * (self.current / motor.continuous_current) ** 2

@@ -108,7 +108,7 @@ class Server:
         lockstep: float | None = None,
     ) -> None:
         """`lockstep`: time by which each frame of goals advances the world, instead of the clock [s]."""
-        self._lockstep, self._told = lockstep, 0
+        self._lockstep, self._ticks = lockstep, 0
         self.network, self.world, self.timing, self.strict = network, world, timing, strict
         self.wire = Wire()
         self.faults = FaultInjector(network, world, self.wire)
@@ -175,9 +175,9 @@ class Server:
     def _answer(self, frames: Sequence[Any], now: float) -> None:
         for frame in frames:
             if self._lockstep is not None and _has_goals(frame):
-                self._told += 1
+                self._ticks += 1
                 self.world.advance(
-                    self._told * self._lockstep + self.world.step / 2
+                    self._ticks * self._lockstep + self.world.step / 2
                 )  # whole steps in spite of rounding
             self.timing.request(now, 10 + len(frame.stuffed))
             for answer in self.network.answer(frame):

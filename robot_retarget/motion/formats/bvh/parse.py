@@ -45,7 +45,7 @@ def captured(data: bytes, path: str | Path, request: Request | None = None) -> C
     _check_finite(hierarchy, rows, path)
     translations, turns, notes = local_pose(hierarchy, rows.values)
     positions, rotations = forward(hierarchy.skeleton.parents, translations, turns)
-    rate, said = (request or Request()).rate(_rate(rows.frame_time))
+    rate, rate_notes = (request or Request()).rate(_rate(rows.frame_time))
     spoken = any(channel.endswith("rotation") for channels in hierarchy.channels for channel in channels)
     return Capture(
         hierarchy.skeleton,
@@ -53,7 +53,7 @@ def captured(data: bytes, path: str | Path, request: Request | None = None) -> C
         rotations if spoken else None,
         rate,
         str(path),
-        (*hierarchy.notes, *rows.notes, *notes, *said),
+        (*hierarchy.notes, *rows.notes, *notes, *rate_notes),
     )
 
 

@@ -74,9 +74,9 @@ class _Tree:
         kind = "End Site" if self.ends[joint] else f"{'JOINT' if depth else 'ROOT'} {self.names[joint]}"
         offset = " ".join(f"{value:.6f}" for value in self.offsets[joint])
         channels = self.channels(joint)
-        said = "" if self.ends[joint] else f"{inner}CHANNELS {len(channels)} {' '.join(channels)}\n"
+        channel_line = "" if self.ends[joint] else f"{inner}CHANNELS {len(channels)} {' '.join(channels)}\n"
         below = "".join(self.lines(child, depth + 1) for child in self.children[joint])
-        return f"{pad}{kind}\n{pad}{{\n{inner}OFFSET {offset}\n{said}{below}{pad}}}\n"
+        return f"{pad}{kind}\n{pad}{{\n{inner}OFFSET {offset}\n{channel_line}{below}{pad}}}\n"
 
     def rows(self) -> Floats:
         """The channel values (T, C) of the joints depth first."""

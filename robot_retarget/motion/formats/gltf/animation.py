@@ -53,10 +53,10 @@ def _animated(file: GltfFile, request: Request) -> Capture:
     nodes = Nodes.of(file)
     keys = nodes.keys(animations[which], f"animations[{which}]")
     joints, kind = _joints(file, keys)
-    fps, said = request.rate()
+    fps, rate_notes = request.rate()
     times = _times([track.times for track in keys.values()], fps)
     skeleton, positions, rotations = _posed(nodes, keys, joints, times)
-    return Capture(skeleton, positions, rotations, fps, str(path), (*kind, *notes, *said), up="+y")
+    return Capture(skeleton, positions, rotations, fps, str(path), (*kind, *notes, *rate_notes), up="+y")
 
 
 def _posed(

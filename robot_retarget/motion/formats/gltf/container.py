@@ -29,7 +29,7 @@ class GltfFile:
     """The file's JSON and, of a GLB, its binary chunk."""
 
     path: Path
-    said: Mapping[str, Any]
+    content: Mapping[str, Any]
     binary: bytes
 
     @classmethod
@@ -42,25 +42,25 @@ class GltfFile:
         data = path.read_bytes()
         text, binary = _chunks(data, path) if data.startswith(_MAGIC) else (data, b"")
         try:
-            said = parse_json(text.decode("utf-8-sig"), path, MotionError)
+            content = parse_json(text.decode("utf-8-sig"), path, MotionError)
         except UnicodeDecodeError as error:
             raise MotionError(f"its JSON cannot be read: {error}", path) from error
-        asset = said.get("asset") if isinstance(said, dict) else None
+        asset = content.get("asset") if isinstance(content, dict) else None
         version = asset.get("version", "none") if isinstance(asset, dict) else "none"
         if not str(version).startswith("2"):
             raise MotionError(f"asset.version: expected glTF 2.0, found {version}", path)
-        return cls(path, said, binary)
+        return cls(path, content, binary)
 
     def listed(self, key: str) -> list[Any]:
         """A list of the JSON; empty if absent."""
-        found = self.said.get(key, [])
+        found = self.content.get(key, [])
         if not isinstance(found, list):
             raise self.error(key, "expected a list")
         return found
 
     def extension(self, name: str) -> dict[str, Any]:
         """The content of an extension for the whole file; empty if absent."""
-        return self.said.get("extensions", {}).get(name, {})
+        return self.content.get("extensions", {}).get(name, {})
 
     def numbers(self, index: Any, what: str) -> Floats:
         """(N, width) of an accessor; integers are normalised to −1 … 1.

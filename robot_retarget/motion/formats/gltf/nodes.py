@@ -162,10 +162,10 @@ class Nodes:
 
     def _rest(self, node: int) -> dict[str, Floats]:
         """The three properties of a node without keys."""
-        said = self.file.listed("nodes")[node]
-        if "matrix" in said:
-            return _parts(np.array(said["matrix"], dtype=float).reshape(4, 4).T)
-        rest = {path: np.array(said.get(path) or default, dtype=float) for path, default in _REST.items()}
+        entry = self.file.listed("nodes")[node]
+        if "matrix" in entry:
+            return _parts(np.array(entry["matrix"], dtype=float).reshape(4, 4).T)
+        rest = {path: np.array(entry.get(path) or default, dtype=float) for path, default in _REST.items()}
         for path, value in rest.items():
             if value.shape != (WIDTHS[path],) or not np.isfinite(value).all():
                 raise self.file.error(f"nodes[{node}].{path}", f"expected {WIDTHS[path]} finite numbers")

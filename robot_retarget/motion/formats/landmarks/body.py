@@ -67,11 +67,11 @@ def read(path: Path, request: Request) -> Capture:
     seen = points[np.isfinite(points)]
     if seen.size and seen.min() >= 0 and seen.max() <= _IMAGE:
         raise MotionError("landmarks of an image (0 … 1 of its size): give the world landmarks, in metres", path)
-    fps, said = request.rate(stored)
+    fps, rate_notes = request.rate(stored)
     paths, _, notes = bridged(points, USED, fps, str(path))
     at = {mark: paths[:, k] for k, mark in enumerate(USED)}
     body = {name: (parent, np.mean([at[mark] for mark in marks], axis=0)) for name, parent, marks in _JOINTS}
-    return of_points(body, fps, str(path), (*_travel(body["pelvis"][1], paths), *notes, *said))
+    return of_points(body, fps, str(path), (*_travel(body["pelvis"][1], paths), *notes, *rate_notes))
 
 
 def _points(path: Path) -> tuple[Floats, float | None]:

@@ -75,10 +75,10 @@ def captured(file: LabelledPoints, path: Path, request: Request) -> Capture:
     which, others = request.choose(subjects, path)
     labels = [label if subject in ("", subjects[which]) else "" for subject, label in file.titles]
     paths = {label: file.points[:, k] for k, label in enumerate(labels) if label}
-    fps, said = request.rate(file.fps)
+    fps, rate_notes = request.rate(file.fps)
     if centres := _named(paths):
         kept, _, notes = _bridged(paths, sorted(set(sum(centres.values(), ()))), fps, path)
-        return of_points(_tree(kept, centres), fps, str(path), (*others, *notes, *said))
+        return of_points(_tree(kept, centres), fps, str(path), (*others, *notes, *rate_notes))
     markers = Markers(paths)
     if missing := markers.missing():
         raise MotionError(_refusal(labels, missing), path)
@@ -87,7 +87,7 @@ def captured(file: LabelledPoints, path: Path, request: Request) -> Capture:
     markers = Markers(kept)
     body = joint_centres(markers)
     title = f"Joints were computed from {len(used)} of {len(labels)} markers."
-    return of_points(body, fps, str(path), (*others, title, *markers.notes, *notes, *said))
+    return of_points(body, fps, str(path), (*others, title, *markers.notes, *notes, *rate_notes))
 
 
 def _bridged(

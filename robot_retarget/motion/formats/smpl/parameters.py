@@ -61,8 +61,8 @@ def captured(arrays: Mapping[str, Any], path: Path, request: Request) -> Capture
     translations = np.tile(skeleton.offsets, (len(turns), 1, 1))
     translations[:, 0] += place
     positions, rotations = forward(skeleton.parents, translations, local)
-    fps, said = request.rate(rate_of(arrays), AIST_FPS if SCALE in arrays else USUAL_FPS)
-    return Capture(skeleton, positions, rotations, fps, str(path), (note, *notes, *said))
+    fps, rate_notes = request.rate(rate_of(arrays), AIST_FPS if SCALE in arrays else USUAL_FPS)
+    return Capture(skeleton, positions, rotations, fps, str(path), (note, *notes, *rate_notes))
 
 
 def _bare(arrays: Mapping[str, Any]) -> dict[str, Any]:
