@@ -51,7 +51,7 @@ LAYERS = {
     "summary": {"motion", "robot", "human", "graph", "solve"},
     "result": CORE | {"collision"},
     "pipeline": CORE | {"result", "scene"},
-    "simulate": CORE - {"motion", "human", "graph", "score"}
+    "simulate": CORE - {"motion", "human", "graph", "score", "balance"}
     | {"result", "actuators", "feedback", "goals", "collision", "scene"},
     "formats": {"actuators", "trajectory", "motion", "robot", "scene"},
     "sequence": {"trajectory", "robot", "human", "balance", "result", "pipeline", "formats"},
