@@ -1,11 +1,13 @@
 """Limits of a pass: one table, which a TOML file can override line by line."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from robot_retarget.errors import UsageError, known
 from robot_retarget.goals import TRACKING_RMS
+from robot_retarget.simulate.units import UNITS, shown
 from robot_retarget.untrusted.documents import read_toml
 
 
@@ -72,40 +74,66 @@ class Thresholds:
 
 
 class Check(NamedTuple):
-    """A threshold, the figure it bounds, and its name and unit for people."""
+    """A threshold, the figure it bounds, its name and unit for people, and the sentence of a figure beyond it.
+
+    Sentences may contain `{value}` and `{bound}` with their units, `{number}` without, and other figures.
+    """
 
     threshold: str
     figure: str
     what: str
     unit: str
+    sentence: str = "{what}: {value}, more than {bound}"
+
+    def exceeded(self, figures: Mapping[str, Any], most: Thresholds) -> bool:
+        """Return whether the figure is beyond its threshold; one that does not apply is not."""
+        return (figures.get(self.figure) or 0.0) > getattr(most, self.threshold)
+
+    def reason(self, figures: Mapping[str, Any], most: Thresholds) -> str:
+        """Return the sentence of a figure."""
+        value, bound = figures[self.figure], getattr(most, self.threshold)
+        number = UNITS.get(self.unit, (1.0, ""))[0] * value
+        texts = {"what": self.what, "value": shown(value, self.unit), "bound": shown(bound, self.unit)}
+        return self.sentence.format(**{**figures, **texts, "number": number})
 
 
 CHECKS = (
-    Check("tracking_rms", "worst_joint_rms_rad", "tracking error of the worst joint (rms)", "rad"),
-    Check("speed_ratio", "speed_ratio", "ratio of planned speed to top speed, fastest joint", ""),
-    Check("saturated_share", "saturated_share", "time at torque limit", "of all"),
-    Check("temperature_rise", "temperature_rise_K", "warming of the hottest servo", "K"),
+    Check("tracking_rms", "worst_joint_rms_rad", "tracking error of the worst joint (rms)", "rad",
+          "{worst_joint} tracks {value} off (rms), more than {bound}"),
+    Check("speed_ratio", "speed_ratio", "ratio of planned speed to top speed, fastest joint", "",
+          "{speed_ratio_joint} would have to turn {number:.2g} times as fast as it can"),
+    Check("saturated_share", "saturated_share", "time at torque limit", "of all",
+          "{saturated_joint} is at its torque limit {number:.0f} % of the time"),
+    Check("temperature_rise", "temperature_rise_K", "warming of the hottest servo", "K",
+          "{hottest_joint} warms up by {number:.0f} K"),
     Check("penetration", "self_contact_depth_m", "overlap of the robot with itself, planned", "m"),
     Check("between_frames", "between_frames_depth_m", "overlap of the robot with itself between frames", "m"),
     Check("tracked_penetration", "tracked_self_contact_depth_m", "overlap of the robot with itself on the servos", "m"),
-    Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m"),
-    Check("fallen_share", "fallen_share", "randomised simulations in which it falls", "of all"),
-    Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad"),
-)
+    Check("foot_slip", "foot_slip_m", "slip of a standing foot", "m", "a foot slides {value} while it stands"),
+    Check("fallen_share", "fallen_share", "randomised simulations in which it falls", "of all",
+          "falls in {value} of {draws} simulations with other mass, friction, servos and tilt"),
+    Check("range_excess", "range_excess_rad", "beyond a joint's range, planned", "rad",
+          "{range_excess_joint} leaves its range by {value}"),
+)  # fmt: skip
+OVERLAPS = ("penetration", "between_frames", "tracked_penetration")
+"""Thresholds of overlaps, whose sentences name pairs of links (`verdict.judge`)."""
+FROM_STANDING = ("foot_slip", "fallen_share")
+"""Thresholds that say nothing of a robot that fell."""
 
+_FROM_HUMAN = "from the human's on average"
 UNLIKE = (
-    Check("unlike_arms", "limb_rad_arms", "mean angle of the arms to the human's", "rad"),
-    Check("unlike_trunk", "limb_rad_trunk", "mean angle of the trunk to the human's", "rad"),
-    Check("unlike_legs", "limb_rad_legs", "mean angle of the legs to the human's", "rad"),
+    Check("unlike_arms", "limb_rad_arms", "mean angle of the arms to the human's", "rad", f"arms are {{number:.0f}}° {_FROM_HUMAN}"),
+    Check("unlike_trunk", "limb_rad_trunk", "mean angle of the trunk to the human's", "rad", f"trunk is {{number:.0f}}° {_FROM_HUMAN}"),
+    Check("unlike_legs", "limb_rad_legs", "mean angle of the legs to the human's", "rad", f"legs are {{number:.0f}}° {_FROM_HUMAN}"),
     Check("limbs_far", "limbs_far_share", "frames with limbs over 25° from the human's", "of all"),
-    Check("unlike_slowdown", "slowdown", "ratio of durations, robot to human", ""),
+    Check("unlike_slowdown", "slowdown", "ratio of durations, robot to human", "", "it takes {number:.1f} times as long as the human"),
     Check("contacts_lost", "contacts_lost", "hand contacts that are lost", "of all"),
     Check("steps_shortened", "steps_shortened", "steps shorter than the human's, scaled, by", "of all"),
     Check("path_off", "path_off", "root path deviation, over the path's extent", "of all"),
     Check("heading_off", "heading_off_rad", "heading error that lasts", "rad"),
     Check("steps_lost", "steps_lost", "steps of the human that are left out", "of all"),
     Check("unfinished", "unfinished_share", "frames that the solver did not finish", "of all"),
-)
+)  # fmt: skip
 """Comparisons with the human of a motion that passes."""
 
 

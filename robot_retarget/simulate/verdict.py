@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_retarget.simulate.bodies import dropped
 from robot_retarget.simulate.feedback_figures import feedback_reasons
-from robot_retarget.simulate.thresholds import UNLIKE, Check, Thresholds
+from robot_retarget.simulate.thresholds import CHECKS, FROM_STANDING, OVERLAPS, UNLIKE, Thresholds
 from robot_retarget.simulate.units import shown
 
 NAMED_PAIRS = 3
@@ -59,29 +59,25 @@ def badge_of(reasons: tuple[str, ...], unlike: tuple[str, ...], figures: Mapping
 
 def judge(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     """Return the reasons against a trajectory; none for a pass."""
-    reasons = [*_upright(figures), *feedback_reasons(figures), *_servos(figures, most)]
-    reasons += dropped(figures)
-    reasons += _overlaps(figures["self_contacts"], most.penetration, "overlap")
-    if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
-        depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
-        pair = " and ".join(figures["between_frames_bodies"])
-        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
-    if figures.get("fall_s") is None:
-        reasons += _standing(figures, most)
-    if figures["range_excess_rad"] > most.range_excess:
-        reasons.append(
-            f"{figures['range_excess_joint']} leaves its range by {shown(figures['range_excess_rad'], 'rad')}"
-        )
-    return tuple(reasons)
+    skipped = OVERLAPS if figures.get("fall_s") is None else (*OVERLAPS, *FROM_STANDING)
+    over = [check for check in CHECKS if check.threshold not in skipped and check.exceeded(figures, most)]
+    return (
+        *_upright(figures),
+        *feedback_reasons(figures),
+        *(check.reason(figures, most) for check in over),
+        *_goal_step(figures),
+        *dropped(figures),
+        *_links(figures, most),
+    )
 
 
 def unlikeness(figures: Mapping[str, Any], most: Thresholds) -> tuple[str, ...]:
     """Return the differences from the human's motion that exceed the thresholds, a sentence each."""
-    over = [check for check in UNLIKE if (figures.get(check.figure) or 0.0) > getattr(most, check.threshold)]
+    over = [check for check in UNLIKE if check.exceeded(figures, most)]
     stands = figures.get("legs") == "instead" and any(check.threshold in TRAVEL for check in over)
     sentences = [stands_in_place(figures)] if stands else []
     own = [check for check in over if not (stands and check.threshold in TRAVEL)]
-    return (*sentences, *(_difference(check, figures, most) for check in own))
+    return (*sentences, *(check.reason(figures, most) for check in own))
 
 
 def stands_in_place(figures: Mapping[str, Any]) -> str:
@@ -93,30 +89,17 @@ def stands_in_place(figures: Mapping[str, Any]) -> str:
     )
 
 
-def _difference(check: Check, figures: Mapping[str, Any], most: Thresholds) -> str:
-    value, bound = figures[check.figure], getattr(most, check.threshold)
-    if check.figure.startswith("limb_rad"):
-        part = check.figure.rsplit("_", 1)[-1]
-        return f"{part} {'is' if part == 'trunk' else 'are'} {np.degrees(value):.0f}° from the human's on average"
-    if check.figure == "slowdown":
-        return f"it takes {value:.1f} times as long as the human"
-    if check.unit == "rad":
-        return f"{check.what}: {np.degrees(value):.0f}°, more than {np.degrees(bound):.0f}°"
-    return f"{check.what}: {100 * value:.0f} %, more than {100 * bound:.0f} %"
-
-
-def _standing(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
-    """Hits, falls in drawn simulations and slipping feet of a robot that stays up."""
-    planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
-    hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
-    reasons = _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
-    if figures.get("fallen_share", 0) > most.fallen_share:
-        share, count = figures["fallen_share"], figures["draws"]
-        reasons.append(
-            f"falls in {round(share * count)} of {count} simulations with other mass, friction, servos and tilt"
-        )
-    if (figures.get("foot_slip_m") or 0) > most.foot_slip:
-        reasons.append(f"a foot slides {100 * figures['foot_slip_m']:.1f} cm while it stands")
+def _links(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
+    """Links inside each other: at the frames, between them, and on the servos of a robot that stays up."""
+    reasons = _overlaps(figures["self_contacts"], most.penetration, "overlap")
+    if figures["between_frames_depth_m"] > max(most.between_frames, figures["self_contact_depth_m"]):
+        depth, when = 1000 * figures["between_frames_depth_m"], figures["between_frames_s"]
+        pair = " and ".join(figures["between_frames_bodies"])
+        reasons.append(f"{pair} pass through each other by {depth:.1f} mm between two frames, at {when:g} s")
+    if figures.get("fall_s") is None:
+        planned = [line["bodies"] for line in figures["self_contacts"] if line["depth_m"] > most.penetration]
+        hits = [line for line in figures["tracked_self_contacts"] if line["bodies"] not in planned]
+        reasons += _overlaps(hits, most.tracked_penetration, "hit each other on the servos, overlapping")
     return reasons
 
 
@@ -132,30 +115,13 @@ def _upright(figures: Mapping[str, Any]) -> list[str]:
     return reasons
 
 
-def _servos(figures: Mapping[str, Any], most: Thresholds) -> list[str]:
-    """Demands that the servos cannot meet."""
-    reasons = []
-    if (figures.get("worst_joint_rms_rad") or 0) > most.tracking_rms:
-        reasons.append(
-            f"{figures['worst_joint']} tracks {shown(figures['worst_joint_rms_rad'], 'rad')} off (rms), "
-            f"more than {shown(most.tracking_rms, 'rad')}"
-        )
+def _goal_step(figures: Mapping[str, Any]) -> list[str]:
+    """Goals that playback would hold back."""
     cap = figures.get("goal_step_limit_rad")
-    if cap is not None and figures["goal_step_rad"] > cap:
-        reasons.append(
-            f"{figures['goal_step_joint']} is {shown(figures['goal_step_rad'], 'rad')} from its goal, and playback holds goals back "
-            f"beyond {shown(cap, 'rad')}"
-        )
-    if figures["speed_ratio"] > most.speed_ratio:
-        reasons.append(
-            f"{figures['speed_ratio_joint']} would have to turn {figures['speed_ratio']:.2g} times as fast as it can"
-        )
-    if figures.get("saturated_share", 0) > most.saturated_share:
-        share = 100 * figures["saturated_share"]
-        reasons.append(f"{figures['saturated_joint']} is at its torque limit {share:.0f} % of the time")
-    if figures.get("temperature_rise_K", 0) > most.temperature_rise:
-        reasons.append(f"{figures['hottest_joint']} warms up by {figures['temperature_rise_K']:.0f} K")
-    return reasons
+    if cap is None or figures["goal_step_rad"] <= cap:
+        return []
+    ahead, bound = shown(figures["goal_step_rad"], "rad"), shown(cap, "rad")
+    return [f"{figures['goal_step_joint']} is {ahead} from its goal, and playback holds goals back beyond {bound}"]
 
 
 def _overlaps(pairs: list[dict[str, Any]], penetration: float, what: str) -> list[str]:
