@@ -9,7 +9,7 @@ import numpy as np
 from robot_retarget.arrays import Floats, frozen
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.feedback.law import FIELDS as FEEDBACK_FIELDS
-from robot_retarget.feedback.law import Feedback, read_feedback
+from robot_retarget.feedback.law import Feedback, has_all, read_feedback
 from robot_retarget.untrusted.fields import Field
 
 RATE = 125.0
@@ -113,10 +113,7 @@ def read_goals(values: Mapping[str, Any]) -> Goals | None:
     Raises:
         TrajectoryError: a key is missing, or the goals are not as they must be.
     """
-    there = [key for key in KEYS if key in values]
-    if not there:
+    if not has_all(values, KEYS):
         return None
-    if len(there) < len(KEYS):
-        raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
     angles, rate, lead_in, lead_out, servos = (values[key] for key in KEYS)
     return Goals(angles, float(rate), float(lead_in), float(lead_out), str(servos), read_feedback(values))

@@ -57,18 +57,16 @@ class BalancedIk:
     options: BalanceOptions
     leg: float
     feet: tuple[str, ...]
-    graph: RobotGraph
-    solver: FrameSolver
 
     def __init__(self, graph: RobotGraph, options: BalanceOptions | None = None):
         self.robot, self.match, self.options = graph.robot, graph.match, options or BalanceOptions()
         self.leg, self.feet = graph.match.robot_leg, tuple(graph.match.anatomy.soles)
         own = self.options
-        self.graph = with_margin(with_bent_knees(graph, own.bent), self.leg * own.margin)
+        self.graph: RobotGraph = with_margin(with_bent_knees(graph, own.bent), self.leg * own.margin)
         """The graph with the limits of a playback."""
         tracks = [*self.graph.tracks, MassKind().track(np.zeros((len(graph), 2)), self.leg)]
         problem = build_problem(self.robot, self.match, tracks, native=True)
-        self.solver = FrameSolver(problem)
+        self.solver: FrameSolver = FrameSolver(problem)
         q = ca.MX.sym("q", self.robot.model.nq)
         self._mass = Mapped(ca.Function("mass", [q], [ca.densify(mass_function(self.robot)(q)[0])]))
 

@@ -69,7 +69,7 @@ def _outcome(ray: Any, reference: Any, task: Task) -> TaskResult:
 
 
 def _marked(task: Task, state: str, message: str) -> TaskResult:
-    return TaskResult(task.clip, task.robot_name, task.digest, state, message)
+    return TaskResult(task.robot_name, task.clip, task.digest, state, message)
 
 
 def _first_line(error: Exception) -> str:

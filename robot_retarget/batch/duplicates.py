@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.spatial import KDTree
 
-from robot_retarget.batch.manifest import Row
+from robot_retarget.batch.task import Row
 
 ALIKE = 0.01
 """Mean and deviation of every hinge differ by less than this [rad]."""

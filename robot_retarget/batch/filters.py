@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_retarget.batch.manifest import Row
-from robot_retarget.batch.task import DONE
+from robot_retarget.batch.task import DONE, Row
 from robot_retarget.errors import UsageError, known
 from robot_retarget.score.table import FIGURES
 from robot_retarget.untrusted.documents import read_toml

@@ -8,52 +8,21 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.batch.task import TaskResult
+from robot_retarget.batch.task import Row, TaskResult
 from robot_retarget.errors import OutputError
 from robot_retarget.files import write_text
 
 NAME, INDEX = "manifest.sqlite", "index.jsonl"
-COLUMNS = (
-    "robot", "clip", "digest", "state", "message", "frames", "fps", "figures", "output_sha256", "signature", "path",
-    "licence", "source",
-)  # fmt: skip
+COLUMNS = tuple(field.name for field in fields(Row))
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS results ({", ".join(COLUMNS)}, PRIMARY KEY (robot, clip));
 CREATE TABLE IF NOT EXISTS timings (robot, clip, seconds, peak_mb, PRIMARY KEY (robot, clip));
 CREATE TABLE IF NOT EXISTS files (path PRIMARY KEY, size, changed, sha256);
 """
-
-
-@dataclass(frozen=True)
-class Row:
-    """One clip on one robot."""
-
-    robot: str
-    clip: str
-    digest: str
-    state: str
-    message: str = ""
-    frames: int = 0
-    fps: float = 0.0
-    figures: dict[str, Any] = field(default_factory=dict)
-    output_sha256: str = ""
-    signature: tuple[float, ...] = ()
-    path: str = ""
-    licence: str = ""
-    source: str = ""
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """The primary key."""
-        return self.robot, self.clip
-
-    def line(self) -> str:
-        """A line of the index."""
-        return json.dumps({name: getattr(self, name) for name in COLUMNS}, ensure_ascii=False, sort_keys=True)
 
 
 class Manifest:
@@ -124,7 +93,7 @@ class Manifest:
     def save_index(self) -> Path:
         """Write the rows as JSON lines next to the manifest."""
         target = self.path.with_name(INDEX)
-        return write_text(target, "".join(f"{row.line()}\n" for row in self.rows()))
+        return write_text(target, "".join(f"{_line(row)}\n" for row in self.rows()))
 
     def _write(self, statement: str, values: Iterable[Any]) -> None:
         try:
@@ -171,6 +140,11 @@ class Manifest:
             self.put(row)
             count += 1
         self.notes.append(f"{count} rows were taken from {INDEX}; other clips are repeated")
+
+
+def _line(row: Row) -> str:
+    """Return a line of the index."""
+    return json.dumps({name: getattr(row, name) for name in COLUMNS}, ensure_ascii=False, sort_keys=True)
 
 
 def read_index(path: Path) -> Iterator[Row]:

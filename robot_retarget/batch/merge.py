@@ -5,9 +5,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from robot_retarget.batch.manifest import INDEX, NAME, Manifest, Row
+from robot_retarget.batch.manifest import INDEX, NAME, Manifest
 from robot_retarget.batch.run import LOCK, locked_folder
-from robot_retarget.batch.task import DONE
+from robot_retarget.batch.task import DONE, Row
 from robot_retarget.errors import OutputError, UsageError
 from robot_retarget.files import replacing
 

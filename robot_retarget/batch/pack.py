@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_retarget.batch.manifest import Row
 from robot_retarget.batch.settings import Job
-from robot_retarget.batch.task import DONE, robot_of
+from robot_retarget.batch.task import DONE, Row, robot_of
 from robot_retarget.errors import UsageError
 from robot_retarget.files import folder, replacing
 from robot_retarget.formats import FORMATS, FormatOptions

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_retarget.batch.filters import Chosen
-from robot_retarget.batch.manifest import Row
-from robot_retarget.batch.task import DONE
+from robot_retarget.batch.task import DONE, Row
 from robot_retarget.files import write_text
 from robot_retarget.score.table import FIGURES
 from robot_retarget.templates import rendered

@@ -100,7 +100,7 @@ class _Worker:
         self.end()
         self.task = None
         self._start()
-        return TaskResult(task.clip, task.robot_name, task.digest, state, message, seconds=seconds)
+        return TaskResult(task.robot_name, task.clip, task.digest, state, message, seconds=seconds)
 
     def _start(self) -> None:
         self.pipe, theirs = Pipe()

@@ -5,11 +5,10 @@ from pathlib import Path
 
 from robot_retarget.batch.duplicates import near_duplicates
 from robot_retarget.batch.filters import Chosen, Filter, choose
-from robot_retarget.batch.manifest import Row
 from robot_retarget.batch.page import ClipCard, extremes_of, save_page
 from robot_retarget.batch.settings import Job
 from robot_retarget.batch.summary import save_csv, save_parquet
-from robot_retarget.batch.task import robot_of
+from robot_retarget.batch.task import Row, robot_of
 from robot_retarget.errors import RobotRetargetError
 from robot_retarget.files import folder, write_csv, write_text
 

@@ -10,10 +10,10 @@ from hashlib import sha256
 from pathlib import Path
 
 from robot_retarget.batch.clips import MotionFile, find_clips
-from robot_retarget.batch.manifest import NAME, Manifest, Row
+from robot_retarget.batch.manifest import COLUMNS, NAME, Manifest
 from robot_retarget.batch.pool import Report, Stopping
 from robot_retarget.batch.settings import Allowance, Job, Settings, sha256_of
-from robot_retarget.batch.task import DONE, MIRROR, UNWRITABLE, Task, TaskResult, robot_of
+from robot_retarget.batch.task import DONE, MIRROR, UNWRITABLE, Row, Task, TaskResult, robot_of
 from robot_retarget.errors import OutputError, UsageError
 from robot_retarget.files import folder
 from robot_retarget.robot.digest import robot_sha256
@@ -190,5 +190,5 @@ def _is_kept(row: Row, clip: MotionFile, task: Task, retry: tuple[str, ...], man
 
 
 def _row(outcome: TaskResult, clip: MotionFile) -> Row:
-    common = {name: getattr(outcome, name) for name in Row.__dataclass_fields__ if hasattr(outcome, name)}
+    common = {name: getattr(outcome, name) for name in COLUMNS}
     return replace(Row(**common), path=str(clip.path), licence=clip.licence, source=clip.source)

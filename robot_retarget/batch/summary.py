@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from robot_retarget.batch.manifest import Row
+from robot_retarget.batch.task import Row
 from robot_retarget.files import replacing, write_csv
 from robot_retarget.score.table import FIGURES
 

@@ -50,11 +50,11 @@ class Task:
 
 
 @dataclass(frozen=True)
-class TaskResult:
-    """The result of a task."""
+class Row:
+    """One clip on one robot: a row of the manifest."""
 
-    clip: str
     robot: str
+    clip: str
     digest: str
     state: str
     message: str = ""
@@ -65,6 +65,20 @@ class TaskResult:
     output_sha256: str = ""
     signature: tuple[float, ...] = ()
     """Mean and deviation of every hinge [rad], by which near-duplicates are found."""
+    path: str = ""
+    licence: str = ""
+    source: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """The primary key."""
+        return self.robot, self.clip
+
+
+@dataclass(frozen=True)
+class TaskResult(Row):
+    """The result of a task; the facts of its clip follow."""
+
     seconds: float = 0.0
     peak_mb: float = 0.0
     """Peak memory of its process [MB]."""
@@ -84,7 +98,7 @@ def perform(task: Task) -> TaskResult:
         state, message = MEMORY, "out of memory"
     except Exception as error:  # a defect of one clip must not end thousands of others
         state, message = FAILED, f"a defect of robot-retarget: {type(error).__name__}: {error}"
-    blank = TaskResult(task.clip, task.robot_name, task.digest, state, message)
+    blank = TaskResult(task.robot_name, task.clip, task.digest, state, message)
     return replace(blank, **made, seconds=round(time.perf_counter() - began, 3), peak_mb=peak_memory())
 
 

@@ -1,6 +1,6 @@
 """`stream`: a robot follows a performer now, and a sender to try that with."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,8 +128,10 @@ class StreamRun:
 
     def run(self, sink: "Sink") -> dict[str, Any]:
         """Run in this thread until Ctrl-C and return the figures."""
+        from robot_retarget.servo.interrupts import handling
+
         loop = self.loop(sink)
-        with _stopping_on_signals(loop.stop.set):
+        with handling(lambda number: loop.stop.set()):
             tally = loop.run(self.seconds)
         self.save_calibration(loop)
         return tally.figures(self.source)
@@ -154,20 +156,6 @@ def _opened(wanted: StreamInputOptions) -> "Iterator[FrameSource]":
         yield source
     finally:
         source.close()
-
-
-@contextmanager
-def _stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM ask; they do not kill."""
-    import signal
-
-    numbers = signal.SIGINT, signal.SIGTERM
-    before = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _to_stdout(poses: StreamRun, place: StreamOutputOptions) -> tuple[dict[str, Any], int]:
@@ -247,11 +235,12 @@ def _send(clip: Path, target: str, how: StreamOptions, speed: float, printing: P
 
     require_osc()
     from robot_retarget.live.send import send
+    from robot_retarget.servo.interrupts import handling
 
     motion, stop = ReadOptions().read(clip), Event()
     motion = motion if how.fps is None else motion.resample(how.fps)
     console.to_stderr(f"sending {motion.fps * speed:g} frames a second to {target}")
-    with _stopping_on_signals(stop.set):
+    with handling(lambda number: stop.set()):
         figures = send(motion, target, speed, how.seconds, stop)
     sent = f"sent {figures['frames']} frames in {figures['seconds']:g} s"
     printing.show(figures, lambda _: console.to_stderr(sent))

@@ -43,18 +43,15 @@ class SelfCollisionGuard:
 
     robot: Robot
     options: GuardOptions
-    separation: Separation
-    between: NDArray[np.bool_]
-    changed: int
 
     def __init__(self, robot: Robot, options: GuardOptions | None = None):
         """Compile the robot's collision model."""
         self.robot, self.options = robot, options or GuardOptions()
-        self.separation = Separation(robot, reach=self.options.overlap)
+        self.separation: Separation = Separation(robot, reach=self.options.overlap)
         carried = carrying(robot.model)[:, robot.dof_index]
-        self.between = carried[:, None] ^ carried[None]
+        self.between: NDArray[np.bool_] = carried[:, None] ^ carried[None]
         """(B, B, n) whether a joint moves one body against another."""
-        self.changed = 0
+        self.changed: int = 0
         """Number of goals that were moved back."""
 
     def admit(self, last: Floats, goal: Floats) -> Floats:

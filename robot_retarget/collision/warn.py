@@ -141,10 +141,6 @@ class Warner:
     robot: Robot
     fps: float
     options: WarnOptions
-    links: LinkDistances
-    span: int
-    step: float
-    steps: int
 
     def __init__(
         self, robot: Robot, fps: float, options: WarnOptions | None = None, links: LinkDistances | None = None
@@ -157,11 +153,11 @@ class Warner:
         if not (np.isfinite(fps) and fps > 0):
             raise UsageError(f"frames per second must be positive, got {fps}")
         self.robot, self.fps, self.options = robot, float(fps), options or WarnOptions()
-        self.links = links or LinkDistances(robot)
-        self.span = max(1, round(STEP * fps))
-        self.step = self.span / fps
+        self.links: LinkDistances = links or LinkDistances(robot)
+        self.span: int = max(1, round(STEP * fps))
+        self.step: float = self.span / fps
         """Duration of a step [s]."""
-        self.steps = max(1, round(self.options.horizon / self.step))
+        self.steps: int = max(1, round(self.options.horizon / self.step))
         self._past: deque[Floats] = deque(maxlen=self.span + 1)
         self._held = np.zeros(len(self.links), dtype=int)
         """Number of steps for which each flag is still held."""

@@ -7,7 +7,7 @@
 The reference θ*, ω* is that of the reading's row, `lag` rows ago.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -86,17 +86,26 @@ FIELDS = {
 KEYS = tuple(FIELDS)
 
 
+def has_all(values: Mapping[str, Any], keys: Sequence[str]) -> bool:
+    """Return whether a trajectory file has some keys; False where it has none of them.
+
+    Raises:
+        TrajectoryError: it has only some.
+    """
+    there = [key for key in keys if key in values]
+    if 0 < len(there) < len(keys):
+        raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in keys if key not in there)!r}")
+    return bool(there)
+
+
 def read_feedback(values: Mapping[str, Any]) -> Feedback | None:
     """Return the feedback among the keys of a trajectory file, or None without any.
 
     Raises:
         TrajectoryError: a key is missing, or the numbers are invalid.
     """
-    there = [key for key in KEYS if key in values]
-    if not there:
+    if not has_all(values, KEYS):
         return None
-    if len(there) < len(KEYS):
-        raise TrajectoryError(f"it has {there[0]!r} and no {next(key for key in KEYS if key not in there)!r}")
     found = {key.removeprefix(PREFIX): np.asarray(values[key], dtype=float) for key in KEYS}
     plain: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in found.items()}
     plain["lag"] = int(plain["lag"])
@@ -112,21 +121,18 @@ class Law:
     """
 
     feedback: Feedback
-    added: Floats
-    excess: Floats
-    stopped: bool
 
     def __init__(self, feedback: Feedback, dt: float) -> None:
         self.feedback, self._dt = feedback, dt
         self._fusion = Fusion(feedback.fusion)
         self._share, self._goal = 0.0, np.zeros(0)
-        self.added = np.zeros(len(feedback.lower))
+        self.added: Floats = np.zeros(len(feedback.lower))
         """(n,) the angle added to the goals [rad]."""
-        self.excess = np.zeros(4)
+        self.excess: Floats = np.zeros(4)
         """Roll, pitch [rad] and their speeds [rad/s], measured minus planned."""
         self.trusted = True
         """Whether readings may act; after a fault, additions fade out."""
-        self.stopped = False
+        self.stopped: bool = False
         """Whether the robot leaned beyond the range of the feedback; it then moves to its crouch."""
 
     def step(self, row: int, plan: Floats, reading: Reading | None) -> Floats:

@@ -38,15 +38,12 @@ class LeanTest:
         delay: of the sensor, as its data sheet states it [s].
     """
 
-    goals: Floats
-    possible: bool
-
     def __init__(self, first: Floats, lean: Floats, rate: float, delay: float = 0.0) -> None:
         shape, self._rest = _there_and_back(rate), round(REST * rate)
         leans = np.concatenate([LEAN * shape[:, None] * lean[:, axis] for axis in range(2)])
-        self.goals = first + np.concatenate([np.zeros((self._rest, len(first))), leans])
+        self.goals: Floats = first + np.concatenate([np.zeros((self._rest, len(first))), leans])
         """(N, n) goals [rad]."""
-        self.possible = bool(lean.any())
+        self.possible: bool = bool(lean.any())
         """Whether the feet are known."""
         self._rate, self._top, self._delay = rate, np.flatnonzero(shape == 1.0), delay
         self._spin = LEAN * np.gradient(shape) * rate

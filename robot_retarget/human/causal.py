@@ -21,16 +21,14 @@ class CausalFeatures:
     known: HumanFeatures
     contacts: CausalContacts
     leg: float
-    moved: Floats
-    leaps: int
 
     def __init__(self, known: HumanFeatures):
         """Start with the features of calibration frames."""
         match = known.calibration.match
         self.known, self.contacts, self.leg = known, CausalContacts(match, known.positions), match.human_leg
-        self.moved = np.zeros(3)
+        self.moved: Floats = np.zeros(3)
         """Correction of every place: leaps taken back, and the drift of the floor [m]."""
-        self.leaps = 0
+        self.leaps: int = 0
         """Number of leaps taken back."""
         self._middle: Floats | None = None
         self._lowest = [0.0, 0.0]

@@ -50,13 +50,8 @@ class CausalContacts:
 
     rule: StanceRule
     leg: float
-    points: list[int]
-    feet: tuple[str, ...]
-    rows: list[int]
     columns: list[int]
     """Of each point, among the feet and `PARTS`."""
-    floor: Floats
-    stands: Floats
     speed: Floats
     since: Floats
 
@@ -68,13 +63,13 @@ class CausalContacts:
         """
         self.rule, self.leg = rule or StanceRule(), match.human_leg
         named = [(side, part) for part in PARTS for side in "lr" if f"{side}_{part}" in match.keypoints]
-        self.points = [match.index(f"{side}_{part}") for side, part in named]
-        self.feet = tuple(dict.fromkeys(side for side, _ in named))
-        self.rows = [self.feet.index(side) for side, _ in named]
+        self.points: list[int] = [match.index(f"{side}_{part}") for side, part in named]
+        self.feet: tuple[str, ...] = tuple(dict.fromkeys(side for side, _ in named))
+        self.rows: list[int] = [self.feet.index(side) for side, _ in named]
         self.columns = [PARTS.index(part) for _, part in named]
         low = {part: [match.index(k) for k in match.keypoints if k[2:] == part] for part in PARTS}
-        self.floor = np.array([self.rule.floor_height(x[:, low[part], 2]) for _, part in named])
-        self.stands = np.zeros(len(self.points), dtype=bool)
+        self.floor: Floats = np.array([self.rule.floor_height(x[:, low[part], 2]) for _, part in named])
+        self.stands: Floats = np.zeros(len(self.points), dtype=bool)
         self.speed, self.since = np.full(len(self.points), np.inf), np.full(len(self.points), np.inf)
         self._before: Floats | None = None
 

@@ -126,8 +126,6 @@ class Loop:
     source: FrameSource
     sink: Sink
     stats: StreamStats
-    stop: Event
-    resting: bool
 
     def __init__(
         self,
@@ -138,14 +136,14 @@ class Loop:
         patience: Patience | None = None,
     ) -> None:
         self.source, self.sink, self.stats = source, sink, StreamStats()
-        self.stop = Event()
+        self.stop: Event = Event()
         self.stream: PoseStream | None = None
         self._stream_of, self._say, self._patience = stream_of, say, patience or Patience()
         self._skeleton: Skeleton | None = None
         self._interval = 1 / self._patience.rate
         self.last: Frame | None = None
         """The latest solved frame."""
-        self.resting = False
+        self.resting: bool = False
         """Whether the latest pose belongs to no frame."""
         self._silent = False
 

@@ -59,14 +59,12 @@ class UdpPort:
 
     ended = False
 
-    address: tuple[str, int]
-
     def __init__(self, host: str, port: int, faults: FaultCounter, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-        self.address = _bound(self._socket, host, port)
+        self.address: tuple[str, int] = _bound(self._socket, host, port)
 
     def receive(self, timeout: float) -> list[Packet]:
         if not select.select([self._socket], [], [], max(timeout, 0))[0]:
@@ -113,13 +111,11 @@ class TcpPort:
 
     ended = False
 
-    address: tuple[str, int]
-
     def __init__(self, host: str, port: int, faults: FaultCounter, sender: str = "") -> None:
         self._faults, self._sender = faults, sender
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        self.address = _bound(self._listener, host, port)
+        self.address: tuple[str, int] = _bound(self._listener, host, port)
         self._listener.listen()
         self._peer: tuple[socket.socket, str] | None = None
 

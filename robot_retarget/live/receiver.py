@@ -70,11 +70,10 @@ class Receiver:
     port: InputPort
     decoder: Decoder
     faults: FaultCounter
-    dropped: int
 
     def __init__(self, port: InputPort, decoder: Decoder, faults: FaultCounter) -> None:
         self.port, self.decoder, self.faults = port, decoder, faults
-        self.dropped = 0
+        self.dropped: int = 0
         self._sender, self._heard = "", float("-inf")
 
     @property

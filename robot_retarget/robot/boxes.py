@@ -54,18 +54,16 @@ class Boxes:
     model: mujoco.MjModel
     pairs: Ints
     reach: float
-    sizes: Floats
     boxes: Ints
-    balls: Floats
 
     def __init__(self, model: mujoco.MjModel, pairs: Ints, reach: float):
         """Watch pairs of box geoms (N, 2) within `reach` [m]."""
         self.model, self.pairs, self.reach = model, pairs, reach
-        self.sizes = np.array(model.geom_size)
+        self.sizes: Floats = np.array(model.geom_size)
         self.boxes, places = np.unique(pairs, return_inverse=True)
         first, second = places.reshape(-1, 2).T
         # Squared distances of centres; those of pairs that are not watched are never less.
-        self.balls = np.full((len(self.boxes), len(self.boxes)), -1.0)
+        self.balls: Floats = np.full((len(self.boxes), len(self.boxes)), -1.0)
         self.balls[first, second] = (np.asarray(model.geom_rbound)[pairs].sum(axis=1) + reach) ** 2
 
     def near(self, data: mujoco.MjData) -> GeomDistances:

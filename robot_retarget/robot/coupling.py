@@ -29,17 +29,15 @@ class Coupling:
 
     turns: Floats
     middle: Floats
-    present: bool
-    model: mujoco.MjModel
     data: mujoco.MjData
     mobility: Floats
 
     def __init__(self, robot: Robot):
         self.turns, self.middle = _gears(robot.model)
-        self.present = bool(robot.model.neq and robot.model.eq_active0.any()) or bool(len(self.turns))
+        self.present: bool = bool(robot.model.neq and robot.model.eq_active0.any()) or bool(len(self.turns))
         if not self.present:
             return
-        self.model = copy.deepcopy(robot.model)
+        self.model: mujoco.MjModel = copy.deepcopy(robot.model)
         self.model.opt.disableflags |= _OTHERS
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data, self.mobility = mujoco.MjData(self.model), _mobility(robot)

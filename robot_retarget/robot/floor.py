@@ -29,14 +29,13 @@ class Floor:
 
     reach: float
     geoms: Ints
-    shapes: list[tuple[Floats, float]]
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, feet: frozenset[int], reach: float):
         """Watch the solid geoms of all links but the `feet` within `reach` [m], at the poses of `data`."""
         solid = [g for link, own in solid_geoms(robot).items() if link not in feet for g in own]
         self.reach, self.geoms = reach, np.array(sorted(solid), dtype=np.int64)
         middle, half = np.asarray(model.geom_aabb)[self.geoms].reshape(-1, 2, 3).transpose(1, 2, 0)
-        self.shapes = [_rounded(model, int(geom)) for geom in self.geoms]
+        self.shapes: list[tuple[Floats, float]] = [_rounded(model, int(geom)) for geom in self.geoms]
         # Most steps find nothing near the floor: views and buffers are allocated once.
         self._turns, self._origins = data.geom_xmat, data.geom_xpos
         self._box, self._up = np.concatenate([middle, -half]), np.empty((6, len(self.geoms)))

@@ -82,21 +82,17 @@ class Links:
 
     robot: Robot
     model: mujoco.MjModel
-    data: mujoco.MjData
-    weld: Ints
-    root: int
-    ids: list[int]
 
     def __init__(self, robot: Robot, qpos: Floats | None = None):
         self.robot, self.model = robot, robot.model
-        self.data = mujoco.MjData(self.model)
+        self.data: mujoco.MjData = mujoco.MjData(self.model)
         if qpos is not None:
             self.data.qpos[:] = qpos
         mujoco.mj_forward(self.model, self.data)
-        self.weld = np.asarray(self.model.body_weldid)
-        self.root = int(self.weld[robot.root_body])
+        self.weld: Ints = np.asarray(self.model.body_weldid)
+        self.root: int = int(self.weld[robot.root_body])
         own, parents = range(1, self.model.nbody), self.model.body_parentid
-        self.ids = [b for b in own if self.weld[b] == b and self.root in path_to_root(parents, b)]
+        self.ids: list[int] = [b for b in own if self.weld[b] == b and self.root in path_to_root(parents, b)]
         if self.root not in self.ids:
             self.ids.insert(0, self.root)
 

@@ -27,18 +27,8 @@ _YZX = [1, 2, 0]
 class Separation:
     """Distances of near surfaces of one robot, and their Jacobians by the tangent v."""
 
-    plain: mujoco.MjModel
     model: mujoco.MjModel
     reach: float
-    data: mujoco.MjData
-    touching: mujoco.MjData
-    bodies: Ints
-    trees: Ints
-    between: Floats
-    counts: Bools
-    rest: Floats
-    is_box: Bools
-    floor: Floor | None
     boxes: Boxes
     seen: Bools
 
@@ -53,34 +43,34 @@ class Separation:
         Args:
             feet: links without rows for the floor, because soles have their own; None for a scene without a floor.
         """
-        self.plain = touchable(robot)
+        self.plain: mujoco.MjModel = touchable(robot)
         self.model, self.reach = copy.deepcopy(self.plain), reach
         self.model.geom_margin[:] = reach / 2
         self.model.body_margin[:] = reach / 2  # the broad phase uses the margins of bodies
         self.model.pair_margin[:] = reach
         _one_row_a_contact(self.model)
-        self.data = mujoco.MjData(self.model)
-        self.touching = mujoco.MjData(self.plain)
-        self.bodies = np.append(np.asarray(self.model.geom_bodyid), 0)
+        self.data: mujoco.MjData = mujoco.MjData(self.model)
+        self.touching: mujoco.MjData = mujoco.MjData(self.plain)
+        self.bodies: Ints = np.append(np.asarray(self.model.geom_bodyid), 0)
         """(G + 1,) that geoms belong to; the floor, which comes last, to the world."""
-        self.trees = np.asarray(self.model.body_rootid)[self.bodies]
+        self.trees: Ints = np.asarray(self.model.body_rootid)[self.bodies]
         carried = carrying(self.model).astype(float)
-        self.between = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
+        self.between: Floats = (carried[None] - carried[:, None]).reshape(-1, self.model.nv)
         """(B², nv) +1 where a dof carries the second of two bodies alone, −1 where it carries the first."""
         # Views are kept: to ask for one takes as long as to use it.
         self._centres, self._dofs = self.data.subtree_com, self.data.cdof
         solid = np.asarray(self.model.body_weldid)[self.model.geom_bodyid] != 0
-        self.counts = np.logical_and.outer(solid, solid)
-        self.rest = np.full((self.model.ngeom + 1,) * 2, np.inf)
+        self.counts: Bools = np.logical_and.outer(solid, solid)
+        self.rest: Floats = np.full((self.model.ngeom + 1,) * 2, np.inf)
         """(G + 1, G + 1) distance of two geoms at rest [m]; the floor, which comes last, may be touched."""
         self.rest[-1] = self.rest[:, -1] = 0.0
-        self.is_box = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
+        self.is_box: Bools = np.asarray(self.model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX
         listed = allowed(robot).values() if self.is_box.sum() > 1 else ()
         self._watch(np.array([pair for pairs in listed for pair in pairs], dtype=int).reshape(-1, 2))
         for rest in (robot.neutral(), np.array(robot.model.qpos0)):
             self._learn(rest)
         self._watch(self.boxes.pairs)
-        self.floor = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
+        self.floor: Floor | None = None if feet is None else Floor(robot, self.model, self.data, feet, STILL * reach)
 
     def near(self, qpos: Floats) -> tuple[Floats, Ints, Floats]:
         """Return distances (C,) [m], negative inside, geoms (C, 2) and slopes by v (C, nv), the floor included."""

@@ -27,8 +27,6 @@ class FallGuard:
         note: receives faults of the sensor.
     """
 
-    trusted: bool
-
     def __init__(
         self, plan: ServoPlan, sensor: Sensor, imu: Imu, balance: Balance, note: Callable[[str], None]
     ) -> None:
@@ -38,7 +36,7 @@ class FallGuard:
         self._fusion, self._monitor = Fusion(balance.fusion), Monitor(imu, 1 / plan.rate)
         self._before: list[Reading] = []
         self._bias = np.zeros(3)
-        self.trusted = True
+        self.trusted: bool = True
         """Whether the sensor is read."""
 
     def listen(self, target: Floats) -> Floats:

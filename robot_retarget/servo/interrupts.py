@@ -1,37 +1,38 @@
 """Ctrl-C and SIGTERM as requests to stop, not as deaths."""
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from threading import current_thread, main_thread
-from types import FrameType
+
+
+@contextmanager
+def handling(stop: Callable[[int], None]) -> Iterator[None]:
+    """Call a function with the number of each SIGINT and SIGTERM; restore their handlers afterwards.
+
+    Only the main thread receives signals.
+    """
+    numbers = (signal.SIGINT, signal.SIGTERM) if current_thread() is main_thread() else ()
+    before = {number: signal.signal(number, lambda number, frame: stop(number)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Interrupts:
     """How often somebody asked to stop while `listening`."""
 
-    count: int
-    terminated: bool
-
     def __init__(self) -> None:
-        self.count = 0
-        self.terminated = False
+        self.count: int = 0
+        self.terminated: bool = False
         """SIGTERM was among them."""
 
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        """Count SIGINT and SIGTERM; restore their handlers afterwards. Only the main thread receives signals."""
-        if current_thread() is not main_thread():
-            yield
-            return
-        before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    def listening(self) -> AbstractContextManager[None]:
+        """Count SIGINT and SIGTERM; restore their handlers afterwards."""
+        return handling(self._note)
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        del frame
+    def _note(self, number: int) -> None:
         self.count += 1
         self.terminated |= number == signal.SIGTERM

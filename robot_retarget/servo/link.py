@@ -42,35 +42,26 @@ class Link:
     bus: Bus
     map: ServoMap
     scale: JointScale
-    gate: Gate
-    ids: list[int]
-    fast: bool
-    present: Floats
-    error: Ints
-    voltage: Floats
-    temperature: Floats
-    torque: Bools
-    hardware: Ints
 
     def __init__(self, bus: Bus, servo_map: ServoMap, conditions: list[Condition]) -> None:
         self.bus, self.map, self.scale = bus, servo_map, JointScale(servo_map)
-        self.gate = Gate(servo_map, self.scale)
-        self.ids = list(servo_map.ids)
+        self.gate: Gate = Gate(servo_map, self.scale)
+        self.ids: list[int] = list(servo_map.ids)
         firmware = [c.values["firmware_version"] for c in conditions]
         starts = [s.type.fast_from for s in servo_map.servos]
-        self.fast = all(s is not None and f >= s for s, f in zip(starts, firmware, strict=True))
+        self.fast: bool = all(s is not None and f >= s for s, f in zip(starts, firmware, strict=True))
         sign = np.array([s.sign for s in servo_map.servos])
         self._current_unit = sign * [s.type.current_unit for s in servo_map.servos]
         self._velocity_unit = sign * [VELOCITY_UNIT / s.gear for s in servo_map.servos]
         self._raw = bytearray(b"".join(_reading(c.values) for c in conditions))
         self._rows = np.frombuffer(self._raw, dtype=READING)
-        self.present = np.array([c.angle for c in conditions])
-        self.error = np.zeros(len(self.ids), dtype=np.int64)
-        self.voltage = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
-        self.temperature = np.array([float(c.values["present_temperature"]) for c in conditions])
-        self.torque = np.array([bool(c.values["torque_enable"]) for c in conditions])
+        self.present: Floats = np.array([c.angle for c in conditions])
+        self.error: Ints = np.zeros(len(self.ids), dtype=np.int64)
+        self.voltage: Floats = np.array([c.values["present_input_voltage"] / 10 for c in conditions])
+        self.temperature: Floats = np.array([float(c.values["present_temperature"]) for c in conditions])
+        self.torque: Bools = np.array([bool(c.values["torque_enable"]) for c in conditions])
         """(n,) whether torque is on, as last read or written."""
-        self.hardware = np.zeros(len(self.ids), dtype=np.int64)
+        self.hardware: Ints = np.zeros(len(self.ids), dtype=np.int64)
         """(n,) `hardware_error_status`, as last read."""
         self._heard = np.full(len(self.ids), time.monotonic())
         self._missed = np.zeros(len(self.ids), dtype=np.int64)

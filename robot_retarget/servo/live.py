@@ -35,8 +35,6 @@ class TargetStream:
     After a silence the next target is approached, not interpolated.
     """
 
-    over: Event
-
     def __init__(self) -> None:
         self._lock = Lock()
         self._from: Floats | None = None
@@ -44,7 +42,7 @@ class TargetStream:
         self._given, self._span = 0.0, LONGEST
         self.present: Floats | None = None
         """(n,) of the joints as last read [rad]; None until the servos are engaged."""
-        self.over = Event()
+        self.over: Event = Event()
         """Set after the last target."""
 
     def set_target(self, angles: Floats, now: float | None = None) -> None:
@@ -79,11 +77,10 @@ class Approach:
 
     start: Floats
     began: float
-    duration: float
 
     def __init__(self, start: Floats, target: Floats, now: float, limits: Limits) -> None:
         self.start, self.began = start, now
-        self.duration = approach_time(start, target, limits)
+        self.duration: float = approach_time(start, target, limits)
 
     def at(self, target: Floats, now: float) -> Floats:
         """Return the present goal [rad]."""
@@ -97,13 +94,11 @@ class Approach:
 class TargetFollower:
     """Chooses the target of each tick."""
 
-    approaches: int
-
     def __init__(self, targets: TargetStream, guard: Guard, limits: Limits, say: Callable[[str], None]) -> None:
         self._targets, self._guard, self._limits, self._say = targets, guard, limits, say
         self._approach: Approach | None = None
         self._silent = True
-        self.approaches = 0
+        self.approaches: int = 0
 
     def step(self, now: float) -> Step | None:
         """Return the next step, or None after the last target."""

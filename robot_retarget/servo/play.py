@@ -53,7 +53,6 @@ class Player:
     options: PlaybackOptions
     record: Record
     say: Callable[[str], None]
-    interrupts: Interrupts
 
     def __init__(
         self,
@@ -65,7 +64,7 @@ class Player:
     ) -> None:
         self.bus, self.map, self.options, self.record, self.say = bus, servo_map, options, record, say
         self.warnings: list[str] = []
-        self.interrupts = Interrupts()
+        self.interrupts: Interrupts = Interrupts()
         self._began = time.monotonic()
         self._rate = RATE
 

@@ -202,11 +202,9 @@ class Parser:
         strict: drop frames whose content holds an unstuffed FF FF FD, as some hosts send them.
     """
 
-    broken: int
-
     def __init__(self, strict: bool = False) -> None:
         self.strict = strict
-        self.broken = 0
+        self.broken: int = 0
         """Number of frames with a wrong checksum."""
         self._buffer = bytearray()
 

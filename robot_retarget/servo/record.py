@@ -23,10 +23,8 @@ class Record:
     (N,) behind schedule [s]; `voltage` [V] and `temperature` [°C] (N, n), the last known; `events` texts.
     """
 
-    joints: tuple[str, ...]
-
     def __init__(self, joints: Sequence[str], most: int | None = None) -> None:
-        self.joints = tuple(joints)
+        self.joints: tuple[str, ...] = tuple(joints)
         self.events: list[str] = []
         self.skipped = 0
         """Ticks that gave way to one that took too long."""

@@ -13,20 +13,17 @@ from robot_retarget.servo.outcome import FaultError
 class JointScale:
     """Converts between joint angles and servo positions, in the order of the map."""
 
-    joints: tuple[str, ...]
-    ids: NDArray[np.uint8]
-    tick: Floats
     low: Floats
     high: Floats
     lower: Any
     upper: Any
 
     def __init__(self, servo_map: ServoMap) -> None:
-        self.joints = servo_map.joints
-        self.ids = np.array(servo_map.ids, dtype=np.uint8)
+        self.joints: tuple[str, ...] = servo_map.joints
+        self.ids: NDArray[np.uint8] = np.array(servo_map.ids, dtype=np.uint8)
         self._zero = np.array([s.zero for s in servo_map.servos], dtype=float)
         self._scale = np.array([s.sign * s.gear * TICKS_PER_RADIAN for s in servo_map.servos])
-        self.tick = 1 / np.abs(self._scale)
+        self.tick: Floats = 1 / np.abs(self._scale)
         """(n,) angle of the joint per tick [rad]."""
         ranges = np.array([s.tick_range for s in servo_map.servos])
         self.low, self.high = ranges[:, 0], ranges[:, 1]

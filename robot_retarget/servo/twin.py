@@ -35,16 +35,11 @@ class Twin:
         ServoError: the model cannot be read, or has not the joints of the map.
     """
 
-    model: Any
-    data: Any
-    step: Any
-    reading: Reading
-
     def __init__(self, path: str | Path, servo_map: ServoMap, support: float = SUPPORT) -> None:
-        self.model = _without_actuators(path)
-        self.data = mujoco.MjData(self.model)
+        self.model: Any = _without_actuators(path)
+        self.data: Any = mujoco.MjData(self.model)
         self.support = support
-        self.step = self.model.opt.timestep
+        self.step: Any = self.model.opt.timestep
         joints = [_hinge(self.model, joint, path) for joint in servo_map.joints]
         self._qpos = np.array([self.model.jnt_qposadr[j] for j in joints])
         self._dof = np.array([self.model.jnt_dofadr[j] for j in joints])
@@ -61,7 +56,7 @@ class Twin:
         self._imu: VirtualImu | None = None
         self._motion = BodyMotion(self.model.opt.gravity)
         self._until_sensed = 0
-        self.reading = LEVEL
+        self.reading: Reading = LEVEL
         """Of the inertial sensor that it carries."""
 
     def carry(self, imu: Imu) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.batch.manifest import Manifest, Row
+from robot_retarget.batch.manifest import Manifest
 from robot_retarget.batch.pool import Report, Stopping
 from robot_retarget.batch.run import Engine, RunSummary, locked_folder, perform_all, plan_of
 from robot_retarget.batch.settings import Allowance, Job
-from robot_retarget.batch.task import Task, TaskResult, perform
+from robot_retarget.batch.task import Row, Task, TaskResult, perform
 
 FRAMES = 12
 
@@ -41,7 +41,7 @@ def pretend(tasks: Sequence[Task], allowance: Allowance, report: Report, stoppin
             task.output.write_bytes(task.digest.encode())
             digest = hashlib.sha256(task.digest.encode()).hexdigest()
             report(
-                TaskResult(task.clip, task.robot_name, task.digest, "done", frames=10, fps=30.0, output_sha256=digest)
+                TaskResult(task.robot_name, task.clip, task.digest, "done", frames=10, fps=30.0, output_sha256=digest)
             )
 
 

@@ -11,9 +11,9 @@ from small_batches import cut_clips, job_of, rows_of, run
 import robot_retarget as rr
 from robot_retarget.batch.duplicates import near_duplicates
 from robot_retarget.batch.filters import choose, read_filters
-from robot_retarget.batch.manifest import Row
 from robot_retarget.batch.pack import pack_all
 from robot_retarget.batch.report import write_reports
+from robot_retarget.batch.task import Row
 from robot_retarget.errors import UsageError
 from robot_retarget.score.table import FIGURES
 from robot_retarget.untrusted.pickles import load_pickle

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from robot_retarget.batch.clips import find_clips
 from robot_retarget.batch.duplicates import near_duplicates
-from robot_retarget.batch.manifest import Manifest, Row
+from robot_retarget.batch.manifest import Manifest
 from robot_retarget.batch.pool import run_local
 from robot_retarget.batch.run import plan_of
 from robot_retarget.batch.settings import Allowance, Job, Settings
-from robot_retarget.batch.task import Task, robot_of
+from robot_retarget.batch.task import Row, Task, robot_of
 from robot_retarget.cli import app
 from robot_retarget.errors import UsageError
 

@@ -29,12 +29,10 @@ def packed(time: float, rows: Floats) -> bytes:
 class FloatDecoder:
     """Packed frames of one skeleton. `whole`: each packet is a frame, as datagrams are."""
 
-    clock: SenderClock
-
     def __init__(self, faults: FaultCounter, skeleton: Skeleton, whole: bool = False) -> None:
         self._faults, self._joints, self._whole = faults, skeleton, whole
         self.skeleton: Skeleton | None = skeleton
-        self.clock = SenderClock(faults)
+        self.clock: SenderClock = SenderClock(faults)
         self._rest = b""
         self._newest = b"", 0.0
 

@@ -44,11 +44,9 @@ def _line(message: dict[str, Any]) -> bytes:
 class LineDecoder:
     """Lines of JSON. `whole`: each packet ends a line, as datagrams do."""
 
-    clock: SenderClock
-
     def __init__(self, faults: FaultCounter, skeleton: Skeleton | None = None, whole: bool = False) -> None:
         self._faults, self._whole = faults, whole
-        self.clock = SenderClock(faults)
+        self.clock: SenderClock = SenderClock(faults)
         self.skeleton = skeleton
         self._tree: dict[str, Any] | None = None
         self._rest = b""

@@ -55,11 +55,9 @@ class VmcDecoder:
     Missing lengths are those of the mean body.
     """
 
-    clock: SenderClock
-
     def __init__(self, faults: FaultCounter) -> None:
         self._faults = faults
-        self.clock = SenderClock(faults)
+        self.clock: SenderClock = SenderClock(faults)
         self.skeleton: Skeleton | None = None
         self._newest: _Whole | None = None
         self.restart()

@@ -29,11 +29,9 @@ class PhysicsSink:
         ServoError: a window is requested without a display.
     """
 
-    data: Any
-
     def __init__(self, robot: Robot, mode: str = "pinned", window: bool = False) -> None:
         self._robot, self._pinned, self._played = robot, mode == "pinned", PlayedPlant(plant_of(robot, mode), RATE)
-        self.data = self._played.data
+        self.data: Any = self._played.data
         self._window = ViewerWindow(self._played.plant.model, self.data) if window else None
         self._targets = TargetStream()
         self._began: float | None = None

@@ -21,9 +21,6 @@ class ServoSink:
         ServoError: the map and the robot have not the same joints.
     """
 
-    targets: TargetStream
-    guard: SelfCollisionGuard
-
     def __init__(self, robot: Robot, servo_map: ServoMap) -> None:
         joints = robot.joint_names
         bare = [joint for joint in joints if joint not in (*servo_map.joints, *servo_map.passive)]
@@ -31,10 +28,10 @@ class ServoSink:
         if bare or idle:
             what = f"does not cover {', '.join(bare)}" if bare else f"has {', '.join(idle)}, which {robot.name} has not"
             raise ServoError(f"the servo map {what}")
-        self.targets = TargetStream()
+        self.targets: TargetStream = TargetStream()
         self._places = robot.qpos_index[[joints.index(joint) for joint in servo_map.joints]]
         self._pose = robot.standing()
-        self.guard = SelfCollisionGuard(robot)
+        self.guard: SelfCollisionGuard = SelfCollisionGuard(robot)
 
     def show(self, pose: LivePose) -> None:
         self.set_target(pose.qpos)

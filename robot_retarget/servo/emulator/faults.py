@@ -69,11 +69,10 @@ class FaultInjector:
     network: Network
     world: World
     wire: Wire
-    struck: float
 
     def __init__(self, network: Network, world: World, wire: Wire) -> None:
         self.network, self.world, self.wire = network, world, wire
-        self.struck = 0.0
+        self.struck: float = 0.0
         """When the last one happened [s]."""
         self._later: list[tuple[float, str]] = []
         self._fresh = [copy.deepcopy(vars(device)) for device in network.devices]

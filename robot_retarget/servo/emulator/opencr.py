@@ -24,11 +24,10 @@ class Board:
     """
 
     id: int
-    signs: Floats
 
     def __init__(self, imu: Imu, reading: Callable[[], Reading]) -> None:
         self.id, self._mounting, self._reading = imu.id, imu.mounting, reading
-        self.signs = np.ones(3)
+        self.signs: Floats = np.ones(3)
         """Of the root body's axes, as measured; −1 where a sensor has a wrong sign."""
         self._kept: Reading | None = None
 

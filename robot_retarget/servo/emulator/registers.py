@@ -9,13 +9,12 @@ REBOUND_FROM = 64
 class Registers:
     """Named bytes: which addresses exist, without their meaning."""
 
-    by_name: dict[str, Register]
-    at: dict[int, tuple[str, Register]]
-
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.by_name = model.registers
-        self.at = {register.address: (name, register) for name, register in self.by_name.items()}
+        self.by_name: dict[str, Register] = model.registers
+        self.at: dict[int, tuple[str, Register]] = {
+            register.address: (name, register) for name, register in self.by_name.items()
+        }
         self._bytes = bytearray(TABLE_END)
         self._values: dict[str, int] = {}
         self._exists = bytearray(TABLE_END)

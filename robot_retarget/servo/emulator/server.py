@@ -40,14 +40,13 @@ class Terminal:
     """A raw pseudo terminal under a stable name."""
 
     master: int
-    path: str
 
     def __init__(self, link: Path | None) -> None:
         self.link = link
         self.master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
-        self.path = os.ttyname(self._slave)
+        self.path: str = os.ttyname(self._slave)
         if link is not None:
             self._name(link)
 
@@ -95,8 +94,6 @@ class Server:
     world: World
     timing: WireTiming
     strict: bool
-    wire: Wire
-    faults: FaultInjector
 
     def __init__(
         self,
@@ -110,8 +107,8 @@ class Server:
         """`lockstep`: time by which each frame of goals advances the world, instead of the clock [s]."""
         self._lockstep, self._ticks = lockstep, 0
         self.network, self.world, self.timing, self.strict = network, world, timing, strict
-        self.wire = Wire()
-        self.faults = FaultInjector(network, world, self.wire)
+        self.wire: Wire = Wire()
+        self.faults: FaultInjector = FaultInjector(network, world, self.wire)
         self.terminal: Terminal | None = Terminal(link)
         self._link = link
         self._parser = Parser(strict)

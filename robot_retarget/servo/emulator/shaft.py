@@ -18,13 +18,11 @@ class Shaft:
 
     registers: Registers
     motor: EmulatedMotor
-    path: Profile
-    since: float
 
     def __init__(self, registers: Registers, motor: EmulatedMotor) -> None:
         self.registers, self.motor = registers, motor
-        self.path = profile.velocity_based(0.0, 0.0, 0, 0)
-        self.since = 0.0
+        self.path: Profile = profile.velocity_based(0.0, 0.0, 0, 0)
+        self.since: float = 0.0
         """When the path began [s]."""
 
     @property

@@ -39,21 +39,16 @@ class EmulatedPlant(Protocol):
 class World:
     """Steps all devices along the clock."""
 
-    devices: list[Device]
-    step: float
-    time: float
-    lost: float
-
     def __init__(
         self, devices: Sequence[Device], plant: EmulatedPlant | None = None, supply: float | None = None
     ) -> None:
-        self.devices = list(devices)
+        self.devices: list[Device] = list(devices)
         self.plant = plant
         self.supply = supply
         """Voltage of the supply without load [V]; None gives each servo its own nominal one."""
-        self.step = plant.step if plant else STEP
-        self.time = 0.0
-        self.lost = 0.0
+        self.step: float = plant.step if plant else STEP
+        self.time: float = 0.0
+        self.lost: float = 0.0
         """Skipped time, where the machine was too slow [s]."""
         if plant is not None:
             self._take_over()

@@ -17,14 +17,12 @@ from robot_retarget.view.web.take import Take
 class LiveRobot:
     """The latest pose, shared with waiting pages. Older poses are dropped."""
 
-    viewer: Viewer
-
     def __init__(self, robot: Robot) -> None:
         self._robot, self._shapes = robot, shapes_of(robot)
         self._count, self._pose = 0, b""
         self._changed = Condition()
         still = Trajectory(robot.standing()[None], 1.0, robot.joint_names, robot.name, source="live")
-        self.viewer = Viewer((Take(robot, still),))
+        self.viewer: Viewer = Viewer((Take(robot, still),))
 
     def show(self, qpos: Floats) -> None:
         """The robot stands so now (nq,)."""

@@ -103,11 +103,9 @@ Judge = Callable[[Trajectory], Report]
 class EditServer:
     """Answers requests for the page, for touch-ups and for verdicts on them, one at a time."""
 
-    page: bytes
-
     def __init__(self, viewer: Viewer, editor: Editor | None, live: bool = False, judge: Judge | None = None):
         self._viewer, self._editor, self._judge, self._lock = viewer, editor, judge, Lock()
-        self.page = viewer.page_with(editor is not None, live).encode()
+        self.page: bytes = viewer.page_with(editor is not None, live).encode()
 
     def act(self, what: str, content: bytes) -> tuple[HTTPStatus, str, bytes]:
         """Answer to a request: its status, type and content."""
