@@ -103,7 +103,7 @@ def _foreseen(f: Any) -> list[tuple[str, str, str]]:
 
 def _film(film: Path | AnimatedWebP | Unavailable | None) -> dict[str, str]:
     """Return the film or loop with its caption, or the reason for its absence."""
-    found = dict.fromkeys(("absent", "loop_data", "film_data", "caption"), "")
+    found: dict[str, str] = dict.fromkeys(("absent", "loop_data", "film_data", "caption"), "")
     if isinstance(film, Unavailable):
         found["absent"] = film.reason
     elif isinstance(film, AnimatedWebP):
