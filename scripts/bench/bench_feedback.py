@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
+from pushes import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_push
 
 import robot_retarget as rr
 from robot_retarget.actuators.balance_tables import STANDARD_GRAVITY, Balance, Imu
@@ -40,7 +41,6 @@ from robot_retarget.simulate.domain import Spread, draws
 from robot_retarget.simulate.feedback import with_feedback
 from robot_retarget.simulate.figures import fall_figures
 from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.push import DIRECTIONS, pushed, standing, survived_impulses, worlds_at_push
 from robot_retarget.simulate.rollout import plant_of, rollouts
 from robot_retarget.trajectory import Trajectory, load_trajectory
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from pushes import DIRECTIONS, standing, survived_impulses, worlds_at_push
 from scipy.optimize import differential_evolution
 
 import robot_retarget as rr
@@ -31,7 +32,6 @@ from robot_retarget.simulate.feedback import with_feedback
 from robot_retarget.simulate.feedback_figures import oscillation
 from robot_retarget.simulate.goals import Playback
 from robot_retarget.simulate.plant import Plant
-from robot_retarget.simulate.push import DIRECTIONS, standing, survived_impulses, worlds_at_push
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import roll_out
 from robot_retarget.trajectory import Trajectory, load_trajectory

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
+from paper_scenes import meeting, reaching
 
 import robot_retarget as rr
 from robot_retarget.papers import (
@@ -23,7 +24,6 @@ from robot_retarget.papers import (
     solve_causally,
     stress,
 )
-from robot_retarget.papers.scenes import meeting, reaching
 from robot_retarget.shipped import SAMPLES
 
 Row = tuple[str, str, str]

@@ -12,6 +12,19 @@ from pathlib import Path
 
 import numpy as np
 import paper_plots as draw
+from paper_instances import sensor_network, stiff_mesh
+from paper_scenes import (
+    Crowd,
+    clock,
+    crossing,
+    figure,
+    meeting,
+    pedestrians,
+    raised_hands,
+    shortened_arms,
+    team,
+    together,
+)
 from reproduce_interaction import Row, anticipation, clap, online, two_constraints
 
 from robot_retarget.papers import (
@@ -42,19 +55,6 @@ from robot_retarget.papers import (
     transfer_directions,
 )
 from robot_retarget.papers.formation import links
-from robot_retarget.papers.instances import sensor_network, stiff_mesh
-from robot_retarget.papers.scenes import (
-    Crowd,
-    clock,
-    crossing,
-    figure,
-    meeting,
-    pedestrians,
-    raised_hands,
-    shortened_arms,
-    team,
-    together,
-)
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from paper_instances import sensor_network, stiff_mesh
 from small_graphs import graph_of
 
 from robot_retarget.errors import GraphError
@@ -27,7 +28,6 @@ from robot_retarget.papers import (
     solve,
     table_one_body,
 )
-from robot_retarget.papers.instances import sensor_network, stiff_mesh
 from robot_retarget.papers.spheres import intersect
 
 RNG = np.random.default_rng(13)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from paper_scenes import meeting, team
 
 from robot_retarget.errors import UsageError
 from robot_retarget.papers import (
@@ -25,7 +26,6 @@ from robot_retarget.papers import (
     solve_with_thresholds,
     stress,
 )
-from robot_retarget.papers.scenes import meeting, team
 
 
 def walked_online(horizon: int) -> PointSolution:

@@ -4,6 +4,18 @@ from functools import partial
 
 import numpy as np
 import pytest
+from paper_scenes import (
+    Crowd,
+    clock,
+    crossing,
+    figure,
+    meeting,
+    pedestrians,
+    raised_hands,
+    reaching,
+    shortened_arms,
+    together,
+)
 
 from robot_retarget.papers import (
     Ipopt,
@@ -16,18 +28,6 @@ from robot_retarget.papers import (
     interaction_distance,
     solve,
     solve_with_thresholds,
-)
-from robot_retarget.papers.scenes import (
-    Crowd,
-    clock,
-    crossing,
-    figure,
-    meeting,
-    pedestrians,
-    raised_hands,
-    reaching,
-    shortened_arms,
-    together,
 )
 
 papers = partial(solve, objective=Objective.HALF_SQUARED)

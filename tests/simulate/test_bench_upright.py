@@ -1,19 +1,12 @@
 """The measure of uprightness on clips whose answer is known."""
 
-import importlib
 from pathlib import Path
 
 import numpy as np
-import pytest
-from shared_files import ROOT
+from bench_upright import judged, table
 
 import robot_retarget as rr
 from robot_retarget.shipped import SAMPLES
-
-with pytest.MonkeyPatch.context() as patch:
-    patch.syspath_prepend(str(ROOT / "scripts" / "bench"))
-    bench = importlib.import_module("bench_upright")
-judged, table = bench.judged, bench.table
 
 
 def test_a_squat_over_standing_feet_is_upright_in_its_row_and_in_drawn_worlds() -> None:

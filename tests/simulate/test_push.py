@@ -1,27 +1,22 @@
 """Pushes in randomised simulations, and the script that fits gains on them."""
 
-import importlib
 from dataclasses import replace
 from itertools import islice
 
+import fit_feedback as fit
 import mujoco
 import numpy as np
 import pytest
 from made_trajectories import hold, swing
-from shared_files import ROOT
+from pushes import largest_survived, pushed, survives, worlds_at_push
 
 import robot_retarget as rr
 from robot_retarget.simulate.compensate import compensated
 from robot_retarget.simulate.domain import Draw, draws
 from robot_retarget.simulate.feedback import with_feedback
 from robot_retarget.simulate.goals import Playback
-from robot_retarget.simulate.push import largest_survived, pushed, survives, worlds_at_push
 from robot_retarget.simulate.rollout import plant_of
 from robot_retarget.simulate.stepping import roll_out
-
-with pytest.MonkeyPatch.context() as patch:
-    patch.syspath_prepend(str(ROOT / "scripts" / "bench"))
-    fit = importlib.import_module("fit_feedback")
 
 OP3 = rr.load_robot("op3")
 PLANT = plant_of(OP3, "free")
