@@ -54,7 +54,7 @@ LAYERS = {
     "simulate": CORE - {"motion", "human", "graph", "score", "balance"}
     | {"result", "actuators", "feedback", "goals", "collision", "scene"},
     "formats": {"actuators", "trajectory", "motion", "robot", "scene"},
-    "sequence": {"trajectory", "robot", "human", "balance", "result", "pipeline", "formats"},
+    "sequence": {"trajectory", "robot", "human", "balance", "result", "pipeline", "formats", "simulate"},
     "view": {"trajectory", "motion", "robot", "human", "solve", "result", "collision", "simulate", "scene"},
     "doctor": {"view"},
     "batch": {"trajectory", "motion", "robot", "graph", "solve", "pipeline", "score", "formats", "edit", "view"},

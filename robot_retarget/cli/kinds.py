@@ -49,6 +49,11 @@ def require_trajectories(paths: list[Path]) -> list[Path]:
     return [require_trajectory(path) for path in paths]
 
 
+def require_playable(path: Path) -> Path:
+    """Apply `require_trajectory` to all but playlists."""
+    return path if path.suffix.lower() == ".toml" else require_trajectory(path)
+
+
 def _require(wanted: str, path: Path) -> Path:
     if str(path) == STDIN:
         raise UsageError(f"a {wanted} is read from a file, not from stdin: its name decides how it is read")

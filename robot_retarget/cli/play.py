@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from robot_retarget.cli import console
-from robot_retarget.cli.command import command, option, options
-from robot_retarget.cli.options import BaudOptions, PrintOptions, TrajectoryOptions, load
+from robot_retarget.cli.command import argument, command, option, options
+from robot_retarget.cli.kinds import require_playable
+from robot_retarget.cli.options import BaudOptions, PrintOptions, load
 from robot_retarget.cli.stages import judged_plain
 from robot_retarget.errors import UsageError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from robot_retarget.actuators.map import ServoMap
     from robot_retarget.servo.outcome import PlaybackOutcome
     from robot_retarget.servo.plan import ServoPlan
+    from robot_retarget.servo.playlist import Piece
     from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()
@@ -29,9 +31,12 @@ ALTERED = "--rate, --speed, --loop, --from and --to alter the judged motion: add
 
 
 @options
-class PlayOptions(BaudOptions, TrajectoryOptions):
+class PlayOptions(BaudOptions):
     """What is played, where, and what has to be true before."""
 
+    trajectory: Path = argument(
+        "Trajectory .npz, as simulate judged it, or a playlist .toml of such.", callback=require_playable
+    )
     servos: str = option("A shipped robot's name (op3) or a servo map (.toml).", "--servos", "-s")
     port: str = option("Serial port, or that of an emulator.", "--port", "-p", default="")
     report: Path | None = option("Report of the trajectory; by default the one in its folder.", default=None)
@@ -64,6 +69,11 @@ class PlayOptions(BaudOptions, TrajectoryOptions):
     dry_run: bool = option("Check everything, move nothing.", "--dry-run", default=False)
 
     @property
+    def listed(self) -> bool:
+        """Whether a playlist is played."""
+        return self.trajectory.suffix == ".toml"
+
+    @property
     def altered(self) -> bool:
         """Whether the motion is other than the one in the file."""
         return (self.rate, self.speed, self.loop, self.start, self.stop) != (None, 1.0, 1, 0.0, None)
@@ -82,33 +92,36 @@ def play(how: PlayOptions, printing: PrintOptions) -> None:
     from robot_retarget.servo.outcome import PlaybackOptions
     from robot_retarget.servo.play import play as perform
     from robot_retarget.servo.play import preview
+    from robot_retarget.servo.playlist import Piece, require_same_stands
     from robot_retarget.trajectory import load_trajectory
 
     options = PlaybackOptions(how.end_pose, how.release, grace=how.grace, test_lean=how.test_lean)
-    servo_map, read = how.map_of(how.servos), load_trajectory(how.trajectory)
-    if how.plain:
-        plan = _plain(read, how, servo_map)
-    elif how.unsafe:
-        plan = _unjudged(read, how, servo_map)
+    servo_map = how.map_of(how.servos)
+    if how.plain or how.unsafe:
+        pieces = [Piece((_plain if how.plain else _unjudged)(load_trajectory(how.trajectory), how, servo_map))]
     else:
-        plan, tracking_rms = _judged(read, how, servo_map)
+        pieces, tracking_rms = (_listed if how.listed else _judged)(how, servo_map)
         options = replace(options, tracking_rms=tracking_rms)
     if not how.feedback:
-        plan = replace(plan, feedback=None)
+        pieces = [replace(piece, plan=replace(piece.plan, feedback=None)) for piece in pieces]
     if how.mode == "pinned":
-        plan = plan.held()
+        pieces = [replace(piece, plan=piece.plan.held(), ways=[way.held() for way in piece.ways]) for piece in pieces]
+    elif len(pieces) > 1:
+        require_same_stands(pieces, servo_map.joints)
     if how.dry_run:
-        facts = preview(plan, servo_map, how.port or None)
-        printing.show(facts, lambda _: console.table("Dry run", ("figure", "value"), [*facts.items()]))
+        for piece in pieces:
+            facts = preview(piece.plan, servo_map, how.port or None)
+            title = f"Dry run {piece.name}".strip()
+            printing.show(facts, lambda facts, title=title: console.table(title, ("figure", "value"), [*facts.items()]))
         return
     if not how.port:
         raise UsageError("play needs --port (or --dry-run)")
     require_writable(how.log)
-    if plan.feedback is not None and how.test_lean and not how.yes:
+    if pieces[0].plan.feedback is not None and how.test_lean and not how.yes:
         _agree()
     _await(Path(how.port), how.wait)
     say = (lambda text: None) if printing.json else console.say
-    outcome = perform(plan, servo_map, how.port, options, how.log, say)
+    outcome = perform(pieces, servo_map, how.port, options, how.log, say)
     _show(outcome, how.log, printing)
     raise typer.Exit(outcome.exit_code)
 
@@ -129,18 +142,38 @@ def _await(port: Path, wait: float) -> None:
         sleep(0.05)
 
 
-def _judged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "tuple[ServoPlan, float]":
+def _judged(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], float]":
     """Return the goals that passed, and the largest tracking error of a joint (rms) that was judged [rad]."""
     from robot_retarget.servo.judgement import require_judged
     from robot_retarget.servo.plan import goal_plan
+    from robot_retarget.servo.playlist import Piece
+    from robot_retarget.servo.ways import judged_ways
+    from robot_retarget.trajectory import load_trajectory
 
+    trajectory = load_trajectory(how.trajectory)
     if how.altered:
         raise UsageError(ALTERED)
     rms = require_judged(how.trajectory, trajectory, servo_map, how.servos, how.report, how.mode, how.loose)
     plan = goal_plan(trajectory, servo_map)
     if plan.feedback is not None and not how.feedback:
         raise UsageError(OPEN_LOOP)
-    return plan, rms
+    ways, refused = judged_ways(how.trajectory, plan, servo_map, how.servos, how.mode, how.loose)
+    for reason in refused:
+        console.note(f"no way into a stand: {reason}")
+    return [Piece(plan, ways)], rms
+
+
+def _listed(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], float]":
+    """Return the pieces of a playlist, all judged, and the largest of their tracking errors [rad]."""
+    from robot_retarget.servo.playlist import read_playlist
+
+    if how.report is not None:
+        raise UsageError("--report names the report of one trajectory; a playlist takes those beside its files")
+    playlist = read_playlist(how.trajectory)
+    files = {*playlist.files, *([playlist.idle] if playlist.idle else [])}
+    judged = {file: _judged(replace(how, trajectory=file), servo_map) for file in sorted(files)}
+    named = {file: replace(pieces[0], name=str(file)) for file, (pieces, _) in judged.items()}
+    return playlist.pieces(named), max(rms for _, rms in judged.values())
 
 
 def _plain(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":

@@ -1,19 +1,23 @@
-"""`join`, `loop`, `splice`, `retime`, `mirror`, `cut`: trajectories made of trajectories."""
+"""`join`, `loop`, `splice`, `retime`, `stops`, `mirror`, `cut`: trajectories made of trajectories."""
 
 from collections.abc import Callable
 from pathlib import Path
+from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import argument, command, option, options
-from robot_retarget.cli.options import BalancedOptions, OutputOptions, PrintOptions, RobotOptions, TrajectoryOptions
+from robot_retarget.cli.options import BalancedOptions, OutputOptions, PrintOptions, RobotOptions, ServoOptions, TrajectoryOptions
 from robot_retarget.cli.solve import SolvedOptions
+from robot_retarget.cli.stages import save_judged
 from robot_retarget.errors import UsageError
 
 if TYPE_CHECKING:
+    from robot_retarget.errors import BalanceError
     from robot_retarget.result import Result
+    from robot_retarget.simulate.report import Report
     from robot_retarget.trajectory import Trajectory
 
 commands: typer.Typer = typer.Typer()
@@ -113,6 +117,51 @@ def splice(
     from robot_retarget.sequence.build import splice as spliced
 
     to.make([legs, arms], printing, lambda clips, **how: spliced(clips[0], clips[1], **how))
+
+
+@command(commands, epilog="Example: robot-retarget stops out/trajectory.npz --robot op3 --every 0.5")
+def stops(
+    source: TrajectoryOptions,
+    robot: RobotOptions,
+    on: ServoOptions,
+    printing: PrintOptions,
+    every: Annotated[float, typer.Option(min=0.1, help="Time between two moments [s].")] = 1.0,
+    draws: Annotated[int, typer.Option(min=0, help="Drawn simulations of each way, as in simulate.")] = 10,
+) -> None:
+    """Solve and judge ways into a stand from moments of a balanced trajectory; `play` takes them on Ctrl-C.
+
+    They replace the folder stops/ beside the trajectory. Exit code 1 if none passes.
+    """
+    from robot_retarget.files import replacing_folder
+    from robot_retarget.sequence.stop import ways_into_stand
+    from robot_retarget.servo.ways import FOLDER
+    from robot_retarget.trajectory import load_trajectory
+
+    model, played = robot.load(on.servos), load_trajectory(source.trajectory)
+    place, found = source.trajectory.parent / FOLDER, list[dict[str, Any]]()
+    with replacing_folder(place) as scratch, progress({"ways into a stand": 5 * played.duration / every}) as stages:
+        stages.begin("ways into a stand")
+        for time, outcome in ways_into_stand(played, model, every, draws):
+            found.append({"at_s": round(time, 3)} | _saved(outcome, time, scratch / f"{time:.3f}"))
+        rmtree(place, ignore_errors=True)
+    passed = [row for row in found if row["verdict"] == "pass"]
+    failed = [f"{row['at_s']:.2f} s: {'; '.join(row['reasons'])}" for row in found if row not in passed]
+    sentence = "\n".join([*failed, f"{len(passed)} of {len(found)} ways pass, in {place}"])
+    printing.result({"output": str(place), "passed": len(passed), "ways": found}, sentence)
+    if not passed:
+        raise typer.Exit(1)
+
+
+def _saved(outcome: "Report | BalanceError", time: float, folder: Path) -> dict[str, Any]:
+    """Write a way into a stand with its report; return its verdict."""
+    from robot_retarget.errors import BalanceError
+
+    if isinstance(outcome, BalanceError) or outcome.trajectory is None:
+        return {"verdict": "none", "reasons": [str(outcome)]}
+    folder.mkdir(parents=True)
+    save_judged(outcome, folder / "trajectory.npz", folder / "report.json")
+    standing = round(outcome.trajectory.duration - time, 2)
+    return {"verdict": outcome.verdict, "reasons": list(outcome.reasons), "standing_after_s": standing}
 
 
 @command(commands, epilog="Example: robot-retarget mirror wave.npz --robot op3 -o left.npz")

@@ -55,6 +55,10 @@ class FallGuard:
         else:
             self._bias = np.mean([reading.gyro for reading in self._before], axis=0)
 
+    def follow(self, plan: ServoPlan) -> None:
+        """Compare with another plan from now on, a branch of the one before."""
+        self._up = plan.up
+
     def goal(self, row: int, plan: Floats) -> Floats:
         """Return the goals (n,) of a tick [rad].
 

@@ -94,6 +94,12 @@ class Balancer(FallGuard):
         if faults:
             raise FaultError(f"{'; '.join(faults)}: check the axes of [imu], and the signs of the legs' servos")
 
+    def follow(self, plan: ServoPlan) -> None:
+        """Compare with another plan from now on, a branch of the one before, by its own references."""
+        super().follow(plan)
+        assert plan.feedback is not None
+        self.law.feedback = plan.feedback
+
     def goal(self, row: int, plan: Floats) -> Floats:
         """Return the goals (n,) of a tick [rad].
 

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +27,11 @@ from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan, glide
+from robot_retarget.servo.playlist import Piece
 from robot_retarget.servo.record import Record
 from robot_retarget.servo.scale import JointScale
 from robot_retarget.servo.sensor import open_sensor
+from robot_retarget.servo.ways import Course
 
 STOPPING = (FaultError, NoAnswerError, StatusError)
 """Errors that end a motion with all servos holding."""
@@ -67,15 +69,20 @@ class Player:
         self.interrupts: Interrupts = Interrupts()
         self._began = time.monotonic()
         self._rate = RATE
+        self._heeded = 0
+        """Interrupts after which a motion went on into a stand."""
 
-    def play(self, plan: ServoPlan) -> PlaybackOutcome:
-        """Check, engage, approach, play, end.
+    def play(self, pieces: Sequence[Piece]) -> PlaybackOutcome:
+        """Check, engage, approach and play each piece, end; when somebody asks to stop, take a way into a stand.
 
         Raises:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
-        watch = self._balancer(plan, plan.feedback) if plan.feedback is not None else self._fall_guard(plan)
-        outcome = self.perform(plan.rate, lambda cycle: self._perform(cycle, plan, watch))
+        watches = [
+            self._fall_guard(piece.plan) if piece.plan.feedback is None else self._balancer(piece.plan, piece.plan.feedback)
+            for piece in pieces
+        ]
+        outcome = self.perform(pieces[0].plan.rate, lambda cycle: self._perform(cycle, pieces, watches))
         return outcome.compared(self.options.tracking_rms)
 
     def _balancer(self, plan: ServoPlan, feedback: Feedback) -> Balancer:
@@ -118,7 +125,10 @@ class Player:
                 self.link.fast &= self.options.fast
                 self.say("taking hold")
                 self.cycle = self._engaged()
-                return self._leave(PlaybackEnd.FINISHED, act(self.cycle), self.options.release)
+                reason = act(self.cycle)
+                if self._heeded:
+                    return self._leave(PlaybackEnd.INTERRUPTED, "interrupted, standing")
+                return self._leave(PlaybackEnd.FINISHED, reason, self.options.release)
             except PortLostError as error:
                 return self._gone(str(error))
             except _InterruptError:
@@ -144,20 +154,34 @@ class Player:
         self.guard = take_hold(self.link, judge)
         return Cycle(self.link, self.guard, judge, self.record, self._began, self.options.lockstep)
 
-    def _perform(self, cycle: Cycle, plan: ServoPlan, watch: FallGuard | None) -> str:
-        way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
-        self.say(f"approaching the first frame in {way.duration:.1f} s")
-        self._follow(cycle, way, "approach", watch)
-        if watch is not None:
-            watch.ready()
-        if isinstance(watch, Balancer):
-            self._lean(cycle, watch.test(plan.angles[0]), watch)
-        self.say(f"playing {plan.duration:.1f} s")
-        self._follow(cycle, plan, "play", watch)
+    def _perform(self, cycle: Cycle, pieces: Sequence[Piece], watches: Sequence[FallGuard | None]) -> str:
+        watch = None
+        for k, (piece, watch) in enumerate(zip(pieces, watches, strict=True)):
+            self._begin(cycle, piece, watch, first=not k)
+            self.say(f"playing {piece.plan.duration:.1f} s{f' of {piece.name}' if piece.name else ''}")
+            self._follow(cycle, piece.plan, "play", watch, piece.ways)
+            if watch is not None:
+                watch.require_upright()
+            if self._heeded:
+                return PlaybackEnd.INTERRUPTED.value
         self.move_to_stop_pose(cycle, watch)
         if watch is not None:
             watch.require_upright()
         return PlaybackEnd.FINISHED.value
+
+    def _begin(self, cycle: Cycle, piece: Piece, watch: FallGuard | None, first: bool) -> None:
+        """Approach the first pose of a piece, and rest there for its pause."""
+        plan = piece.plan
+        way = glide(cycle.guard.goal, plan.angles[0], plan.rate, self.map.limits)
+        self.say(f"approaching the first frame in {way.duration:.1f} s")
+        self._follow(cycle, way, "approach", watch)
+        if piece.pause:
+            rest = np.tile(plan.angles[0], (round(piece.pause * plan.rate) + 1, 1))
+            self._follow(cycle, ServoPlan(rest, plan.rate), "hold", watch)
+        if watch is not None:
+            watch.ready()
+        if first and isinstance(watch, Balancer):
+            self._lean(cycle, watch.test(plan.angles[0]), watch)
 
     def _lean(self, cycle: Cycle, test: LeanTest, balancer: Balancer) -> None:
         """Lean right and ahead, and compare the sensor with that.
@@ -174,7 +198,7 @@ class Player:
             balancer.lean(test, k)
             return Step(goals[k], "lean", goals[min(k + 1, last)])
 
-        self.run_ticks(cycle, step, last)
+        self.run_ticks(cycle, step, lambda: last)
         balancer.require_leant(test)
 
     def move_to_stop_pose(self, cycle: Cycle, watch: FallGuard | None = None) -> None:
@@ -185,26 +209,53 @@ class Player:
             self.say("going to the stop pose")
             self._follow(cycle, glide(cycle.guard.goal, pose, self._rate, self.map.limits), "end", watch)
 
-    def _follow(self, cycle: Cycle, plan: ServoPlan, phase: str, watch: FallGuard | None = None) -> None:
-        """Ticks on an even clock until the plan is over."""
-        targets, last = list(plan.angles), len(plan.angles) - 1
+    def _follow(
+        self,
+        cycle: Cycle,
+        plan: ServoPlan,
+        phase: str,
+        watch: FallGuard | None = None,
+        ways: Sequence[ServoPlan] = (),
+    ) -> None:
+        """Ticks on an even clock until the plan, or a way out of it, is over."""
+        course = Course(plan, ways)
 
         def step(k: int) -> Step:
-            target = targets[k]
+            if course.reach(k) and watch is not None:
+                watch.follow(course.plan)
+            target, motion = course.target(k), course.plan.motion
             if watch is not None:
                 target = watch.goal(k, target) if phase == "play" else watch.listen(target)
-            return Step(target, phase, targets[min(k + 1, last)], None if plan.motion is None else plan.motion[k])
+            return Step(target, phase, course.target(k + 1), None if motion is None else motion[k])
 
-        self.run_ticks(cycle, step, last)
+        def stop(k: int) -> bool:
+            leads = course.stop(k)
+            if leads:
+                self.say(f"going into a stand within {course.remaining(k):.1f} s; Ctrl-C holds at once")
+            return leads
 
-    def run_ticks(self, cycle: Cycle, step: Callable[[int], Step | None], final: float = math.inf) -> None:
+        self.run_ticks(cycle, step, lambda: course.last, stop)
+
+    def run_ticks(
+        self,
+        cycle: Cycle,
+        step: Callable[[int], Step | None],
+        final: Callable[[], float] = lambda: math.inf,
+        stop: Callable[[int], bool] = lambda k: False,
+    ) -> None:
         """Ticks on an even clock until there is no step any more, or the final one is made.
 
         Those that come too late are left out, but the last two.
+
+        Args:
+            cycle: exchanges with the servos.
+            step: gives the step of a tick.
+            final: gives the last tick.
+            stop: called with a tick when somebody asks to stop; whether the steps after it lead into a stand.
         """
         period, began = 1 / self._rate, time.monotonic()
         last, k = began, 0
-        while k <= final:
+        while k <= final():
             due = began + k * period
             now = due if self.options.lockstep else wait_until(due)
             if now - last > self.map.limits.watchdog > 0:
@@ -213,10 +264,12 @@ class Player:
             if made is None:
                 break
             cycle.tick(made, period, due)
-            if self.interrupts.count:
-                raise _InterruptError
+            if self.interrupts.requests > self._heeded:
+                if self.interrupts.terminated or not stop(k):
+                    raise _InterruptError
+                self._heeded = self.interrupts.count
             late = 0.0 if self.options.lockstep else time.monotonic() - due
-            left_out = int(min(ticks_to_skip(late, period), max(0, final - k - 1)))
+            left_out = int(min(ticks_to_skip(late, period), max(0, final() - k - 1)))
             self.record.skipped += left_out
             k += 1 + left_out
         cycle.finish()
@@ -278,17 +331,18 @@ class Player:
 
 
 def play(
-    plan: ServoPlan,
+    plan: ServoPlan | Sequence[Piece],
     servo_map: ServoMap,
     port: str | Path,
     options: PlaybackOptions | None = None,
     log: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> PlaybackOutcome:
-    """Play a plan on the servos of a map.
+    """Play a plan on the servos of a map, or several in a row.
 
     Args:
-        plan: judged goals (`plan.goal_plan`) or a plain trajectory (`plan.plain_plan`).
+        plan: judged goals (`plan.goal_plan`) or a plain trajectory (`plan.plain_plan`); or pieces of a playback, whose ways
+            into a stand are taken on Ctrl-C or the space bar.
         servo_map: the robot's servos.
         port: a serial port, or that of an emulator.
         options: endings.
@@ -298,15 +352,16 @@ def play(
     Raises:
         ServoError: the port cannot be opened or is too slow, or the robot is not fit to be moved.
     """
+    pieces = [Piece(plan)] if isinstance(plan, ServoPlan) else plan
     return perform(
         servo_map,
         port,
-        plan.rate,
+        pieces[0].plan.rate,
         options or PlaybackOptions(),
         Record(servo_map.joints),
         log,
         say,
-        lambda p: p.play(plan),
+        lambda p: p.play(pieces),
     )
 
 

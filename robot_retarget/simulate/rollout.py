@@ -46,6 +46,7 @@ def simulate(
     drives: Drives | str | None = "auto",
     playback: Playback | None = None,
     compensate: bool = True,
+    goals: Goals | None = None,
     others: bool = True,
     thresholds: Thresholds | None = None,
     warnings: Warnings | None = None,
@@ -73,6 +74,7 @@ def simulate(
         playback: rate, delay and settling times.
         compensate: send goals that make up for lag, load and speed (`compensate.compensated`) rather than the
             trajectory itself; the report then has the figures of plain playback as well.
+        goals: goals to judge in place of these.
         others: judge on other servos than the modelled ones too (`judges`), and report the servos with the worst outcome.
         thresholds: limits of a pass (`thresholds.read_thresholds` reads them from TOML).
         warnings: of the trajectory (`collision.warn.warnings_of`), by default those of the result; the report then says
@@ -96,7 +98,7 @@ def simulate(
     plant = plant_of(robot, mode, drives, backlash, played.scene, objects)
     count = Count(progress, SIMULATED + (draws if mode == "free" else 0))
     how, replayed = cast(Mode, mode), replay_contacts(robot, played.qpos)
-    goals = (compensated if compensate else _as_it_is)(plant, played, how, playback)
+    goals = goals or (compensated if compensate else _as_it_is)(plant, played, how, playback)
     if _closes(plant, mode, feedback):
         goals = with_feedback(plant, played, goals)
     count.advance(COMPENSATION)
