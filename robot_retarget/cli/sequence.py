@@ -9,7 +9,14 @@ import typer
 
 from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import argument, command, option, options
-from robot_retarget.cli.options import BalancedOptions, OutputOptions, PrintOptions, RobotOptions, ServoOptions, TrajectoryOptions
+from robot_retarget.cli.options import (
+    BalancedOptions,
+    OutputOptions,
+    PrintOptions,
+    RobotOptions,
+    ServoOptions,
+    TrajectoryOptions,
+)
 from robot_retarget.cli.solve import SolvedOptions
 from robot_retarget.cli.stages import save_judged
 from robot_retarget.errors import UsageError

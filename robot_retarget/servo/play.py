@@ -79,7 +79,9 @@ class Player:
             ServoError: the robot is not fit to be moved; nothing was moved.
         """
         watches = [
-            self._fall_guard(piece.plan) if piece.plan.feedback is None else self._balancer(piece.plan, piece.plan.feedback)
+            self._fall_guard(piece.plan)
+            if piece.plan.feedback is None
+            else self._balancer(piece.plan, piece.plan.feedback)
             for piece in pieces
         ]
         outcome = self.perform(pieces[0].plan.rate, lambda cycle: self._perform(cycle, pieces, watches))

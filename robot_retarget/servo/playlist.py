@@ -1,5 +1,6 @@
 """Several judged clips in one playback, with idle motion or a pause between them."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,7 +91,7 @@ def require_same_stands(pieces: Sequence[Piece], joints: Sequence[str]) -> None:
     Raises:
         ServoError: two stands differ by more than `SEAM`, or two rates differ.
     """
-    for before, after in zip(pieces[:-1], pieces[1:], strict=True):
+    for before, after in itertools.pairwise(pieces):
         if before.plan.rate != after.plan.rate:
             raise ServoError(f"{before.name} has {before.plan.rate:g} goals a second, {after.name} {after.plan.rate:g}")
         apart = np.abs(before.plan.angles[-1] - after.plan.angles[0])

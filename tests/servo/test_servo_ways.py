@@ -46,7 +46,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Emulated]:
 def played(emulator: Emulated, folder: Path, stops: tuple[float, ...], ways: list[ServoPlan]) -> PlaybackOutcome:
     """Play, with a Ctrl-C at times of the playback [s]."""
     emulator.do("reset")
-    emulator.spread(ARM, START)
+    emulator.spread(ARM, START.tolist())
 
     def say(text: str) -> None:
         if text.startswith("playing"):
@@ -124,7 +124,7 @@ def test_the_space_bar_of_a_terminal_asks_once_and_the_terminal_is_restored() ->
 def test_a_playlist_plays_its_clips_with_idle_motion_between(running: Emulated, tmp_path: Path) -> None:
     """Every goal of every piece, in order; a pause without idle motion rests in the first pose."""
     running.do("reset")
-    running.spread(ARM, STAND)
+    running.spread(ARM, STAND.tolist())
     nod = ServoPlan(0.1 * np.sin(np.pi * ROWS[:51] / 0.5) * np.ones(4), RATE)
     back = ServoPlan(-nod.angles, RATE)
     idle = ServoPlan(nod.angles / 2, RATE)
@@ -140,7 +140,7 @@ def test_a_playlist_plays_its_clips_with_idle_motion_between(running: Emulated, 
 
 
 def test_clips_that_do_not_meet_in_a_stand_are_refused() -> None:
-    pieces = [Piece(PLAN, name="a"), Piece(ServoPlan(PLAN.angles + [0, 0.3, 0, 0], RATE), name="b")]
+    pieces = [Piece(PLAN, name="a"), Piece(ServoPlan(PLAN.angles + np.array([0, 0.3, 0, 0]), RATE), name="b")]
     with pytest.raises(ServoError, match=r"b begins 0\.30 rad \(j2\) from the stand in which a ends: .*join"):
         require_same_stands(pieces, ARM.joints)
 
