@@ -34,6 +34,8 @@ class TrajectoryFormat:
     """Whether the joints can be written in any order (`--joints`)."""
     exact: bool = True
     """Whether a written file reads back to 1e-9 m and rad."""
+    plain: bool = False
+    """Whether it holds a free root and hinges, and no other robots."""
     root: bool = True
     """Whether the file holds the pose of the root."""
     quaternion: str = "wxyz"

@@ -47,6 +47,8 @@ def export(
     kind, options, target = _format(format), options or FormatOptions(), Path(path)
     played, model = on_robot(trajectory, robot)
     motion = robot_motion(played, model, options, kind.fps, kind.ordered, kind.name)
+    if kind.plain:
+        motion.require_plain(kind.name)
     if not kind.complete:
         require_writable(sidecar_path(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:

@@ -25,7 +25,6 @@ CONTACTS = ("left_foot", "right_foot", "left_hand", "right_hand")
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
-    motion.require_plain("core")
     frames, model = len(motion), hashlib.sha256(motion.robot.path.read_bytes()).hexdigest()
     save_npz(
         path,
@@ -75,4 +74,5 @@ FORMAT = TrajectoryFormat(
     read=read,
     claims=lambda source: str(source.arrays.get("format")) == TITLE,
     readers="CoRe",
+    plain=True,
 )

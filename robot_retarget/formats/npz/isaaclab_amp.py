@@ -23,7 +23,6 @@ KEYS = {"dof_names", "body_names", "dof_positions", "body_positions", "body_rota
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
-    motion.require_plain("isaaclab-amp")
     robot, qvel = motion.robot, velocities(motion)
     tracks, bodies = body_tracks(motion, qvel), robot_bodies(robot)
     save_npz(
@@ -56,4 +55,5 @@ FORMAT = TrajectoryFormat(
     read=read,
     claims=lambda source: source.arrays.keys() >= KEYS,
     readers="Isaac Lab (humanoid_amp)",
+    plain=True,
 )

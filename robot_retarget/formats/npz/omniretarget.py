@@ -36,7 +36,6 @@ def write(motion: RobotMotion, path: Path) -> None:
     Raises:
         UsageError: several bodies move.
     """
-    motion.require_plain("omniretarget")
     scene = motion.trajectory.scene
     moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
     if len(moving) > 1:
@@ -95,4 +94,5 @@ FORMAT = TrajectoryFormat(
     fps=30.0,
     complete=False,
     ordered=True,
+    plain=True,
 )

@@ -27,7 +27,6 @@ OBJECT = "object_pos_w"
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
-    motion.require_plain("omniretarget-training")
     qvel, model = velocities(motion), motion.robot.model
     tracks = body_tracks(motion, qvel)
     save_npz(
@@ -71,4 +70,5 @@ FORMAT = TrajectoryFormat(
     claims=claims,
     readers="holosoma (training)",
     fps=50.0,
+    plain=True,
 )

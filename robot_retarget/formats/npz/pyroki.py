@@ -20,7 +20,6 @@ KEYS = ("base_frame_pos", "base_frame_wxyz", "joint_angles")
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the archive."""
-    motion.require_plain("protomotions-pyroki")
     save_npz(
         path,
         base_frame_pos=motion.position,
@@ -49,4 +48,5 @@ FORMAT = TrajectoryFormat(
     readers="ProtoMotions (convert_pyroki_retargeted_robot_motions_to_proto.py)",
     fps=30.0,
     ordered=True,
+    plain=True,
 )

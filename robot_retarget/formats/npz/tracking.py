@@ -5,6 +5,7 @@
 programs read these keys and differ in the order of joints and bodies, which the keys do not state: the positions of the bodies decide.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.bodies import body_tracks, velocities
 from robot_retarget.formats.columns import Columns
-from robot_retarget.formats.orders import body_names, robot_bodies
+from robot_retarget.formats.format import TrajectoryFormat
+from robot_retarget.formats.orders import body_names, breadth_first_bodies, breadth_first_hinges, robot_bodies
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.kinematics import body_frames
@@ -28,9 +30,43 @@ LOOKED_AT = 8
 """Number of frames that are compared."""
 
 
-def write_tracking(motion: RobotMotion, path: Path, format: str, hinges: Ints, bodies: Ints, mass: bool) -> None:
+Order = tuple[Callable[[Robot], Ints], Callable[[Robot], Ints]]
+"""Functions of a robot that return the order of its hinges and of its bodies in a file."""
+
+
+def hinges_of(robot: Robot) -> Ints:
+    """Return the hinges depth first, as MuJoCo has them."""
+    return np.arange(len(robot.joint_names))
+
+
+DEPTH_FIRST: Order = hinges_of, robot_bodies
+BREADTH_FIRST: Order = breadth_first_hinges, breadth_first_bodies
+
+
+def tracking_format(name: str, description: str, readers: str, order: Order, mass: bool) -> TrajectoryFormat:
+    """Return a format of these archives.
+
+    Args:
+        order: of hinges and bodies.
+        mass: whether linear velocities are those of centres of mass, not of the bodies' frames.
+    """
+    hinges, bodies = order
+    other, theirs = (breadth_first_hinges, "beyondmimic") if order == DEPTH_FIRST else (hinges_of, "mjlab")
+    return TrajectoryFormat(
+        name=name,
+        suffix=".npz",
+        description=description,
+        write=lambda motion, path: _write(motion, path, hinges(motion.robot), bodies(motion.robot), mass),
+        read=lambda source: _read(source, hinges(source.robot), (other(source.robot), theirs)),
+        claims=lambda source: _claims(source, hinges(source.robot), other(source.robot)),
+        readers=readers,
+        fps=50.0,
+        plain=True,
+    )
+
+
+def _write(motion: RobotMotion, path: Path, hinges: Ints, bodies: Ints, mass: bool) -> None:
     """Write the archive, joints and bodies in the given orders; linear velocities of origins or of mass centres."""
-    motion.require_plain(format)
     robot, qvel = motion.robot, velocities(motion)
     tracks = body_tracks(motion, qvel)
     save_npz(
@@ -47,7 +83,7 @@ def write_tracking(motion: RobotMotion, path: Path, format: str, hinges: Ints, b
     )
 
 
-def read_tracking(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Columns:
+def _read(source: TrajectorySource, hinges: Ints, other: tuple[Ints, str]) -> Columns:
     """Read it. The root is the first body.
 
     Args:
@@ -94,7 +130,7 @@ def _distances(robot: Robot, angles: Floats, hinges: Ints) -> Floats:
     return np.linalg.norm(positions - positions[:, :1], axis=2)
 
 
-def claims_tracking(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
+def _claims(source: TrajectorySource, hinges: Ints, other: Ints) -> bool:
     """Whether an archive has the keys, and its names or its bodies do not speak for the other order."""
     if not set(KEYS) <= source.arrays.keys() or source.arrays["joint_pos"].shape != source.arrays["joint_vel"].shape:
         return False

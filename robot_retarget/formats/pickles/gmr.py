@@ -24,7 +24,6 @@ from robot_retarget.untrusted.pickles import dump_pickle
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the rate, the pose of the root, the joint angles, and the bodies' positions in the frame of the root."""
-    motion.require_plain("gmr")
     bodies = robot_bodies(motion.robot)
     path.write_bytes(
         dump_pickle(
@@ -66,4 +65,5 @@ FORMAT = TrajectoryFormat(
     complete=False,
     ordered=True,
     quaternion="xyzw",
+    plain=True,
 )

@@ -23,7 +23,6 @@ CLAMP = 0
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the pickle, as lists of numbers."""
-    motion.require_plain("mimickit")
     turns = Rotation.from_quat(motion.quaternion, scalar_first=True).as_rotvec()
     frames = np.column_stack([motion.position, turns, motion.angles])
     path.write_bytes(dump_pickle({"loop_mode": CLAMP, "fps": motion.fps, "frames": frames.tolist()}))
@@ -47,4 +46,5 @@ FORMAT = TrajectoryFormat(
     complete=False,
     ordered=True,
     quaternion="rotvec",
+    plain=True,
 )

@@ -28,7 +28,6 @@ ADDED = 3
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the dictionary of one clip, called as the motion's source."""
-    motion.require_plain("phc")
     clip = {
         "root_trans_offset": motion.position.astype(np.float32),
         "pose_aa": _rotation_vectors(motion).astype(np.float32),
@@ -81,4 +80,5 @@ FORMAT = TrajectoryFormat(
     ordered=True,
     exact=False,
     quaternion="xyzw",
+    plain=True,
 )

@@ -28,7 +28,6 @@ UPRIGHT = Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the skeleton and its motion."""
-    motion.require_plain("bvh")
     model, bodies = motion.robot.model, robot_bodies(motion.robot)
     rank = {int(body): k for k, body in enumerate(bodies)}
     parents = np.array([rank.get(int(model.body_parentid[body]), -1) for body in bodies])
@@ -117,4 +116,5 @@ FORMAT = TrajectoryFormat(
     readers="Blender, MotionBuilder and other animation programs",
     exact=False,
     quaternion="euler",
+    plain=True,
 )

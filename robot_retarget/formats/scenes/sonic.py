@@ -28,7 +28,6 @@ JOINTS, PLACES, TURNS = "joint_pos.csv", "body_pos.csv", "body_quat.csv"
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Fill the folder."""
-    motion.require_plain("sonic")
     robot, qvel = motion.robot, velocities(motion)
     hinges, bodies, tracks = breadth_first_hinges(robot), breadth_first_bodies(robot), body_tracks(motion, qvel)
     joints = range(len(hinges))
@@ -96,4 +95,5 @@ FORMAT = TrajectoryFormat(
     claims=lambda source: all((source.path / name).is_file() for name in (JOINTS, PLACES, TURNS)),
     readers="GR00T-WholeBodyControl (gear_sonic_deploy)",
     fps=50.0,
+    plain=True,
 )

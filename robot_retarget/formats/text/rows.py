@@ -7,6 +7,7 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
 from robot_retarget.formats.columns import Columns
+from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.quaternions import FIRST_LAST, LAST_FIRST
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
@@ -15,18 +16,32 @@ NUMBER = "%.12g"
 ROOT = 7
 
 
-def write_rows(motion: RobotMotion, path: Path, format: str, scalar_first: bool) -> None:
-    """Write a row a frame, the quaternion w x y z or x y z w."""
-    motion.require_plain(format)
-    quaternion = motion.quaternion if scalar_first else motion.quaternion[:, LAST_FIRST]
-    np.savetxt(path, np.column_stack([motion.position, quaternion, motion.angles]), fmt=NUMBER, delimiter=",")
+def rows_format(name: str, description: str, readers: str, quaternion: str) -> TrajectoryFormat:
+    """Return a format of rows at 30 frames a second; the quaternion is `wxyz` or `xyzw`."""
+    from_file, to_file = (slice(None),) * 2 if quaternion == "wxyz" else (FIRST_LAST, LAST_FIRST)
 
+    def write(motion: RobotMotion, path: Path) -> None:
+        rows = np.column_stack([motion.position, motion.quaternion[:, to_file], motion.angles])
+        np.savetxt(path, rows, fmt=NUMBER, delimiter=",")
 
-def read_rows(source: TrajectorySource, scalar_first: bool) -> Columns:
-    """Read them."""
-    rows = number_rows(source)
-    quaternion = rows[:, 3:ROOT] if scalar_first else rows[:, 3:ROOT][:, FIRST_LAST]
-    return Columns(rows[:, ROOT:], source.names(), rows[:, :3], quaternion, source.sidecar_fps)
+    def read(source: TrajectorySource) -> Columns:
+        rows = number_rows(source)
+        return Columns(rows[:, ROOT:], source.names(), rows[:, :3], rows[:, 3:ROOT][:, from_file], source.sidecar_fps)
+
+    return TrajectoryFormat(
+        name,
+        ".csv",
+        description,
+        write,
+        read,
+        looks_like_rows,
+        readers,
+        fps=30.0,
+        complete=False,
+        ordered=True,
+        quaternion=quaternion,
+        plain=True,
+    )
 
 
 def number_rows(source: TrajectorySource, skip: int = 0) -> Floats:

@@ -28,7 +28,6 @@ CENTIMETRES = 100.0
 
 def write(motion: RobotMotion, path: Path) -> None:
     """Write the table."""
-    motion.require_plain("soma")
     turns = Rotation.from_quat(motion.quaternion, scalar_first=True).as_euler("xyz", degrees=True)
     rows = np.column_stack([motion.position * CENTIMETRES, turns, np.degrees(motion.angles)])
     with path.open("w", newline="", encoding="utf-8") as stream:
@@ -83,4 +82,5 @@ FORMAT = TrajectoryFormat(
     complete=False,
     ordered=True,
     quaternion="euler",
+    plain=True,
 )
