@@ -193,5 +193,7 @@ def moving_bodies(model: mujoco.MjModel, scene: Scene) -> Ints:
 
 def place_bodies(data: mujoco.MjData, poses: Floats, moving: Ints) -> None:
     """Set the mocap bodies of a scene to poses (B, 7), with the table of `moving_bodies`."""
+    if not len(moving):
+        return
     ids, bodies = moving.T
     data.mocap_pos[ids], data.mocap_quat[ids] = poses[bodies, :3], poses[bodies, 3:]

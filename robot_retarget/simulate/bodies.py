@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
+from robot_retarget.robot.geoms import solid_geoms
+from robot_retarget.robot.model import Robot
 from robot_retarget.scene.geoms import PREFIX, moving_bodies, place_bodies
 from robot_retarget.scene.scene import Scene
 
@@ -16,6 +18,15 @@ Objects = Literal["carried", "free"]
 """Whether moving bodies follow their path, or move by contact and gravity."""
 LOST = 0.5
 """A free body is dropped when it is farther from its path than this share of its longest edge [-]."""
+
+SOLID = 1 << 29
+"""Contact type of bodies for solid geoms of the robot: a model may list its contacts by pairs instead of types."""
+STIFF = 0.01
+"""Time constant of a free body's contacts [s]."""
+IMPEDANCE = 10.0
+"""Stiffness of friction over that of contacts with free bodies [-]."""
+TURNING = 4
+"""Dimensions of contacts of free bodies: with friction against turning about the normal, as of a palm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +52,33 @@ class SimulatedBodies:
     def ids(self) -> Ints:
         """Ids of the bodies in the model."""
         return np.array([self.model.body(PREFIX + name).id for name in self.scene.names], np.int64)
+
+    @cached_property
+    def coordinates(self) -> Ints:
+        """(7 F,) indices of the free bodies' poses in the model's configuration, in their order."""
+        first = self.model.jnt_qposadr[self.model.body_jntadr[self.ids[list(self.free)]]]
+        return (first[:, None] + np.arange(7)).ravel()
+
+    def free_paths(self, frames: Floats) -> Floats:
+        """Return (N, 7 F) poses of the free bodies at fractional frames (N,)."""
+        return self.paths(frames)[:, list(self.free)].reshape(len(frames), -1)
+
+    def touch(self, robot: Robot) -> None:
+        """Let all solid geoms of the robot touch the bodies, and friction hold the free ones.
+
+        Soft friction would let a held body slip out by and by.
+        """
+        model, own = self.model, np.isin(self.model.geom_bodyid, self.ids)
+        model.geom_contype[own] |= SOLID
+        for geom in [g for geoms in solid_geoms(robot).values() for g in geoms]:
+            body = int(robot.model.geom_bodyid[geom])
+            model.geom_conaffinity[model.body_geomadr[body] + geom - robot.model.body_geomadr[body]] |= SOLID
+            model.body_conaffinity[body] |= SOLID
+        model.body_contype[self.ids] |= SOLID
+        if self.free:
+            held = np.isin(model.geom_bodyid, self.ids[list(self.free)])
+            model.geom_solref[held], model.geom_priority[held], model.geom_condim[held] = (STIFF, 1.0), 1, TURNING
+            model.opt.impratio = IMPEDANCE
 
     def paths(self, frames: Floats) -> Floats:
         """Return (N, B, 7) poses at fractional frames (N,)."""

@@ -22,6 +22,7 @@ from robot_retarget.robot.dynamics import floor_push
 from robot_retarget.robot.feet import feet_of
 from robot_retarget.robot.model import FREE
 from robot_retarget.simulate.goals import Playback, settled
+from robot_retarget.simulate.grasp import grasp_pushes
 from robot_retarget.simulate.plant import Mode, Plant, limb_inertia
 from robot_retarget.simulate.torque_limited_reference import torque_limited_reference
 from robot_retarget.trajectory import Trajectory
@@ -40,17 +41,16 @@ def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", pla
     The first and the last hold their poses at rest, and stay for the settling before and after.
     """
     playback = playback or Playback()
-    index = plant.robot.qpos_index
     rate = playback.on(plant)
-    qpos = _spline(plant, trajectory, rate)
-    torque, speed = _torques(plant, qpos, rate, mode)
+    states = _states(plant, _spline(plant, trajectory, rate), trajectory.fps / rate)
+    torque, speed = _torques(plant, states, rate, mode)
     change = _changes(plant, torque, 1 / rate)
     if change.any():
-        qpos[:, index] += change
-        torque, speed = _torques(plant, qpos, rate, mode)
+        states[:, plant.hinges] += change
+        torque, speed = _torques(plant, states, rate, mode)
     friction = plant.model.dof_frictionloss[plant.dofs] * np.tanh(speed / SLOW)
     leads = plant.goal_offsets(torque + friction, speed)
-    return settled(plant, _ahead(qpos[:, index] + leads, rate, playback.delay), playback)
+    return settled(plant, _ahead(states[:, plant.hinges] + leads, rate, playback.delay), playback)
 
 
 def _spline(plant: Plant, trajectory: Trajectory, rate: float) -> Floats:
@@ -69,11 +69,19 @@ def _spline(plant: Plant, trajectory: Trajectory, rate: float) -> Floats:
     return qpos
 
 
-def _rates(model: mujoco.MjModel, qpos: Floats, rate: float) -> tuple[Floats, Floats]:
+def _states(plant: Plant, qpos: Floats, frames: float) -> Floats:
+    """Return configurations of the plant's model at configurations (N, nq) of the robot, `frames` apart, with free bodies on their paths."""
+    states = plant.places.model_qpos(qpos)
+    if plant.bodies is not None:
+        states[:, plant.bodies.coordinates] = plant.bodies.free_paths(frames * np.arange(len(qpos), dtype=np.float64))
+    return states
+
+
+def _rates(model: mujoco.MjModel, states: Floats, rate: float) -> tuple[Floats, Floats]:
     """Velocities and accelerations (N, nv), at rest at both ends."""
-    qvel = np.zeros((len(qpos), model.nv))
-    for k in range(1, len(qpos) - 1):
-        mujoco.mj_differentiatePos(model, qvel[k], 2 / rate, qpos[k - 1], qpos[k + 1])
+    qvel = np.zeros((len(states), model.nv))
+    for k in range(1, len(states) - 1):
+        mujoco.mj_differentiatePos(model, qvel[k], 2 / rate, states[k - 1], states[k + 1])
     qacc = gaussian_filter1d(np.gradient(qvel, 1 / rate, axis=0), SMOOTHING * rate, axis=0, mode="nearest")
     qacc[[0, -1]] = 0
     return qvel, qacc
@@ -91,27 +99,27 @@ def _changes(plant: Plant, torque: Floats, dt: float) -> Floats:
     return changes
 
 
-def _torques(plant: Plant, qpos: Floats, rate: float, mode: Mode) -> tuple[Floats, Floats]:
-    """Return the torques of the servos (N, n) [N m] and their speeds (N, n) [rad/s]."""
+def _torques(plant: Plant, states: Floats, rate: float, mode: Mode) -> tuple[Floats, Floats]:
+    """Return the torques of the servos (N, n) [N m] and their speeds (N, n) [rad/s] in configurations (N, nq) of the plant's model."""
     model = copy.copy(plant.model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, places = mujoco.MjData(model), plant.places
-    qvel, qacc = _rates(plant.robot.model, qpos, rate)
+    qvel, qacc = _rates(plant.model, states, rate)
     soles = feet_of(plant.robot).corners if mode == "free" else None
     root, links = plant.root_dofs, _Links(plant)
-    dofs = plant.robot.dof_index
     if mode == "pinned":
-        held = np.setdiff1d(np.arange(qvel.shape[1]), dofs)
+        held = np.setdiff1d(places.dofs, plant.dofs)
         qvel[:, held] = qacc[:, held] = 0
-    torque, states = np.empty((len(qpos), len(dofs))), places.model_qpos(qpos)
-    for k in range(len(qpos)):
-        data.qpos[:], data.qvel[places.dofs], data.qacc[places.dofs] = states[k], qvel[k], qacc[k]
+    pushes = grasp_pushes(plant, states, qvel, qacc, rate)
+    torque, configurations = np.empty((len(states), len(plant.dofs))), places.configuration(states)
+    for k in range(len(states)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = states[k], qvel[k], qacc[k]
         mujoco.mj_inverse(model, data)
-        force = data.qfrc_inverse.copy()
+        force = data.qfrc_inverse - pushes[k]
         if soles is not None and len(soles):
             force -= floor_push(model, data, soles, root, force[root])
-        torque[k] = links.driven(qpos[k], force[places.dofs])[dofs]
-    return torque, qvel[:, dofs]
+        torque[k] = links.driven(configurations[k], force[places.dofs])[plant.robot.dof_index]
+    return torque, qvel[:, plant.dofs]
 
 
 class _Links:

@@ -204,6 +204,8 @@ def build_plant(
     if backlash:
         remarks.append(f"backlash of ±{np.degrees(backlash):.3g}° in every joint")
     bodies = None if scene is None else SimulatedBodies(scene, model)
+    if bodies is not None:
+        bodies.touch(robot)
     return Plant(robot, model, servos, (*remarks, *_notes(robot, servos, added, floor)), drives, bodies)
 
 

@@ -113,6 +113,7 @@ class Act:
     hands: dict[str, Hand]
     feet: dict[str, Foot]
     hands_in: str = "Chest3"
+    """A joint, or `world`."""
 
 
 def perform(act: Act, fps: float, title: str) -> Motion:
@@ -127,9 +128,10 @@ def perform(act: Act, fps: float, title: str) -> Motion:
     for side, foot in act.feet.items():
         hip = pelvis + turns["Hips"].apply(_OFFSET[f"{side}Hip"])
         turns |= _leg(side, hip, foot)
-    joints = _places(pelvis, turns, count)
+    joints = _places(pelvis, turns, count) | {"world": np.zeros((count, 3))}
+    frame = turns.get(act.hands_in, Rotation.identity())
     for side, hand in act.hands.items():
-        turns |= _arm(side, joints[f"{side}Shoulder"], hand, joints[act.hands_in], turns[act.hands_in])
+        turns |= _arm(side, joints[f"{side}Shoulder"], hand, joints[act.hands_in], frame)
     world = np.stack([_turn(turns, joint).as_quat(scalar_first=True) for joint in range(len(names))], axis=1)
     positions, rotations = _posed(pelvis, world)
     return Motion(SKELETON, positions, rotations, fps, title)

@@ -169,6 +169,7 @@ class _ModelKey(_Named):
 
 class MjModel:
     body_mocapid: Ints
+    body_geomadr: Ints
     hfield_adr: Ints
     hfield_data: Floats
     hfield_ncol: Ints
@@ -229,6 +230,7 @@ class MjModel:
     geom_bodyid: Ints
     geom_conaffinity: Ints
     geom_condim: Ints
+    geom_priority: Ints
     geom_contype: Ints
     geom_dataid: Ints
     geom_group: Ints
