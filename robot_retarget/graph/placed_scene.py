@@ -59,9 +59,9 @@ class PlacedScene:
         return own[..., :3] + turn.apply(self.size * local.reshape(-1, 3)).reshape(local.shape)
 
     def directions(self, bodies: Ints, local: Floats, poses: Floats) -> Floats:
-        """Return directions (T, P, 3) of the bodies' frames in the world, of the robot's size [m]."""
+        """Return directions (T, P, 3) of the bodies' frames in the world."""
         turn = Rotation.from_quat(poses[:, bodies, 3:].reshape(-1, 4), scalar_first=True)
-        return turn.apply(self.ratio * local.reshape(-1, 3)).reshape(local.shape)
+        return turn.apply(local.reshape(-1, 3)).reshape(local.shape)
 
     def among(self, robot: Robot) -> RobotAmongBodies:
         """Return the robot's model among the bodies, compiled once."""

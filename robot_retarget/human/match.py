@@ -95,12 +95,12 @@ class Match:
         sides = len({self.keypoints[k][0] for k in own})
         return float(bones[own].sum()) / sides if own else float(bones.sum())
 
-    @property
+    @cached_property
     def human_leg(self) -> float:
         """The human's leg [m]."""
         return self._leg(self.human_bones)
 
-    @property
+    @cached_property
     def robot_leg(self) -> float:
         """The robot's leg [m]: the length that makes errors dimensionless."""
         return self._leg(self.robot_bones)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from robot_retarget.arrays import Bools, Floats, Ints
+from robot_retarget.arrays import Bools, Floats, Ints, unit
 from robot_retarget.human.match import Match
 from robot_retarget.human.motion import Motion
 from robot_retarget.human.stance import StanceRule, intervals, without_flicker
@@ -25,6 +25,8 @@ FINGERS = 0.055
 FLESH = {"hand": 0.11, "elbow": 0.07, "knee": 0.09, "pelvis": 0.16, "toe": 0.07}
 """... and other parts within these distances of their joint; a hand without finger joints ends a palm's length from the wrist
 [-]."""
+ARRIVED = 0.02
+"""A touch begins and ends where the part is no farther than this beyond its median distance, over the leg [-]."""
 SLIDES = 0.07
 """A touch whose place moves less than this over the leg stays on one place [-]."""
 SMOOTH = 0.15
@@ -49,10 +51,12 @@ class Touches:
     """(T, C, 3) nearest point of the surface, in the frame of the body [m]."""
     offsets: Floats
     """(T, C, 3) from there to the keypoint, in the frame of the body [m]."""
+    normals: Floats
+    """(T, C, 3) outward normals of the surface there, in the frame of the body."""
 
     def at(self, frames: slice | np.ndarray) -> "Touches":
         """Return the touches at some frames."""
-        columns = ("held", "distance", "places", "offsets")
+        columns = ("held", "distance", "places", "offsets", "normals")
         return replace(self, **{name: getattr(self, name)[frames] for name in columns})
 
 
@@ -143,14 +147,17 @@ def touches_of(motion: Motion, match: Match, keypoints: Floats) -> Touches:
     close = np.stack(
         [_closeness(motion, match, model, poses, part, at[:, k], leg) for k, part in enumerate(parts)], axis=1
     )
-    held = without_flicker(close[:, :, solid].reshape(len(motion), -1) < 0, motion.fps, StanceRule())
+    away = close[:, :, solid].reshape(len(motion), -1)
+    held = _arrived(without_flicker(away < 0, motion.fps, StanceRule()), away, ARRIVED * leg)
     turn = Rotation.from_quat(poses[:, solid, 3:].reshape(-1, 4), scalar_first=True).as_matrix()
     turn = turn.reshape(len(motion), 1, len(solid), 3, 3)
     local = np.einsum("tkbji,tkbj->tkbi", turn, surface[:, :, solid] - poses[:, None, solid, :3])
-    away = np.einsum("tkbji,tkbj->tkbi", turn, at[:, :, None] - surface[:, :, solid])
+    offsets = np.einsum("tkbji,tkbj->tkbi", turn, at[:, :, None] - surface[:, :, solid])
     shape = (len(motion), len(pairs), 3)
     places = _settled(local.reshape(shape), held, SLIDES * leg, motion.fps)
-    return Touches(pairs, held, distance[:, :, solid].reshape(shape[:2]), places, away.reshape(shape))
+    depth = distance[:, :, solid].reshape(shape[:2])
+    normals = _settled(offsets.reshape(shape) * np.sign(depth)[..., None], held, np.inf, motion.fps)
+    return Touches(pairs, held, depth, places, offsets.reshape(shape), unit(normals))
 
 
 def _closeness(
@@ -171,6 +178,23 @@ def _below(motion: Motion, match: Match, part: str) -> list[int]:
         if int(parents[joint]) in carried:
             carried.add(joint)
     return sorted(carried - own)
+
+
+def _arrived(held: Bools, away: Floats, near: float) -> Bools:
+    """Return the touches (T, C) without the approach and the departure, in which the part is farther than its median by more than `near`.
+
+    Args:
+        held: (T, C) while a part is within reach of a touch.
+        away: (T, C) distances [m].
+        near: [m].
+    """
+    found = np.zeros_like(held)
+    for pair in range(held.shape[1]):
+        for start, stop in intervals(held[:, pair]):
+            own = away[start:stop, pair]
+            there = start + np.flatnonzero(own <= np.median(own) + near)
+            found[there[0] : there[-1] + 1, pair] = True
+    return found
 
 
 def _settled(places: Floats, held: Bools, slides: float, fps: float) -> Floats:

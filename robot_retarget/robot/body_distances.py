@@ -18,6 +18,10 @@ from robot_retarget.scene.scene import Scene
 
 TOUCHING = 1e-9
 """Surfaces this near have no direction between them [m]."""
+FACE = PREFIX + "a face"
+"""The plane of a face that a link touches."""
+FAR = 10.0
+"""Distances from faces are measured up to this [m]."""
 MEASURED = tuple(
     int(kind) for kind in (
         mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_MESH,
@@ -54,6 +58,9 @@ class RobotAmongBodies:
         """
         spec = robot.spec()
         add_bodies(spec, scene)
+        spec.worldbody.add_geom(
+            name=FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=0, conaffinity=0
+        )
         try:
             self.model = spec.compile()
         except ValueError as error:
@@ -62,6 +69,7 @@ class RobotAmongBodies:
             ) from error
         self.robot, self.scene, self.data = robot, scene, mujoco.MjData(self.model)
         self._moving = moving_bodies(self.model, scene)
+        self._face = int(self.model.geom(FACE).id)
         ids = [self.model.geom(PREFIX + name).id for name in scene.names]
         self._bodies = [b for b, geom in enumerate(ids) if int(self.model.geom_type[geom]) in MEASURED]
         self._body_geoms = np.array([ids[b] for b in self._bodies], np.int64)
@@ -74,6 +82,7 @@ class RobotAmongBodies:
         )
         flat = np.asarray(self.model.geom_type)[self._body_geoms] == mujoco.mjtGeom.mjGEOM_PLANE
         self._half = np.where(flat[:, None], [np.inf, np.inf, 0.0], self._half)
+        self._placed = b""
         self._known: tuple[bytes, float, BodyDistances] | None = None
 
     def near(self, qpos: Floats, poses: Floats, reach: float) -> BodyDistances:
@@ -89,12 +98,29 @@ class RobotAmongBodies:
             self._known = key, reach, self._measured(qpos, poses, reach)
         return self._known[2]
 
-    def of_link(self, qpos: Floats, poses: Floats, link: int, body: int, reach: float) -> BodyDistances:
-        """Return the distances of the geoms of one link from one body, within a reach; `near` states the arguments."""
+    def to_face(self, qpos: Floats, poses: Floats, link: int, face: tuple[Floats, Floats]) -> tuple[float, Floats]:
+        """Return the distance of a link from the plane of a face, negative behind it [m], and its slope (nv,) by the tangent v.
+
+        Args:
+            qpos: (nq,) configuration of the robot.
+            poses: (B, 7) of the bodies.
+            link: a body of the robot's model with geoms.
+            face: a point (3,) [m] and the outward unit normal (3,).
+        """
         self._place(qpos, poses)
-        if body not in self._bodies:
-            return self._rows([], reach)
-        return self._rows([[int(k), self._bodies.index(body)] for k in np.flatnonzero(self._links == link)], reach)
+        place, normal = face
+        turn = np.empty(4)
+        mujoco.mju_quatZ2Vec(turn, normal)
+        mujoco.mju_quat2Mat(self.data.geom_xmat[self._face], turn)
+        self.data.geom_xpos[self._face] = place
+        least, ends, found = np.inf, np.zeros(6), np.zeros(6)
+        for geom in self._geoms[self._links == link].tolist():
+            distance = mujoco.mj_geomDistance(self.model, self.data, self._face, geom, FAR, ends)
+            if distance < least:
+                least, found = distance, ends.copy()
+        jacobian = np.empty((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], link)
+        return least, normal @ jacobian
 
     def point(self, body: int, offset: Floats) -> tuple[Floats, Floats]:
         """Return the place (3,) [m] and the Jacobian (3, nv) of a point of a link in the last measured configuration."""
@@ -113,6 +139,10 @@ class RobotAmongBodies:
         return self._rows(np.argwhere(near).tolist(), reach)
 
     def _place(self, qpos: Floats, poses: Floats) -> None:
+        key = qpos.tobytes() + poses.tobytes()
+        if key == self._placed:
+            return
+        self._placed = key
         self.data.qpos[:] = qpos
         place_bodies(self.data, poses, self._moving)
         mujoco.mj_kinematics(self.model, self.data)

@@ -52,7 +52,9 @@ class RigidBody:
                 f"body {self.name!r}: the quaternion at frame {wrong[0]} has the norm {norms[wrong[0]]:.4g}, not 1: "
                 "expected x y z, then w x y z"
             )
-        table = np.concatenate([table[:, :3], table[:, 3:] / norms[:, None]], axis=1)
+        same = np.where((table[1:, 3:] * table[:-1, 3:]).sum(axis=1) < 0, -1.0, 1.0)  # q and −q are one rotation
+        turns = table[:, 3:] * np.cumprod([1.0, *same])[:, None] / norms[:, None]
+        table = np.concatenate([table[:, :3], turns], axis=1)
         object.__setattr__(self, "poses", frozen(table.reshape(poses.shape)))
         for name, value in (("mass", self.mass), ("friction", self.friction), ("fps", self.fps)):
             if value is not None and not 0 < value < np.inf:

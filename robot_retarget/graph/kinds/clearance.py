@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats
+from robot_retarget.arrays import Bools, Floats, lengths
 from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.weights import RAMP
@@ -83,8 +83,9 @@ def pose_ends(scene: PlacedScene) -> list[tuple[str, str]]:
 
 def poses_of(values: Floats, scene: PlacedScene) -> Floats:
     """Return the poses (B, 7) among the values (E,) of a track's edges at one frame, where they come last."""
-    poses = values[len(values) - 7 * len(scene) :].reshape(-1, 7)
-    return np.hstack([poses[:, :3], poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)])
+    poses = values[len(values) - 7 * len(scene) :].reshape(-1, 7).copy()
+    poses[:, 3:] /= lengths(poses[:, 3:])[:, None]
+    return poses
 
 
 def touching_links(context: RetargetContext, around: Surroundings) -> Bools:

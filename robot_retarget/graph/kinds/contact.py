@@ -1,9 +1,10 @@
 """Contact: a part that touches a body of the scene touches it on the robot, at the same place of the body.
 
-    d(link, body) = 0,    (I − n nᵀ)(x − p) = 0
+    d(link, face) = 0,    (I − n nᵀ)(x − p) = 0
 
-with x the keypoint, n the normal of the surface there and p the place of the human's touch, fixed in the frame of the body
-while the human's part stays on one place: the part does not slide. Both are exact while the human touches, and fade in and out.
+with x the keypoint, p the place of the human's touch and n the normal of the surface there, fixed in the frame of the body
+while the human's part stays on one place: the part does not slide. The face is the plane through p across n, so that the part
+touches the side of the body that the human touches. The distance is exact while the human touches; both fade in and out.
 """
 
 from dataclasses import dataclass, replace
@@ -11,15 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, unit
 from robot_retarget.graph.kind import AXES, Form, Kind, MeasureRows, RetargetContext, RowState, Track
 from robot_retarget.graph.kinds.clearance import POSE, pose_ends, poses_of
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
 
-OWN = 1 + len(AXES)
-"""Edges of a pair: its distance, and the coordinates of its place."""
+NORMAL = ("nx", "ny", "nz")
+OWN = 1 + len(AXES) + len(NORMAL)
+"""Edges of a pair: its distance, the coordinates of its place, and the normal there, which no row can miss."""
+
+
+STEEP = 4
+"""Power of the strength with which π rises to that of a hard edge: half the way a hand follows the human's approach first."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +37,6 @@ class ContactKind(Kind):
     whole = True
     along: float = 400.0
     """π along the surface, over the squared leg [-]: below that of the distance, because no arm reaches every place."""
-    reach: float = 0.5
-    """The distance of a touching part is measured up to this, over the leg [-]."""
     pairs: tuple[tuple[str, int], ...] = ()
     scene: PlacedScene | None = None
 
@@ -46,13 +50,17 @@ class ContactKind(Kind):
             return None
         pairs = tuple(around.touches.pairs[k] for k in touched)
         frames, poses = len(context.human), scene.poses(len(context.human))
-        places = scene.points(np.array([body for _, body in pairs]), around.touches.places[:, touched], poses)
+        bodies = np.array([body for _, body in pairs])
+        places = scene.points(bodies, around.touches.places[:, touched], poses)
+        normals = scene.directions(bodies, around.touches.normals[:, touched], poses)
         strength = _gradual(around.touches.held[:, touched], round(RAMP * context.human.fps))
-        target = np.concatenate([np.zeros((frames, len(pairs), 1)), places], axis=2).reshape(frames, -1)
-        priority = (strength[..., None] * [HARD, *[self.along] * len(AXES)]).reshape(frames, -1)
+        target = np.concatenate([np.zeros((frames, len(pairs), 1)), places, normals], axis=2).reshape(frames, -1)
+        priority = (strength[..., None] ** STEEP * [HARD, *[self.along] * len(AXES), *[0.0] * len(NORMAL)]).reshape(
+            frames, -1
+        )
         lower = np.hstack([target, poses.reshape(frames, -1)])
         ends = [(part, scene.names[body]) for part, body in pairs for _ in range(OWN)] + pose_ends(scene)
-        axes = ("", *AXES) * len(pairs) + POSE * len(scene)
+        axes = ("", *AXES, *NORMAL) * len(pairs) + POSE * len(scene)
         priority = np.hstack([priority, np.zeros((frames, 7 * len(scene)))])
         kind = replace(self, pairs=pairs, scene=scene)
         return Track(kind, tuple(ends), lower, lower, priority, np.full(len(ends), context.leg), axes)
@@ -65,29 +73,25 @@ class ContactKind(Kind):
         if not active:
             return None
         poses = poses_of(lower, self.scene)
-        measured = (self._pair(k, poses, state, lower[OWN * k + 1 : OWN * (k + 1)]) for k in active)
-        found = [each for each in measured if each is not None]
-        if not found:
-            return None
+        found = [self._pair(k, poses, state, lower[OWN * k + 1 : OWN * (k + 1)]) for k in active]
         values, slopes, edges = zip(*found, strict=True)
         return MeasureRows(np.concatenate(values), np.concatenate(slopes), np.concatenate(edges))
 
-    def _pair(
-        self, pair: int, poses: Floats, state: RowState, place: Floats
-    ) -> tuple[Floats, Floats, np.ndarray] | None:
-        """Return values (4,), slopes (4, nv) and edges of one pair; None where the part is out of reach."""
+    def _pair(self, pair: int, poses: Floats, state: RowState, target: Floats) -> tuple[Floats, Floats, np.ndarray]:
+        """Return values (4,), slopes (4, nv) and edges of one pair."""
         assert self.scene is not None
-        part, body = self.pairs[pair]
-        site, weld = state.match.anatomy.sites[part], state.robot.model.body_weldid
-        among, reach = self.scene.among(state.robot), self.reach * state.match.robot_leg
-        near = among.of_link(state.qpos, poses, int(weld[site.body]), body, reach)
-        if not len(near.distance):
-            return None
-        row = int(near.distance.argmin())
+        part, _ = self.pairs[pair]
+        site, among, weld = (
+            state.match.anatomy.sites[part],
+            self.scene.among(state.robot),
+            state.robot.model.body_weldid,
+        )
+        place, normal = target[:3], unit(target[3:])
+        distance, away = among.to_face(state.qpos, poses, int(weld[site.body]), (place, normal))
         x, slope = among.point(site.body, site.offset)
-        along = np.eye(3) - np.outer(near.normal[row], near.normal[row])
-        values = np.append(near.distance[row], place + along @ (x - place))
-        return values, np.vstack([near.slope[row], along @ slope]), OWN * pair + np.arange(OWN)
+        along = np.eye(3) - np.outer(normal, normal)
+        values = np.append(distance, place + along @ (x - place))
+        return values, np.vstack([away, along @ slope]), OWN * pair + np.arange(1 + len(AXES))
 
 
 def _gradual(held: np.ndarray, frames: int) -> Floats:

@@ -35,14 +35,15 @@ class NearKind(Kind):
             return None
         columns = [[k for k, (part, _) in enumerate(touches.pairs) if part == hand] for hand in hands]
         bodies = np.array([body for _, body in touches.pairs])
-        places = scene.points(bodies, touches.places, poses) + scene.directions(bodies, touches.offsets, poses)
+        away = scene.ratio * scene.directions(bodies, touches.offsets, poses)
+        places = scene.points(bodies, touches.places, poses) + away
         target, priority = [], []
         for own in columns:
             nearest = np.array(own)[np.abs(touches.distance[:, own]).argmin(axis=1)]
             rows = np.arange(len(nearest))
-            away = np.maximum(touches.distance[rows, nearest], 0.0) / (self.reach * context.match.human_leg)
+            far = np.maximum(touches.distance[rows, nearest], 0.0) / (self.reach * context.match.human_leg)
             target.append(places[rows, nearest])
-            priority.append(np.repeat(self.priority * np.exp(-(away**2))[:, None], len(AXES), axis=1))
+            priority.append(np.repeat(self.priority * np.exp(-(far**2))[:, None], len(AXES), axis=1))
         ends = [(hand, "bodies") for hand in hands for _ in AXES]
         axes = AXES * len(hands)
         return exact(self, ends, np.hstack(target), np.hstack(priority), context.leg, axes=axes)
