@@ -23,8 +23,6 @@ SOLID = 1 << 29
 """Contact type of bodies for solid geoms of the robot: a model may list its contacts by pairs instead of types."""
 STIFF = 0.01
 """Time constant of a free body's contacts [s]."""
-IMPEDANCE = 10.0
-"""Stiffness of friction over that of contacts with free bodies [-]."""
 TURNING = 4
 """Dimensions of contacts of free bodies: with friction against turning about the normal, as of a palm."""
 
@@ -59,15 +57,17 @@ class SimulatedBodies:
         first = self.model.jnt_qposadr[self.model.body_jntadr[self.ids[list(self.free)]]]
         return (first[:, None] + np.arange(7)).ravel()
 
+    @cached_property
+    def dofs(self) -> Ints:
+        """(6 F,) indices of the free bodies' velocities in the model."""
+        return (self.model.body_dofadr[self.ids[list(self.free)]][:, None] + np.arange(6)).ravel()
+
     def free_paths(self, frames: Floats) -> Floats:
         """Return (N, 7 F) poses of the free bodies at fractional frames (N,)."""
         return self.paths(frames)[:, list(self.free)].reshape(len(frames), -1)
 
     def touch(self, robot: Robot) -> None:
-        """Let all solid geoms of the robot touch the bodies, and friction hold the free ones.
-
-        Soft friction would let a held body slip out by and by.
-        """
+        """Let all solid geoms of the robot touch the bodies, and stiff contacts hold the free ones: soft friction lets a held body creep."""
         model, own = self.model, np.isin(self.model.geom_bodyid, self.ids)
         model.geom_contype[own] |= SOLID
         for geom in [g for geoms in solid_geoms(robot).values() for g in geoms]:
@@ -78,15 +78,17 @@ class SimulatedBodies:
         if self.free:
             held = np.isin(model.geom_bodyid, self.ids[list(self.free)])
             model.geom_solref[held], model.geom_priority[held], model.geom_condim[held] = (STIFF, 1.0), 1, TURNING
-            model.opt.impratio = IMPEDANCE
 
     def paths(self, frames: Floats) -> Floats:
         """Return (N, B, 7) poses at fractional frames (N,)."""
         return self.scene.resampled(frames).poses(len(frames))
 
-    def place(self, data: mujoco.MjData, poses: Floats) -> None:
-        """Set the carried bodies to their poses (B, 7)."""
+    def place(self, data: mujoco.MjData, poses: Floats, settling: bool) -> None:
+        """Set the carried bodies to their poses (B, 7), and the free ones while the robot settles: hands come to grips with them."""
         place_bodies(data, poses, self.carried)
+        if settling and self.free:
+            data.qpos[self.coordinates] = poses[list(self.free)].ravel()
+            data.qvel[self.dofs] = 0.0
 
     def figures(self, paths: Floats, places: Floats, times: Floats) -> dict[str, Any]:
         """Return when each free body was dropped, how far it was from its path and its mass, by name.

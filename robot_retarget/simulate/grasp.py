@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 
 from robot_retarget.arrays import Floats
+from robot_retarget.simulate.bodies import SimulatedBodies
 from robot_retarget.simulate.plant import Plant
 
 GRIP = 0.5
@@ -47,7 +48,7 @@ def grasp_pushes(plant: Plant, states: Floats, velocities: Floats, accelerations
     pushes = np.zeros(velocities.shape)
     if plant.bodies is None or not plant.bodies.free:
         return pushes
-    grasp = _Grasp(plant, plant.bodies.ids[list(plant.bodies.free)])
+    grasp = _Grasp(plant, plant.bodies)
     for k, state in enumerate(zip(states, velocities, accelerations, strict=True)):
         pushes[k] = grasp.push(*state)
     return gaussian_filter1d(pushes, RISE * rate, axis=0, mode="nearest")
@@ -56,17 +57,16 @@ def grasp_pushes(plant: Plant, states: Floats, velocities: Floats, accelerations
 class _Grasp:
     """Free bodies of a plant, and what touches them."""
 
-    def __init__(self, plant: Plant, bodies: np.ndarray):
+    def __init__(self, plant: Plant, bodies: SimulatedBodies):
         self.model = copy.copy(plant.model)
         self._loose = copy.copy(plant.model)
         self._loose.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self.data = mujoco.MjData(self.model)
-        self._geoms = np.flatnonzero(np.isin(self.model.geom_bodyid, bodies))
+        self._geoms = np.flatnonzero(np.isin(self.model.geom_bodyid, bodies.ids[list(bodies.free)]))
         self.model.geom_margin[self._geoms] = TOUCH
-        self._dofs = (self.model.body_dofadr[bodies][:, None] + np.arange(6)).ravel()
+        self._dofs = bodies.dofs
         self._links = plant.robot.model.nbody
-        weight = float(np.linalg.norm(self.model.opt.gravity) * plant.robot.model.body_mass.sum())
-        self._squeeze = SQUEEZE * weight
+        self._squeeze = SQUEEZE * plant.robot.gravity * float(plant.robot.model.body_mass.sum())
 
     def push(self, qpos: Floats, qvel: Floats, qacc: Floats) -> Floats:
         """Return (nv,) generalised force of the contacts in a state."""

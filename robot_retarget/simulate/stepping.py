@@ -81,7 +81,7 @@ def roll_out(
     paths = None if plant.bodies is None else plant.bodies.paths(times * trajectory.fps)
     log, began = _Log(plant, len(times)), time.perf_counter()
     with _quiet():
-        done = _ticks(played, goals.angles, log, loop, carried, paths)
+        done = _ticks(played, goals, log, loop, carried, paths)
     pace = played.held * done / (time.perf_counter() - began)
     unstable = None if done == len(times) else float(times[done])
     rollout = log.rollout(times[:done] + played.seconds, unstable, pace)
@@ -95,25 +95,25 @@ def roll_out(
 
 def _ticks(
     played: PlayedPlant,
-    goals: Floats,
+    goals: Goals,
     log: "_Log",
     loop: ClosedLoop | None,
     carried: Floats | None,
     paths: Floats | None,
 ) -> int:
-    """Play goals (N, n) and record the states; return how many it came through before it broke down.
+    """Play N goals and record the states; return how many it came through before it broke down.
 
     Args:
         loop: corrects the goals.
         carried: (N, nq) configurations whose root the robot is held by.
-        paths: (N, B, 7) poses of the carried bodies of the scene.
+        paths: (N, B, 7) poses of the bodies of the scene.
     """
     data, bodies = played.data, played.plant.bodies
-    for k, goal in enumerate(goals):
+    for k, (goal, moment) in enumerate(zip(goals.angles, goals.times, strict=True)):
         if carried is not None:
             played.carry(carried[k])
         if paths is not None and bodies is not None:
-            bodies.place(data, paths[k])
+            bodies.place(data, paths[k], settling=bool(moment < 0))
         played.tick(goal if loop is None else loop.goal(k, data))
         if not np.abs(data.qvel).max() < SPEED_LIMIT:  # so written, NaN stops here too
             return k
