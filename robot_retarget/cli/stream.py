@@ -30,7 +30,9 @@ EMULATED = "emulated"
 class StreamInputOptions:
     """Where frames come from."""
 
-    source: str = option("vmc, json, floats, or a motion file, which is played in real time.", "--from", default="vmc")
+    source: str = option(
+        "vmc, json, floats, xrt, isaac, or a motion file, which is played in real time.", "--from", default="vmc"
+    )
     port: int | None = option(
         "Where to listen: UDP; 39539 for vmc. json and floats come from stdin without.", default=None
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from robot_retarget.errors import UsageError, install_line
 from robot_retarget.live.faults import FaultCounter
+from robot_retarget.live.headsets import HEADSETS, HeadsetSource
 from robot_retarget.live.ports import InputPort, StdinPort, TcpPort, UdpPort
 from robot_retarget.live.protocols.floats import FloatDecoder
 from robot_retarget.live.protocols.lines import LineDecoder
@@ -16,6 +17,7 @@ from robot_retarget.live.replay import Replay
 from robot_retarget.motion import Skeleton, read_motion
 
 RECEIVED = ("vmc", "json", "floats")
+SOURCES = (*RECEIVED, *HEADSETS)
 LOOPBACK = "127.0.0.1"
 """Address that only this machine reaches."""
 
@@ -33,7 +35,7 @@ def opened(
     """Open a source that listens, or one that plays a motion file.
 
     Args:
-        source: `vmc`, `json`, `floats` or the path of a motion file.
+        source: `vmc`, `json`, `floats`, `xrt`, `isaac` or the path of a motion file.
         port: port to listen at; by default that of VMC, or standard input for the other protocols.
         host: address to listen at; `0.0.0.0` lets other machines send.
         tcp: accept connections instead of datagrams.
@@ -49,6 +51,8 @@ def opened(
     faults = FaultCounter(say)
     if source not in RECEIVED:
         _refuse_idle(source, port, tcp, skeleton, sender)
+        if source in HEADSETS:
+            return HeadsetSource(HEADSETS[source](), faults)
         return Replay(read_motion(source), faults, speed)
     known = None if skeleton is None else read_motion(skeleton).skeleton
     if source == "vmc":
@@ -114,9 +118,11 @@ def _address_of(sender: str) -> str:
 
 
 def _refuse_idle(source: str, port: int | None, tcp: bool, skeleton: Path | None, sender: str) -> None:
-    if not Path(source.partition("#")[0]).exists():
-        raise UsageError(f"--from {source!r} is neither a motion file nor one of {', '.join(RECEIVED)}")
+    if source not in HEADSETS and not Path(source.partition("#")[0]).exists():
+        raise UsageError(f"--from {source!r} is neither a motion file nor one of {', '.join(SOURCES)}")
     received = {"--port": port is not None, "--tcp": tcp, "--skeleton": skeleton is not None, "--sender": bool(sender)}
     for option, given in received.items():
         if given:
-            raise UsageError(f"{option} applies to received frames; {source} is a file")
+            raise UsageError(
+                f"{option} applies to received frames; {source} is a {'headset' if source in HEADSETS else 'file'}"
+            )

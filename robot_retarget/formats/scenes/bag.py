@@ -21,9 +21,8 @@ from robot_retarget.formats.scenes.messages import JOINT_STATE, TRANSFORMS
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.formats.text.named_csv import rate
 from robot_retarget.robot.kinematics import body_frames
-from robot_retarget.untrusted.limits import LIMITS
+from robot_retarget.untrusted.bags import MAGIC, bag_messages
 
-MAGIC = b"\x89MCAP0\r\n"
 WORLD = "world"
 NANO = 10**9
 
@@ -107,25 +106,12 @@ def _parts(transform: Any) -> tuple[tuple[Any, str], ...]:
 
 def _messages(source: TrajectorySource) -> tuple[list[tuple[int, Any]], list[Any]]:
     """Stamped joint states, and the root's transforms."""
-    ros, root = _library(), source.robot.model.body(source.robot.root_body).name
-    states, roots = [], []
-    try:
-        with source.path.open("rb") as stream:
-            reader = ros.reader.make_reader(stream, decoder_factories=[ros.decoder.DecoderFactory()])
-            summary = reader.get_summary()
-            if summary and sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > LIMITS.unpacked(
-                source.path
-            ):
-                raise TrajectoryError("unpacks to more than a file of its size may")
-            for schema, _, message, content in reader.iter_decoded_messages():
-                if schema.name == "sensor_msgs/msg/JointState":
-                    states.append((message.log_time, content))
-                elif schema.name == "tf2_msgs/msg/TFMessage":
-                    roots += [t.transform for t in content.transforms if t.child_frame_id == root]
-    except TrajectoryError:
-        raise
-    except Exception as error:
-        raise TrajectoryError(f"broken bag: {error}") from error
+    root, states, roots = source.robot.model.body(source.robot.root_body).name, [], []
+    for schema, _, message, content in bag_messages(source.path, [_library().decoder.DecoderFactory()]):
+        if schema.name == "sensor_msgs/msg/JointState":
+            states.append((message.log_time, content))
+        elif schema.name == "tf2_msgs/msg/TFMessage":
+            roots += [t.transform for t in content.transforms if t.child_frame_id == root]
     return states, roots
 
 
@@ -141,11 +127,9 @@ class _Ros:
     """The modules of the library."""
 
     def __init__(self) -> None:
-        import mcap.reader
         import mcap_ros2.decoder
         import mcap_ros2.writer
 
-        self.reader: Any = mcap.reader
         self.decoder: Any = mcap_ros2.decoder
         self.writer: Any = mcap_ros2.writer
 
