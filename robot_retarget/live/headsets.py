@@ -1,4 +1,4 @@
-"""Headsets as sources: their programs are asked for the newest body. PICO through XRoboToolkit, others through Isaac Teleop."""
+"""Headsets as sources: their programs are polled for the newest body. PICO through XRoboToolkit, others through Isaac Teleop."""
 
 import importlib
 import time
@@ -21,7 +21,7 @@ INTERVAL = 1 / 90
 NANO = 1e-9
 
 
-class Body(NamedTuple):
+class TrackedBody(NamedTuple):
     """A body as a headset hands it over."""
 
     poses: Floats
@@ -35,7 +35,7 @@ class Body(NamedTuple):
 class Headset(Protocol):
     """A program that knows the newest body."""
 
-    def ask(self) -> Body | None:
+    def ask(self) -> TrackedBody | None:
         """Return the body if it is another than before."""
         ...
 
@@ -69,7 +69,7 @@ class HeadsetSource:
                 return None
             time.sleep(min(POLL, until - now))
 
-    def _frame(self, body: Body, arrived: float) -> Frame:
+    def _frame(self, body: TrackedBody, arrived: float) -> Frame:
         held = self._body.step(body.poses, body.tracked)
         if held is None:
             raise RefusedError(Fault.NOT_TRACKED, "no pelvis")
@@ -94,12 +94,14 @@ class XrtHeadset:
         self._sdk.init()
         self._stamp = 0
 
-    def ask(self) -> Body | None:
+    def ask(self) -> TrackedBody | None:
         stamp = self._sdk.get_body_timestamp_ns()
         if stamp == self._stamp or not self._sdk.is_body_data_available():
             return None
         self._stamp = stamp
-        return Body(np.array(self._sdk.get_body_joints_pose(), dtype=float), np.ones(JOINTS, dtype=bool), stamp * NANO)
+        return TrackedBody(
+            np.array(self._sdk.get_body_joints_pose(), dtype=float), np.ones(JOINTS, dtype=bool), stamp * NANO
+        )
 
     def close(self) -> None:
         self._sdk.close()
@@ -127,7 +129,7 @@ class IsaacHeadset:
             self._open.close()
             raise UsageError(f"--from isaac: {error}") from None
 
-    def ask(self) -> Body | None:
+    def ask(self) -> TrackedBody | None:
         now = time.monotonic()
         if now - self._asked < INTERVAL:
             return None
@@ -141,7 +143,7 @@ class IsaacHeadset:
         if poses.tobytes() == self._last:
             return None
         self._last = poses.tobytes()
-        return Body(poses, np.array(joints.is_valid) != 0, None)
+        return TrackedBody(poses, np.array(joints.is_valid) != 0, None)
 
     def close(self) -> None:
         self._open.close()
