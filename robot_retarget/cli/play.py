@@ -64,7 +64,9 @@ class PlayOptions(BaudOptions):
         "With feedback: lean 3° right and ahead first, and compare the inertial sensor with that.", default=True
     )
     yes: bool = option("Start the test lean without a question.", "--yes", "-y", default=False)
-    grace: float = option("After Ctrl-C: time to hold the pose; a second Ctrl-C switches torque off [s].", default=10.0)
+    grace: float = option(
+        "After Ctrl-C without a way into a stand: time to hold; another Ctrl-C switches torque off [s].", default=10.0
+    )
     wait: float = option("Longest wait for a missing port [s].", default=5.0, min=0)
     dry_run: bool = option("Check everything, move nothing.", "--dry-run", default=False)
 

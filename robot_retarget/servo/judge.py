@@ -7,7 +7,7 @@ from robot_retarget.actuators.map import Limits
 from robot_retarget.arrays import Floats
 from robot_retarget.servo.check import hardware_errors
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError
+from robot_retarget.servo.outcome import FaultError, HeatError
 
 MISSES = 2
 """Number of ticks without an answer that counts as silence."""
@@ -28,6 +28,8 @@ class Judge:
     def __init__(self, link: Link) -> None:
         self.link, self.limits = link, link.map.limits
         self._high_since: float | None = None
+        self.heat_known: bool = False
+        """Whether heat is no fault any more, because it led into a stand."""
 
     def judge(self, now: float, capped_for: Floats) -> None:
         """Check everything that can go wrong during playback.
@@ -103,8 +105,8 @@ class Judge:
 
     def _heat(self) -> None:
         hot = self.link.temperature >= self.limits.temperature
-        if hot.any():
-            raise FaultError(f"{self._names(hot)} is {self.link.temperature[hot].max():.0f} °C hot")
+        if hot.any() and not self.heat_known:
+            raise HeatError(f"{self._names(hot)} is {self.link.temperature[hot].max():.0f} °C hot")
 
     def _strain(self, now: float) -> None:
         current = np.abs(self.link.current)

@@ -98,10 +98,15 @@ class TargetFollower:
         self._targets, self._guard, self._limits, self._say = targets, guard, limits, say
         self._approach: Approach | None = None
         self._silent = True
+        self._stand: tuple[Approach, Floats] | None = None
         self.approaches: int = 0
 
     def step(self, now: float) -> Step | None:
         """Return the next step, or None after the last target."""
+        if self._stand is not None:
+            way, stand = self._stand
+            eased_target = way.at(stand, now)
+            return None if way.over(now) else Step(eased_target, "end", eased_target)
         if self._targets.over.is_set():
             return None
         target, goal = self._targets.at(now), self._guard.goal
@@ -118,6 +123,14 @@ class TargetFollower:
             self._approach = None
         return Step(eased_target, "approach", eased_target)
 
+    def leave(self, stand: Floats, now: float) -> bool:
+        """Leave the targets for a stand (n,) [rad], as one is approached; return whether this is new."""
+        if self._stand is not None:
+            return False
+        self._stand = Approach(self._guard.goal, stand, now, self._limits), stand
+        self._say(f"going into a stand in {self._stand[0].duration:.1f} s; Ctrl-C holds at once")
+        return True
+
     def _begin(self, goal: Floats, target: Floats, now: float, far: float) -> None:
         self._approach, self._silent = Approach(goal, target, now, self._limits), False
         self.approaches += 1
@@ -133,6 +146,7 @@ def follow(
     log: str | Path | None = None,
     say: Callable[[str], None] = lambda text: None,
     clear: Callable[[Floats, Floats], Floats] | None = None,
+    stand: Floats | None = None,
 ) -> PlaybackOutcome:
     """Follow targets on the servos of a map until they end.
 
@@ -145,6 +159,7 @@ def follow(
         log: where `play.npz` of the last minute goes; written however it ends.
         say: receives progress messages.
         clear: self-collision guard of the goals (`servo.guard.Guard.clear`).
+        stand: (n,) angles that are approached on Ctrl-C and on the space bar, or when a servo is hot [rad]; None holds.
 
     Raises:
         ServoError: as `play`.
@@ -159,8 +174,12 @@ def follow(
                 targets.present = cycle.link.present
                 return follower.step(time.monotonic())
 
-            player.run_ticks(cycle, step)
-            player.move_to_stop_pose(cycle)
+            def stop(k: int) -> bool:
+                return stand is not None and follower.leave(stand, time.monotonic())
+
+            player.run_ticks(cycle, step, stop=stop)
+            if not player.stood:
+                player.move_to_stop_pose(cycle)
             return PlaybackEnd.FINISHED.value
 
         return player.perform(rate, tick)

@@ -13,6 +13,10 @@ class FaultError(Exception):
     """Playback cannot continue; the text gives the reason."""
 
 
+class HeatError(FaultError):
+    """A servo is hot, but it still moves: a short way into a stand is left."""
+
+
 class PlaybackEnd(Enum):
     """How playing ended; the value is the sentence for it."""
 

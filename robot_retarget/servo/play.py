@@ -25,7 +25,7 @@ from robot_retarget.servo.hold import leave_holding, let_go, take_hold
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.outcome import FaultError, HeatError, PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan, glide
 from robot_retarget.servo.playlist import Piece
 from robot_retarget.servo.record import Record
@@ -71,6 +71,8 @@ class Player:
         self._rate = RATE
         self._heeded = 0
         """Interrupts after which a motion went on into a stand."""
+        self._heat = ""
+        """The heat after which it did."""
 
     def play(self, pieces: Sequence[Piece]) -> PlaybackOutcome:
         """Check, engage, approach and play each piece, end; when somebody asks to stop, take a way into a stand.
@@ -86,6 +88,11 @@ class Player:
         ]
         outcome = self.perform(pieces[0].plan.rate, lambda cycle: self._perform(cycle, pieces, watches))
         return outcome.compared(self.options.tracking_rms)
+
+    @property
+    def stood(self) -> bool:
+        """Whether the motion went into a stand before its end."""
+        return bool(self._heeded or self._heat)
 
     def _balancer(self, plan: ServoPlan, feedback: Feedback) -> Balancer:
         """Return the feedback of a plan, its sensor checked."""
@@ -128,6 +135,8 @@ class Player:
                 self.say("taking hold")
                 self.cycle = self._engaged()
                 reason = act(self.cycle)
+                if self._heat:
+                    return self._leave(PlaybackEnd.FAULT, f"{self._heat}; standing")
                 if self._heeded:
                     return self._leave(PlaybackEnd.INTERRUPTED, "interrupted, standing")
                 return self._leave(PlaybackEnd.FINISHED, reason, self.options.release)
@@ -164,7 +173,7 @@ class Player:
             self._follow(cycle, piece.plan, "play", watch, piece.ways)
             if watch is not None:
                 watch.require_upright()
-            if self._heeded:
+            if self.stood:
                 return PlaybackEnd.INTERRUPTED.value
         self.move_to_stop_pose(cycle, watch)
         if watch is not None:
@@ -253,7 +262,7 @@ class Player:
             cycle: exchanges with the servos.
             step: gives the step of a tick.
             final: gives the last tick.
-            stop: called with a tick when somebody asks to stop; whether the steps after it lead into a stand.
+            stop: called with a tick when somebody asks to stop, or a servo is hot; whether the steps after it lead into a stand.
         """
         period, began = 1 / self._rate, time.monotonic()
         last, k = began, 0
@@ -265,7 +274,12 @@ class Player:
             last, made = now, step(k)
             if made is None:
                 break
-            cycle.tick(made, period, due)
+            try:
+                cycle.tick(made, period, due)
+            except HeatError as fault:
+                if not stop(k):
+                    raise
+                self._heat, cycle.judge.heat_known = str(fault), True
             if self.interrupts.requests > self._heeded:
                 if self.interrupts.terminated or not stop(k):
                     raise _InterruptError

@@ -192,6 +192,19 @@ def test_a_thread_that_stalls_for_good_leaves_the_robot_under_watch_until_somebo
         assert len(log["time"]) > 1.2 * RATE and log["age"].max() < QUICK.silence
 
 
+def test_ctrl_c_leads_a_stream_into_its_stand_as_gently_as_it_began(tmp_path: Path) -> None:
+    stand = np.array([0.1, -0.1, 0.2, 0.0])
+    with emulated(tmp_path) as arm:
+        targets = TargetStream()
+        with giving(targets, swinging, 3.0):
+            threading.Timer(1.5, lambda: signal.raise_signal(signal.SIGINT)).start()
+            outcome = follow(targets, ARM, arm.port, PlaybackOptions(), log=tmp_path / "log.npz", stand=stand)
+    assert (outcome.ended, outcome.reason, outcome.state) == (PlaybackEnd.INTERRUPTED, "interrupted, standing", "hold")
+    with np.load(tmp_path / "log.npz") as log:
+        require_gentle(log, QUICK)
+        np.testing.assert_allclose(log["goal"][-1], stand, atol=2e-3)
+
+
 def test_a_servo_that_falls_silent_stops_it_as_in_any_playback(tmp_path: Path) -> None:
     with emulated(tmp_path, ARM, "--fault", "after 1.2 silent 3") as arm:
         outcome, _ = followed(tmp_path, arm, swinging, 4.0)

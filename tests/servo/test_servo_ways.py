@@ -75,6 +75,21 @@ def test_ctrl_c_takes_the_next_branch_and_ends_in_its_stand(
     assert np.abs(np.diff(made, axis=0)).max() < 5 * np.abs(np.diff(planned, axis=0)).max()
 
 
+def test_a_hot_servo_leads_into_a_stand_and_a_dead_one_holds_at_once(running: Emulated, tmp_path: Path) -> None:
+    for fault, reason in (("heat 2 75", "j2 (servo 2) is 75 °C hot; standing"), ("limp 2", "torque is off on j2 ")):
+        running.do("reset")
+        running.spread(ARM, START.tolist())
+
+        def say(text: str, fault: str = fault) -> None:
+            if text.startswith("playing"):
+                running.do(fault)
+
+        outcome = play([Piece(PLAN, WAYS)], ARM, running.port, OPTIONS, tmp_path / "play.npz", say)
+        assert outcome.ended is PlaybackEnd.FAULT and outcome.reason.startswith(reason)
+        stands = np.abs(rows_played(tmp_path)[-1] - STAND).max() < 1e-9
+        assert stands == ("standing" in reason)
+
+
 def test_after_the_last_branch_the_plan_goes_on_to_its_end(running: Emulated, tmp_path: Path) -> None:
     outcome = played(running, tmp_path, (1.5,), WAYS)
     assert outcome.ended is PlaybackEnd.INTERRUPTED

@@ -30,8 +30,13 @@ class ServoSink:
             raise ServoError(f"the servo map {what}")
         self.targets: TargetStream = TargetStream()
         self._places = robot.qpos_index[[joints.index(joint) for joint in servo_map.joints]]
-        self._pose = robot.standing()
+        self._pose = self._standing = robot.standing()
         self.guard: SelfCollisionGuard = SelfCollisionGuard(robot)
+
+    @property
+    def stand(self) -> Floats:
+        """(n,) the standing pose [rad]."""
+        return self._standing[self._places]
 
     def show(self, pose: LivePose) -> None:
         self.set_target(pose.qpos)
@@ -76,7 +81,7 @@ def run_servos(
     thread = Thread(target=go, daemon=True)
     thread.start()
     try:
-        outcome = follow(sink.targets, servo_map, port, log=log, say=say, clear=sink.clear)
+        outcome = follow(sink.targets, servo_map, port, log=log, say=say, clear=sink.clear, stand=sink.stand)
     finally:
         loop.stop.set()
         thread.join()
