@@ -16,9 +16,6 @@ LAST_POSITION = 4095
 """Of one turn, as position mode has it."""
 VELOCITY_UNIT = 0.0239808
 """[rad/s]: 0.229 revolutions a minute."""
-ACCELERATION_UNIT = 0.374508
-"""[rad/s²]: 214.577 revolutions a minute squared."""
-VOLTAGE_UNIT = 0.1
 WATCHDOG_UNIT = 0.02
 RETURN_DELAY_UNIT = 2e-6
 BAUDS = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_retarget.actuators.balance_tables import Imu
-from robot_retarget.arrays import Floats
+from robot_retarget.arrays import Floats, cross
 from robot_retarget.feedback.reading import Reading
 
 
@@ -70,10 +70,5 @@ def calibrated(imu: Imu) -> Imu:
 def _into_body(quaternion: Floats, vector: Floats) -> Floats:
     """Return Rᵀ v."""
     w, axis = quaternion[0], -quaternion[1:]
-    cross = 2 * _cross(axis, vector)
-    return vector + w * cross + _cross(axis, cross)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Return a × b of (3,) vectors; `np.cross` takes ten times as long."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    turned = 2 * cross(axis, vector)
+    return vector + w * turned + cross(axis, turned)

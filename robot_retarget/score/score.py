@@ -9,11 +9,11 @@ from robot_retarget.errors import MatchError
 from robot_retarget.human.match import read_map
 from robot_retarget.motion import Motion, as_motion
 from robot_retarget.notebook import card
-from robot_retarget.robot import Points, Robot
+from robot_retarget.robot import Robot
 from robot_retarget.robot.played import Retargeted, on_robot
 from robot_retarget.score.figure import Value
-from robot_retarget.score.pair import Body, body_of, pair_of
-from robot_retarget.score.soles import sole_points
+from robot_retarget.score.pair import body_of, pair_of
+from robot_retarget.score.soles import soles_of
 from robot_retarget.score.subject import Subject
 from robot_retarget.score.table import FIGURES, MEASURES
 from robot_retarget.trajectory import Trajectory
@@ -95,14 +95,7 @@ def subject_of(
             raise
         return Subject(trajectory, robot), (*notes, "no humanoid: figures of feet are left out")
     pair = None if motion is None else pair_of(trajectory, robot, motion, body, tables.get("human", {}))
-    return Subject(trajectory, robot, _soles(robot, body), pair), tuple(notes)
-
-
-def _soles(robot: Robot, body: Body) -> tuple[Points, ...]:
-    sites = body.anatomy.sites
-    feet = [sites.get(f"{side}_toe", sites.get(f"{side}_ankle")) for side in "lr"]
-    soles = [sole_points(robot, foot.body) for foot in feet if foot]
-    return tuple(soles) if len(soles) == 2 and all(len(sole) for sole in soles) else ()
+    return Subject(trajectory, robot, soles_of(robot, body.anatomy), pair), tuple(notes)
 
 
 def _collision_model(robot: Robot) -> str:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robot_retarget.arrays import Floats
-from robot_retarget.robot import Points, Robot, world_points
+from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot.kinematics import BLOCK
 
 LAYER = 0.01
@@ -40,6 +40,13 @@ def foot_of(robot: Robot, sole: Points, qpos: Floats, fps: float) -> Foot:
         steps = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=2) * fps
         slip[before + 1 : first + BLOCK] = steps.min(axis=1, initial=np.inf)
     return Foot(lowest, middle, slip)
+
+
+def soles_of(robot: Robot, anatomy: Anatomy) -> tuple[Points, ...]:
+    """The left and the right sole; none where the robot has not both."""
+    feet = [anatomy.sites.get(f"{side}_toe", anatomy.sites.get(f"{side}_ankle")) for side in "lr"]
+    soles = tuple(sole_points(robot, foot.body) for foot in feet if foot)
+    return soles if len(soles) == 2 and all(len(sole) for sole in soles) else ()
 
 
 def sole_points(robot: Robot, foot: int) -> Points:
