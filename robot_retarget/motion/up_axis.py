@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.constants import g
-from scipy.signal import savgol_filter
+from scipy.ndimage import correlate1d
 
 from robot_retarget.arrays import ALIGNED, Floats, unit
 from robot_retarget.human.recognition.recognise import Recognition
@@ -143,8 +143,7 @@ def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAx
     window = 2 * round(rule.airborne * fps / 2) + 1
     if window < 5 or len(keypoints) < window:
         return np.zeros(len(AXES))
-    mass = centre_of_mass(recognition, keypoints)
-    acceleration = np.asarray(savgol_filter(mass, window, 2, deriv=2, delta=1 / fps, axis=0), dtype=np.float64)
+    acceleration = _fitted_acceleration(centre_of_mass(recognition, keypoints), window, fps)
     off = np.linalg.norm(acceleration[:, None] + g * np.concatenate([np.eye(3), -np.eye(3)]), axis=2)
     falling = off < rule.free * g
     longest = np.zeros(len(AXES))
@@ -153,6 +152,14 @@ def _flights(recognition: Recognition, keypoints: Floats, fps: float, rule: UpAx
         run = (run + 1) * now
         longest = np.maximum(longest, run)
     return np.minimum(longest / fps / rule.airborne, 1.0)
+
+
+def _fitted_acceleration(path: Floats, window: int, fps: float) -> Floats:
+    """Return (T, 3) second derivatives of the parabolas that fit a path (T, 3) best in windows of frames [m/s²]."""
+    half = window // 2
+    weights = 2 * fps**2 * np.linalg.pinv(np.vander(np.arange(window) - half, 3))[0]
+    inner = correlate1d(path, weights, axis=0)[half : len(path) - half]
+    return np.pad(inner, ((half, half), (0, 0)), mode="edge")
 
 
 def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:

@@ -1,5 +1,6 @@
 """How commands end that do not come to their own end: defects, Ctrl-C, a reader of a pipe that is gone."""
 
+import json
 import os
 import signal
 import subprocess
@@ -64,7 +65,21 @@ def test_ctrl_c_before_anything_is_written_leaves_no_folder(tmp_path: Path) -> N
 
 def test_ctrl_c_says_what_is_kept(tmp_path: Path) -> None:
     (tmp_path / "older.txt").write_text("not of this run")
-    words = command("run", WAVE, "--robot", "op3", "--frames", "0:40", "--legs", "stand", "--out", tmp_path, "--video")
+    words = command(
+        "run",
+        WAVE,
+        "--robot",
+        "op3",
+        "--frames",
+        "0:9",
+        "--legs",
+        "stand",
+        "--draws",
+        "0",
+        "--out",
+        tmp_path,
+        "--video",
+    )
     done = stopped(words, tmp_path, ".unfinished-*/report.json")
     assert done.returncode == 130, done.stderr
     kept = {path.name for path in tmp_path.iterdir()} - {"older.txt"}
@@ -82,19 +97,21 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_a_killed_run_leaves_the_earlier_results_whole_and_the_next_run_sweeps_it(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_the_earlier_results_whole_and_the_next_run_sweeps_it_and_names_what_it_wrote(
+    tmp_path: Path,
+) -> None:
     earlier = ("trajectory.npz", "report.json", "report.html", "video.mp4", "mine.txt")
     for name in earlier:
         (tmp_path / name).write_text("earlier")
-    words = command(
-        "run", WAVE, "--robot", "op3", "--frames", "0:9", "--legs", "stand", "--draws", "0", "--out", tmp_path
-    )
+    short = ("--frames", "0:9", "--legs", "stand", "--draws", "0")
+    words = command("run", WAVE, "--robot", "op3", *short, "--json", "--out", tmp_path)
     killed = stopped(words, tmp_path, ".unfinished-*/report.json", signal.SIGKILL)
     assert killed.returncode == -signal.SIGKILL
     assert contents(tmp_path) == dict.fromkeys(earlier, b"earlier")
     done = subprocess.run(words, capture_output=True, cwd=ROOT)
     assert done.returncode in (0, 1), done.stderr
     found = contents(tmp_path)
+    assert set(json.loads(done.stdout)["files"]) == found.keys() - {"mine.txt"}
     assert {name for name, data in found.items() if data == b"earlier"} == {"mine.txt"} and "video.mp4" not in found
     assert all(path.is_file() for path in tmp_path.iterdir())
 

@@ -142,10 +142,3 @@ def test_a_way_to_render_without_its_library_is_reported(monkeypatch: pytest.Mon
 def test_a_wrong_way_to_render_is_ignored_with_a_note() -> None:
     done = run("info", "op3", "--json", MUJOCO_GL="rubbish")
     assert done.returncode == 0 and "note: MUJOCO_GL=rubbish is ignored" in done.stderr
-
-
-def test_run_names_only_the_files_that_it_wrote(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("not of this run")
-    done = run("run", WAVE, "-r", "op3", "--frames", "0:6", "-o", tmp_path, "--draws", "0", "--json")
-    assert "trajectory.npz" in json.loads(done.stdout)["files"]
-    assert "notes.txt" not in json.loads(done.stdout)["files"]

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.human.kinematics import backward, forward
@@ -52,7 +51,7 @@ def noise_of(points: Floats, fps: float, rule: NoiseRule) -> float:
     power = (np.diff(points, ORDER, axis=0) ** 2).mean(axis=2)
     stretches = power[: len(power) // window * window].reshape(-1, window, points.shape[1]).mean(axis=1)
     freedom, count = 3 * window / _ALIKE, len(stretches)
-    quietest = chi2.ppf((rule.quiet * (count - 1) + 1) / (count + 1), freedom) / freedom
+    quietest = 2 / freedom * gammaincinv(freedom / 2, (rule.quiet * (count - 1) + 1) / (count + 1))
     return float(np.median(np.sqrt(np.quantile(stretches, rule.quiet, axis=0) / quietest)) / _GAIN)
 
 
@@ -63,6 +62,8 @@ def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
         capture: the content of the file.
         rule: the low pass.
     """
+    from scipy.signal import butter, sosfiltfilt  # takes longer to load than most clips to read
+
     sos = butter(2, rule.cutoff, fs=capture.fps, output="sos")
 
     def low(values: Floats) -> Floats:
