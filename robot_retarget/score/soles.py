@@ -1,6 +1,5 @@
 """The points of a foot that stand on the floor, as the figures on feet see them."""
 
-import itertools
 from dataclasses import dataclass
 
 import mujoco
@@ -9,11 +8,15 @@ import numpy as np
 from robot_retarget.arrays import Floats
 from robot_retarget.robot import Anatomy, Points, Robot, world_points
 from robot_retarget.robot.kinematics import BLOCK
+from robot_retarget.robot.links import local_points
 
 LAYER = 0.01
 """Points this near to the lowest of the foot in the reference pose belong to its sole [m]."""
 COUNT = 80
 """A sole is sampled by at most this many points, evenly in the order of the model's vertices."""
+
+
+_ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +70,9 @@ def sole_points(robot: Robot, foot: int) -> Points:
 
 def _places(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     """(P, 3) the outermost points of a geom in the world [m]."""
-    kind, size, radius = model.geom_type[geom], model.geom_size[geom], 0.0
-    local = np.zeros((0, 3))
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        local = np.asarray(model.mesh_vert[first : first + count], dtype=float)
-    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
-        local = np.array(list(itertools.product(*[(-half, half) for half in size])))
-    elif kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        local, radius = np.zeros((1, 3)), float(size[0])
-    elif kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER):
-        local, radius = np.array([[0, 0, -size[1]], [0, 0, size[1]]]), float(size[0])
-    return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom] - [0, 0, radius]
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    local, below = local_points(model, geom), np.zeros(3)
+    if kind in _ROUND:
+        half = 0.0 if kind == mujoco.mjtGeom.mjGEOM_SPHERE else float(size[1])
+        local, below = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), np.array([0.0, 0.0, size[0]])
+    return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom] - below
