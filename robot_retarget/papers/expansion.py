@@ -17,6 +17,7 @@ import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.graph.describe import RobotGraph
+from robot_retarget.graph.kinds.own import OwnKind
 from robot_retarget.graph.objective import Objective
 from robot_retarget.graph.track import HARD, Track, exact
 from robot_retarget.papers.edges import BONE
@@ -59,7 +60,7 @@ def places_of(graph: RobotGraph) -> dict[str, Floats]:
     """Return the places in the world at which added edges end, by name."""
     found = {}
     for track in graph.tracks:
-        if track.kind.by_user:
+        if isinstance(track.kind, OwnKind):
             for ends, names in zip(track.kind.ends, track.ends, strict=True):
                 found |= {n: e for e, n in zip(ends, names, strict=True) if isinstance(e, np.ndarray)}
     return found

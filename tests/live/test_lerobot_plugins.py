@@ -1,5 +1,8 @@
 """LeRobot's own loop carries a performer to the emulated robot by the two plug-ins."""
 
+# LeRobot is not among the packages of the tests: the cases skip without it.
+# pyright: reportMissingImports=false
+
 import os
 import sys
 from pathlib import Path

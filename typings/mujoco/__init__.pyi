@@ -225,6 +225,7 @@ class MjModel:
     body_parentid: Ints
     body_rootid: Ints
     body_weldid: Ints
+    dof_bodyid: Ints
     dof_jntid: Ints
     exclude_signature: Ints
     geom_bodyid: Ints
