@@ -13,7 +13,7 @@ from robot_retarget.formats.npz import (
     omniretarget_training,
     pyroki,
 )
-from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc
+from robot_retarget.formats.pickles import gmr, keyframe_kit, mimickit, phc, protomotions
 from robot_retarget.formats.scenes import (
     bag,
     joint_trajectory,
@@ -43,6 +43,7 @@ FORMATS: dict[str, TrajectoryFormat] = {
         protomotions_csv,
         mimickit,
         phc,
+        protomotions,
         keyframe_kit,
         core,
         soma,

@@ -5,11 +5,6 @@ from robot_retarget.formats.source import TrajectorySource
 
 SENTENCES = (
     (
-        ("rigid_body_pos",),
-        "a motion of ProtoMotions (.motion), which holds no names of joints. Give the .npz or .csv before its conversion "
-        "(--format protomotions-pyroki or protomotions-csv), or save root position, root quaternion and joint angles so",
-    ),
-    (
         ("action_traj",),
         "a file of ToddlerBot that holds motor positions only. Open it in robot-keyframe-kit, play it and save it: that "
         "file holds qpos",

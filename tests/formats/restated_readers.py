@@ -5,6 +5,7 @@ Each takes a path, the model's hinge names depth first, and where the format has
 
 import json
 import pickle
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -367,6 +368,32 @@ def sonic(path, model) -> Pose:
     return Pose(places[:, 0], tables["body_quat"][:, :4], named(hinges, tables["joint_pos"]), 50.0, bodies)
 
 
+class TorchFile(pickle.Unpickler):
+    """Tensors of a `.pt` as PyTorch lays them out: a storage in a file of its own, and a shape."""
+
+    def __init__(self, archive: zipfile.ZipFile):
+        super().__init__(archive.open("archive/data.pkl"))
+        self.archive = archive
+
+    def find_class(self, module, name):
+        makers = {"_rebuild_tensor_v2": lambda storage, offset, shape, *_: storage.reshape(shape), "OrderedDict": dict}
+        return makers.get(name) or {"FloatStorage": "<f4", "BoolStorage": "?"}[name]
+
+    def persistent_load(self, pid):
+        return np.frombuffer(self.archive.read(f"archive/data/{pid[2]}"), pid[1])
+
+
+def protomotions(path, model) -> Pose:
+    """MotionLib: tensors by their names, root and bodies in the world, quaternions x y z w; a zip of storages and a pickle."""
+    with zipfile.ZipFile(path) as archive:
+        data = TorchFile(archive).load()
+    names = [model.body(body).name for body in range(1, model.nbody)]
+    bodies = dict(zip(names, data["rigid_body_pos"].astype(float).swapaxes(0, 1), strict=True))
+    hinges = [model.joint(j).name for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE]
+    turns = data["rigid_body_rot"][:, 0][:, [3, 0, 1, 2]].astype(float)
+    return Pose(data["rigid_body_pos"][:, 0].astype(float), turns, named(hinges, data["dof_pos"]), data["fps"], bodies)
+
+
 def lerobot(path, model) -> Pose:
     """LeRobotDataset: rows of every Parquet file under data/, meanings of columns from meta/info.json."""
     rows = pandas.concat(pandas.read_parquet(file) for file in sorted((path / "data").glob("*/*.parquet")))
@@ -403,4 +430,5 @@ READERS = {
     "isaaclab-amp": isaaclab_amp,
     "sonic": sonic,
     "lerobot": lerobot,
+    "protomotions": protomotions,
 }

@@ -217,7 +217,6 @@ def test_a_quaternion_that_is_nearly_unit_is_normalised_and_said(op3, tmp_path) 
 
 
 @pytest.mark.parametrize(("content", "sentence"), [
-    ({"rigid_body_pos": np.zeros((3, 24, 3)), "fps": 30}, "a motion of ProtoMotions"),
     ({"action_traj": np.zeros((3, 30)), "time": np.zeros(3)}, "motor positions only"),
     ({"keyframes": [], "timed_sequence": []}, "keyframes of ToddlerBot"),
 ])  # fmt: skip

@@ -69,6 +69,7 @@ def in_root(model: mujoco.MjModel, pose: Pose, places: np.ndarray) -> np.ndarray
         "mcap",
         "isaaclab-amp",
         "sonic",
+        "protomotions",
     ],
 )
 def test_bodies_in_a_file_stand_where_the_joints_put_them(format: str, name: str, tmp_path) -> None:

@@ -75,3 +75,22 @@ def test_a_data_set_that_lerobot_wrote_gives_its_first_episode(tmp_path, monkeyp
     read = import_motion(tmp_path / "b", robot)
     np.testing.assert_allclose(read.qpos[:, 7:], motion.qpos[:, 7:], atol=1e-6)
     assert any("first of 2 episodes" in note for note in read.notes)
+
+
+def test_pytorch_loads_a_motion_of_protomotions_as_plain_tensors(tmp_path) -> None:
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    loaded = torch.load(export(motion, robot, "protomotions", tmp_path / "a.motion"), weights_only=True)
+    np.testing.assert_allclose(loaded["dof_pos"].numpy(), motion.qpos[:, 7:], atol=1e-6)
+    assert loaded["rigid_body_contacts"].dtype == torch.bool and loaded["fps"] == motion.fps
+
+
+def test_protomotions_loads_its_motion_into_its_library(tmp_path) -> None:
+    lib = pytest.importorskip("protomotions.components.motion_lib", reason="ProtoMotions is not on the path")
+    torch = pytest.importorskip("torch")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    path = export(motion, robot, "protomotions", tmp_path / "a.motion")
+    loaded = lib.MotionLib(lib.MotionLibConfig(motion_file=str(path)))
+    state = loaded.get_motion_state(torch.tensor([0]), torch.tensor([3 / motion.fps]))
+    np.testing.assert_allclose(state.dof_pos[0].numpy(), motion.qpos[3, 7:], atol=1e-5)
+    np.testing.assert_allclose(state.rigid_body_pos[0, 0].numpy(), motion.qpos[3, :3], atol=1e-5)

@@ -26,10 +26,10 @@ class Refusal:
 
 
 def _blender(step: str) -> str:
-    """The command by which Blender imports a file and saves it as GLB."""
+    """The command by which Blender, here a Python package, imports a file and saves it as GLB."""
     empty = "bpy.ops.wm.read_factory_settings(use_empty=True)"
     save = "bpy.ops.export_scene.gltf(filepath='{stem}.glb')"
-    return f"blender --background --python-expr \"import bpy; {empty}; {step}(filepath='{{path}}'); {save}\""
+    return f"pip install bpy, and python -c \"import bpy; {empty}; {step}(filepath='{{path}}'); {save}\""
 
 
 def _is_mot(header: FileHeader) -> bool:
@@ -60,6 +60,13 @@ REFUSALS = (
         (".usd", ".usda", ".usdc", ".usdz"),
         _is_usd,
         f"USD is not read. Convert it, and give {{stem}}.glb: {_blender('bpy.ops.wm.usd_import')}",
+    ),
+    Refusal(
+        "VMD",
+        (".vmd",),
+        lambda header: header.head.startswith(b"Vocaloid Motion Data"),
+        "VMD holds turns of bones and goals of feet of an MMD model, which the file does not contain, and is not read. "
+        "Open both in Blender with mmd_tools, bake the motion, and export {stem}.glb or {stem}.bvh",
     ),
     Refusal(
         "OpenSim MOT or STO",

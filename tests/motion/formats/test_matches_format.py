@@ -167,8 +167,9 @@ def test_a_head_that_states_another_size_than_the_file_has_is_refused(tmp_path):
             b"Coordinates\nversion=1\nnRows=2\ninDegrees=yes\nendheader\ntime\n",
             "MOT and STO hold joint angles",
         ),
-        ("a.usda", b"#usda 1.0\n(\n)", "blender --background .*usd_import.*a.glb"),
-        ("a.usdc", b"PXR-USDC" + bytes(80), "blender --background .*usd_import.*a.glb"),
+        ("a.vmd", b"Vocaloid Motion Data 0002" + bytes(80), "mmd_tools.*a.glb"),
+        ("a.usda", b"#usda 1.0\n(\n)", "pip install bpy, and python -c .*usd_import.*a.glb"),
+        ("a.usdc", b"PXR-USDC" + bytes(80), "pip install bpy, and python -c .*usd_import.*a.glb"),
     ],
 )
 @pytest.mark.parametrize("renamed", [False, True])
@@ -205,7 +206,5 @@ def test_a_zip_that_is_called_a_pickle_is_refused_with_what_it_holds(name, tmp_p
 
 def test_what_is_not_read_is_refused_with_the_line_that_converts_it(tmp_path):
     (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX Binary  \0")
-    with pytest.raises(
-        MotionError, match=r"blender --background --python-expr .*import_scene\.fbx.*export_scene\.gltf"
-    ):
+    with pytest.raises(MotionError, match=r"pip install bpy, and python -c .*import_scene\.fbx.*export_scene\.gltf"):
         read_motion(tmp_path / "a.fbx")

@@ -10,9 +10,13 @@ from pathlib import Path
 import joblib
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.errors import MotionError
 from robot_retarget.motion import read_motion
+from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.smpl import pickled
+from robot_retarget.motion.formats.smpl.parameters import captured
 
 T = 9
 RNG = np.random.default_rng(9)
@@ -149,3 +153,62 @@ def test_rows_of_motion_x_are_the_parameters_side_by_side(tmp_path, expected):
     motion = read_motion(tmp_path / "clip.npy")
     assert motion.fps == 30
     assert motion.positions == pytest.approx(expected, abs=1e-6)
+
+
+def phalp_frame(t: int, *people: tuple[int, int], lost: int = 0) -> dict:
+    """A frame as 4D-Humans dumps it: people by track and by the frame of the clip that they show."""
+    turn = lambda vectors: Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().astype("f4")  # noqa: E731
+    bodies = [
+        {
+            "global_orient": turn(ROOT[k]),
+            "body_pose": np.concatenate([turn(BODY[k]), np.tile(np.eye(3, dtype="f4"), (2, 1, 1))]),
+            "betas": BETAS[0],
+        }
+        for _, k in people
+    ]
+    deep = 5000 / 256 * 1920 / np.hypot(1080, 1920)  # what their focal length makes of the distance
+    return {
+        "time": t, "tid": [name for name, _ in people], "smpl": bodies, "tracked_time": [lost for _ in people],
+        "camera": [PLACE[k] * [1, 1, deep] for _, k in people], "size": [[1080, 1920] for _ in people], "mask": [],
+    }  # fmt: skip
+
+
+def test_tracks_of_4d_humans_are_people_over_the_frames_that_show_them(tmp_path) -> None:
+    np.savez(tmp_path / "clip.npz", global_orient=ROOT, body_pose=BODY, transl=PLACE, betas=BETAS)
+    expected = captured(dict(np.load(tmp_path / "clip.npz")), tmp_path, Request())
+    frames = {f"{t}.jpg": phalp_frame(t, (4, t), (2, T - 1 - t)) for t in range(T)}
+    frames["5.jpg"] = phalp_frame(5, (4, 0), lost=1)  # the tracker guesses
+    joblib.dump(frames, tmp_path / "demo.pkl", compress=3)
+    found = pickled.read(tmp_path / "demo.pkl", Request())
+    there = np.arange(T) != 5
+    np.testing.assert_allclose(found.positions[there], expected.positions[there], atol=1e-5)
+    np.testing.assert_allclose(found.positions[5], (found.positions[4] + found.positions[6]) / 2, atol=1e-9)
+    assert found.camera and found.up == "-y" and any("(4, 2)" in note for note in found.notes)
+    other = pickled.read(tmp_path / "demo.pkl", Request(clip="2"))
+    np.testing.assert_allclose(other.positions[[0, -1]], expected.positions[[-1, 0]], atol=1e-5)
+
+
+def test_frames_of_multi_hmr_are_people_in_their_order(tmp_path) -> None:
+    np.savez(tmp_path / "clip.npz", global_orient=ROOT, body_pose=BODY, transl=PLACE, betas=BETAS)
+    expected = captured(dict(np.load(tmp_path / "clip.npz")), tmp_path, Request())
+    turns = np.concatenate([ROOT, BODY, np.zeros((T, 93), "f4")], axis=1).reshape(T, 53, 3)
+    person = lambda t: {"rotvec": turns[t], "transl_pelvis": PLACE[t][None], "shape": BETAS[t], "scores": 0.9}  # noqa: E731
+    (tmp_path / "humans.pkl").write_bytes(pickle.dumps([[person(t), person(0)] for t in range(T)]))
+    found = pickled.read(tmp_path / "humans.pkl", Request())
+    np.testing.assert_allclose(found.positions, expected.positions, atol=1e-5)
+    assert found.camera and any("of 2 motions" in note for note in found.notes)
+
+
+def test_results_of_genmo_are_the_body_in_the_world_and_those_of_gem_x_are_refused(tmp_path, expected) -> None:
+    world = {"global_orient": ROOT, "body_pose": BODY, "transl": PLACE, "betas": BETAS}
+    content = {
+        "body_params_incam": {**world, "transl": PLACE + 1},
+        "body_params_global": world,
+        "segment_info": [{"start": 0}],
+    }
+    (tmp_path / "smpl_params.pkl").write_bytes(pickle.dumps(content))
+    assert read_motion(tmp_path / "smpl_params.pkl").positions == pytest.approx(expected, abs=1e-6)
+    soma = {"body_params_global": {**world, "identity_coeffs": np.zeros((T, 45))}}
+    (tmp_path / "hpe_results.pkl").write_bytes(pickle.dumps(soma))
+    with pytest.raises(MotionError, match=r"SOMA's 77 joints \(GEM-X\)"):
+        read_motion(tmp_path / "hpe_results.pkl")

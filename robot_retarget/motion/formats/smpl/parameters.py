@@ -24,6 +24,8 @@ BODY = ("pose_body", "body_pose")
 PLACE = ("trans_world", "trans", "transl", "translation", "smpl_trans")
 SCALE = "smpl_scaling"
 """Of AIST++: places are in metres times this number."""
+SOMA = "identity_coeffs"
+"""The shape of SOMA's body, whose 77 joints are not those of SMPL."""
 AIST_FPS = 60.0
 """Of the motions of AIST++ [1/s]."""
 MOST_TURNED = 1000.0
@@ -38,6 +40,8 @@ def matches_format(header: FileHeader) -> bool:
 
 def holds_turns(arrays: Mapping[str, Any]) -> bool:
     """Whether there are turns of a body among arrays, by their names."""
+    if SOMA in arrays:
+        return False
     return bool(arrays.keys() & set(WHOLE) or (arrays.keys() & set(BODY) and arrays.keys() & set(ROOT)))
 
 

@@ -1,5 +1,5 @@
-"""Pickles as other programs write them, read as data: nested dicts of video trackers (GVHMR's `.pt`, WHAM's `.pkl`), and
-InterMimic's rows of numbers, which hold positions of joints."""
+"""Pickles as other programs write them, read as data: nested dicts of video trackers (`.pt` of GVHMR and GENMO, `.pkl` of
+WHAM), frames of 4D-Humans, Multi-HMR and SAM 3D Body, and InterMimic's rows of numbers, which hold positions of joints."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -13,6 +13,7 @@ from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats import positions, sam3d
 from robot_retarget.motion.formats.file_header import FileHeader
 from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.formats.smpl import frames
 from robot_retarget.motion.formats.smpl.parameters import captured, holds_turns
 from robot_retarget.motion.formats.smpl.strangers import sentence
 from robot_retarget.untrusted.pickles import load_pickle
@@ -41,6 +42,8 @@ def read(path: Path, request: Request) -> Capture:
         return replace(positions.captured({"positions": joints}, path, request), up="+z")
     if sam3d.holds_people(content):
         return sam3d.people_of(content, path, request)
+    if frames.holds_people(content):
+        return frames.people_of(content, path, request)
     bodies = dict(_bodies(content, ""))
     if not bodies:
         raise MotionError(sentence(content), path)
