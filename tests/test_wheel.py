@@ -26,7 +26,8 @@ def test_models_and_samples_are_inside(wheel: Path) -> None:
     assert {"robot_retarget/models/op3/op3.xml", "robot_retarget/models/op3/scene.xml", "robot_retarget/py.typed"} <= {
         *inside
     }
-    assert {"robot_retarget/models/op3/servos.toml", "robot_retarget/view/page.html"} <= {*inside}
+    tables = {"robot_retarget/models/op3/servos.toml", "robot_retarget/actuators/xm430_w350.csv"}
+    assert tables | {"robot_retarget/card.html", "robot_retarget/view/page.html"} <= {*inside}
     shipped = {f"robot_retarget/samples/{path.name}" for path in (ROOT / "samples").glob("*.bvh")}
     assert len(shipped) >= 4 and shipped <= {*inside}
 

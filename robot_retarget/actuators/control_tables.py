@@ -3,12 +3,14 @@
 Each register is (address, bytes, access, default, lowest, highest); signed where its lowest is negative.
 """
 
+import csv
 from dataclasses import dataclass
 from functools import cache
 from numbers import Integral
+from pathlib import Path
 from typing import NamedTuple
 
-from robot_retarget.actuators.motors import FULL_PWM, MOTORS, MotorModel, motor_named
+from robot_retarget.actuators.motors import MOTORS, MotorModel, motor_named
 from robot_retarget.errors import ServoError
 
 CENTRE = 2048
@@ -79,64 +81,16 @@ class Register(NamedTuple):
         return int.from_bytes(data[: self.size], "little", signed=self.signed)
 
 
-_WORD, _LONG, _TURNS = 32767, 2_147_483_647, 1_048_575
+def _read_table(path: Path) -> dict[str, Register]:
+    """Return the registers of a control table by name."""
+    with path.open(newline="", encoding="utf-8") as file:
+        _, *rows = csv.reader(file)
+    numbers = {name: [int(cell) for cell in cells] for name, *cells in rows}
+    return {name: Register(at, size, bool(rw), *bounds) for name, (at, size, rw, *bounds) in numbers.items()}
 
-# https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#control-table
-XM430_W350 = {
-    "model_number": Register(0, 2, False, 1020, 0, 65535),
-    "model_information": Register(2, 4, False, 0, 0, _LONG),
-    "firmware_version": Register(6, 1, False, 48, 0, 255),
-    "id": Register(7, 1, True, 1, 0, 252),
-    "baud_rate": Register(8, 1, True, 1, 0, 7),
-    "return_delay_time": Register(9, 1, True, 250, 0, 254),
-    "drive_mode": Register(10, 1, True, 0, 0, 13),
-    "operating_mode": Register(11, 1, True, 3, 0, 16),
-    "secondary_id": Register(12, 1, True, 255, 0, 255),
-    "protocol_type": Register(13, 1, True, 2, 1, 22),
-    "homing_offset": Register(20, 4, True, 0, -1_044_479, 1_044_479),
-    "moving_threshold": Register(24, 4, True, 10, 0, 1023),
-    "temperature_limit": Register(31, 1, True, 80, 0, 100),
-    "max_voltage_limit": Register(32, 2, True, 160, 95, 160),
-    "min_voltage_limit": Register(34, 2, True, 95, 95, 160),
-    "pwm_limit": Register(36, 2, True, FULL_PWM, 0, FULL_PWM),
-    "current_limit": Register(38, 2, True, 1193, 0, 1193),
-    "velocity_limit": Register(44, 4, True, 200, 0, 1023),
-    "max_position_limit": Register(48, 4, True, 4095, 0, 4095),
-    "min_position_limit": Register(52, 4, True, 0, 0, 4095),
-    "startup_configuration": Register(60, 1, True, 0, 0, 3),
-    "shutdown": Register(63, 1, True, 52, 0, 255),
-    "torque_enable": Register(64, 1, True, 0, 0, 1),
-    "led": Register(65, 1, True, 0, 0, 1),
-    "status_return_level": Register(68, 1, True, 2, 0, 2),
-    "registered_instruction": Register(69, 1, False, 0, 0, 1),
-    "hardware_error_status": Register(70, 1, False, 0, 0, 255),
-    "velocity_i_gain": Register(76, 2, True, 1920, 0, 16383),
-    "velocity_p_gain": Register(78, 2, True, 100, 0, 16383),
-    "position_d_gain": Register(80, 2, True, 0, 0, 16383),
-    "position_i_gain": Register(82, 2, True, 0, 0, 16383),
-    "position_p_gain": Register(84, 2, True, 800, 0, 16383),
-    "feedforward_2nd_gain": Register(88, 2, True, 0, 0, 16383),
-    "feedforward_1st_gain": Register(90, 2, True, 0, 0, 16383),
-    "bus_watchdog": Register(98, 1, True, 0, -1, 127),
-    "goal_pwm": Register(100, 2, True, FULL_PWM, -FULL_PWM, FULL_PWM),
-    "goal_current": Register(102, 2, True, 1193, -1193, 1193),
-    "goal_velocity": Register(104, 4, True, 0, -1023, 1023),
-    "profile_acceleration": Register(108, 4, True, 0, 0, 32767),
-    "profile_velocity": Register(112, 4, True, 0, 0, 32767),
-    "goal_position": Register(116, 4, True, 0, -_TURNS, _TURNS),
-    "realtime_tick": Register(120, 2, False, 0, 0, 32767),
-    "moving": Register(122, 1, False, 0, 0, 1),
-    "moving_status": Register(123, 1, False, 0, 0, 255),
-    "present_pwm": Register(124, 2, False, 0, -_WORD, _WORD),
-    "present_current": Register(126, 2, False, 0, -_WORD, _WORD),
-    "present_velocity": Register(128, 4, False, 0, -_LONG, _LONG),
-    "present_position": Register(132, 4, False, 0, -_LONG, _LONG),
-    "velocity_trajectory": Register(136, 4, False, 0, -_LONG, _LONG),
-    "position_trajectory": Register(140, 4, False, 0, -_LONG, _LONG),
-    "present_input_voltage": Register(144, 2, False, 120, 0, 65535),
-    "present_temperature": Register(146, 1, False, 30, 0, 255),
-    "backup_ready": Register(147, 1, False, 0, 0, 1),
-}
+
+XM430_W350 = _read_table(Path(__file__).with_name("xm430_w350.csv"))
+"""https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#control-table"""
 INDIRECT = ((168, 224, 28), (578, 634, 28))
 """Blocks of indirect addresses: first address register, first data byte, how many."""
 TABLE_END = 662

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from robot_retarget.trajectory import Trajectory
 
 DONE, FAILED, TIMEOUT, MEMORY, CRASHED = "done", "failed", "timeout", "memory", "crashed"
-STATES = (DONE, FAILED, TIMEOUT, MEMORY, CRASHED)
 UNWRITABLE = "unwritable"
 """The outcome of a task whose output cannot be written: it ends the run and is not kept."""
 LONG = 240.0

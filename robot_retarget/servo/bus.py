@@ -161,10 +161,6 @@ class Bus:
         request = protocol.write(identity, register.address, register.checked(value))
         return self._insist(request, identity, 0, tries, f"write {value} at {register.address}")
 
-    def reboot(self, identity: int) -> Reply:
-        """Reboot one servo: this clears hardware errors and switches torque off."""
-        return self._insist(protocol.frame(identity, Instruction.REBOOT), identity, 0, 1, "reboot")
-
     def scan(self, ids: Iterable[int] = range(LAST_ID + 1)) -> Iterator[tuple[int, int, int]]:
         """Yield id, model number and firmware of each servo that answers."""
         for identity in ids:

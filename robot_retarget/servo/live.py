@@ -99,7 +99,6 @@ class TargetFollower:
         self._approach: Approach | None = None
         self._silent = True
         self._stand: tuple[Approach, Floats] | None = None
-        self.approaches: int = 0
 
     def step(self, now: float) -> Step | None:
         """Return the next step, or None after the last target."""
@@ -133,7 +132,6 @@ class TargetFollower:
 
     def _begin(self, goal: Floats, target: Floats, now: float, far: float) -> None:
         self._approach, self._silent = Approach(goal, target, now, self._limits), False
-        self.approaches += 1
         self._say(f"approaching a pose {far:.2f} rad away in {self._approach.duration:.1f} s")
 
 
