@@ -160,6 +160,11 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.qpos)
 
+    @property
+    def angles(self) -> Floats:
+        """(T, n) angles of the hinges [rad]."""
+        return self.qpos[:, -len(self.joint_names) :]
+
     def require_source(self, source: str, sha256: str) -> None:
         """Require that this trajectory comes from a motion, by its hash, or by its name if the hash is unknown.
 

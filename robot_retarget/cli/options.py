@@ -142,7 +142,8 @@ class FreezeOptions:
     """Joints of a robot that do not move."""
 
     freeze: list[str] | None = option(
-        "Joints that keep their standing angle, waist_*, or another, waist_yaw_joint=0.2 [rad]; repeatable.",
+        "Joints that keep their standing angle, waist_*, or another, waist_yaw_joint=0.2 [rad], or that follow a "
+        "trajectory, waist_*=bow.npz; repeatable.",
         default=None,
     )
     only: Literal["arms", "upper"] | None = option(

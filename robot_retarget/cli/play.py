@@ -27,7 +27,7 @@ commands: typer.Typer = typer.Typer()
 OPEN_LOOP = (
     "the goals passed with feedback: simulate --no-feedback judges them without it, and --unsafe sends them unjudged"
 )
-ALTERED = "--rate, --speed, --loop, --from and --to alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
+ALTERED = "--rate, --speed, --loop, --from, --to and --freeze alter the judged motion: add --plain, which simulates the altered one first, or --unsafe"
 
 
 @options
@@ -57,6 +57,10 @@ class PlayOptions(BaudOptions):
     loop: int = option("With --plain or --unsafe: number of repetitions.", default=1)
     start: float = option("With --plain or --unsafe: begin here [s].", "--from", default=0.0)
     stop: float | None = option("With --plain or --unsafe: end here [s].", "--to", default=None)
+    freeze: list[str] | None = option(
+        "With --plain or --unsafe: joints that keep their standing angle, head_*, or another, head_pan=0.2 [rad]; repeatable.",
+        default=None,
+    )
     log: Path = option("The log to write (.npz).", default=Path("play.npz"))
     end_pose: bool = option("Go to the map's stop pose at the end.", default=True)
     release: bool = option("Switch torque off at the end.", "--release", default=False)
@@ -78,12 +82,16 @@ class PlayOptions(BaudOptions):
     @property
     def altered(self) -> bool:
         """Whether the motion is other than the one in the file."""
-        return (self.rate, self.speed, self.loop, self.start, self.stop) != (None, 1.0, 1, 0.0, None)
+        given = (self.rate, self.speed, self.loop, self.start, self.stop, self.freeze)
+        return given != (None, 1.0, 1, 0.0, None, None)
 
     def part(self, trajectory: "Trajectory") -> "Trajectory":
-        """Return the wanted part of a trajectory, at its speed and as often as wanted."""
+        """Return the wanted part of a trajectory, at its speed, as often as wanted, with joints frozen."""
+        from robot_retarget.robot.freeze import freeze, held
         from robot_retarget.servo.plan import part_of
 
+        if self.freeze:
+            trajectory = held(trajectory, freeze(load(self.robot or trajectory.robot, servos=self.servos), self.freeze))
         return part_of(trajectory, self.speed, self.loop, self.start, self.stop)
 
 

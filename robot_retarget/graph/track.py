@@ -229,12 +229,12 @@ def exact(
 def limit(
     kind: "Kind", ends: Sequence[tuple[str, str]], lower: Floats | float, upper: Floats | float, frames: int
 ) -> Track:
-    """Return edges with the same interval at every frame, of an inequality or a bound, without priority.
+    """Return edges of an inequality or a bound, without priority.
 
     Args:
         kind: of the edges.
         ends: (E,) names of both ends.
-        lower: (E,) or a scalar, in the unit of the measure.
+        lower: broadcast to (T, E), in the unit of the measure.
         upper: as `lower`.
         frames: number of frames |T|.
     """

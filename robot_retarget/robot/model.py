@@ -1,6 +1,7 @@
 """A robot: the MuJoCo model, its joints in order, and what each may do."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from robot_retarget.arrays import Floats, Ints, frozen
 from robot_retarget.errors import RobotError
 from robot_retarget.notebook import card
 from robot_retarget.robot.source import Quaternion, read_spec
+from robot_retarget.trajectory import Trajectory
 
 FREE, BALL, SLIDE, HINGE = (
     mujoco.mjtJoint.mjJNT_FREE,
@@ -60,6 +62,8 @@ class Robot:
     """The servos that turn its hinges, if known."""
     whole: "Robot | None" = None
     """The robot before some of its joints were frozen (`freeze.freeze`), which recognition reads; None is itself."""
+    led: Mapping[int, Trajectory] = field(default_factory=dict)
+    """Frozen hinges that a trajectory moves instead, by index."""
 
     def __post_init__(self) -> None:
         for name, dtype in (("joint_ids", np.int64), ("root_joints", np.int64)):
@@ -89,6 +93,14 @@ class Robot:
             "mass": f"{float(np.sum(self.model.body_mass)):.2f} kg",
             "root": root if self.root_joints.size else "a fixed root",
         }
+
+    def ranges(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return the ranges (T, n) of the hinges at times (T,) [s]: that of a hinge which is led is its angle [rad]."""
+        lower, upper = (np.tile(end, (len(times), 1)) for end in (self.lower, self.upper))
+        for hinge, trajectory in self.led.items():
+            angles = trajectory.angles[:, trajectory.joint_names.index(self.joint_names[hinge])]
+            lower[:, hinge] = upper[:, hinge] = np.interp(times * trajectory.fps, np.arange(len(trajectory)), angles)
+        return lower, upper
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new specification, to be changed and compiled; body and joint numbers are the model's."""

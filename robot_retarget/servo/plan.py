@@ -69,7 +69,7 @@ def goal_plan(trajectory: Trajectory, servo_map: ServoMap) -> ServoPlan:
     goals, order = trajectory.goals, _order(trajectory, servo_map)
     feedback = None if goals.feedback is None else goals.feedback.of(order)
     rows = goals.times * trajectory.fps
-    motion, up = _interpolated(_hinges(trajectory)[:, order], rows), _vertical(trajectory)
+    motion, up = _interpolated(trajectory.angles[:, order], rows), _vertical(trajectory)
     up = None if up is None else _interpolated(up, rows)
     return ServoPlan(goals.angles[:, order], goals.rate, feedback, motion, up)
 
@@ -80,7 +80,7 @@ def plain_plan(trajectory: Trajectory, servo_map: ServoMap, rate: float = RATE) 
     Raises:
         ServoError: the joints are not those of the map.
     """
-    angles = _hinges(trajectory)[:, _order(trajectory, servo_map)]
+    angles = trajectory.angles[:, _order(trajectory, servo_map)]
     return ServoPlan(angles, trajectory.fps, up=_vertical(trajectory)).resampled(rate)
 
 
@@ -120,11 +120,6 @@ def approach_time(start: Floats, end: Floats, limits: Limits) -> float:
     """Return the duration of an approach between two poses [s]."""
     far = float(np.abs(end - start).max(initial=0.0))
     return max(limits.approach_time, JERK_PEAK * far / min(limits.approach_speed, limits.speed))
-
-
-def _hinges(trajectory: Trajectory) -> Floats:
-    """Return the hinge angles (T, n) of a trajectory [rad]."""
-    return trajectory.qpos[:, -len(trajectory.joint_names) :]
 
 
 def _vertical(trajectory: Trajectory) -> Floats | None:

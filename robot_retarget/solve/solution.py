@@ -97,13 +97,13 @@ class Solution:
 
     def largest_step(self) -> float:
         """Return the largest change of one hinge between two frames [rad]; it shows a jump."""
-        hinges = self.trajectory.qpos[:, -len(self.trajectory.joint_names) :]
+        hinges = self.trajectory.angles
         return float(np.abs(np.diff(hinges, axis=0)).max(initial=0.0))
 
     def jumps(self) -> list[tuple[str, int, float]]:
         """Return changes of a hinge faster than `JUMP`, largest first: joint, the frame at its end, step [rad]."""
         names = self.trajectory.joint_names
-        steps = np.diff(self.trajectory.qpos[:, -len(names) :], axis=0)
+        steps = np.diff(self.trajectory.angles, axis=0)
         frames, joints = np.nonzero(np.abs(steps) > JUMP / self.trajectory.fps)
         order = np.argsort(-np.abs(steps[frames, joints]))
         return [(names[joints[k]], int(frames[k]) + 1, float(steps[frames[k], joints[k]])) for k in order]

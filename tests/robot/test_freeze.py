@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_trajectories import hold, swing
 from shared_files import ROOT
 
 import robot_retarget as rr
-from robot_retarget.errors import UsageError
+from robot_retarget.errors import TrajectoryError, UsageError
 from robot_retarget.robot import Robot, recognise
+from robot_retarget.robot.freeze import held
 
 SAMPLES = ROOT / "samples"
 
@@ -53,6 +55,30 @@ def test_a_map_file_freezes_too(tmp_path: Path) -> None:
     assert off(result.trajectory, result.robot, "head_pan", 0.1) < 1e-9
 
 
+@pytest.mark.parametrize("balance", ["off", "static"])
+def test_joints_follow_the_motion_of_a_file(balance: str, tmp_path: Path) -> None:
+    """At every frame the angle of the file at the time of the human's motion, which balance slows down."""
+    op3 = rr.load_robot("op3")
+    turning = swing(op3, "head_pan", 0.4, 0.5, 3.0, fps=50)
+    turning.save(tmp_path / "turn.npz")
+    robot = rr.freeze(op3, [f"head_pan={tmp_path / 'turn.npz'}", "head_tilt=0.1"])
+    motion = rr.read_motion(SAMPLES / "wave.bvh").frames(0, 24)
+    made = rr.retarget(motion, robot, balance=balance, legs="stand" if balance == "static" else "auto").trajectory
+    pan = robot.qpos_index[robot.joint_names.index("head_pan")]
+    expected = 0.4 * np.sin(np.pi * (made.source_time - made.source_time[0]))
+    np.testing.assert_allclose(made.qpos[:, pan], expected, atol=5e-3)
+    assert off(made, robot, "head_tilt", 0.1) < 1e-9
+    again = held(rr.Trajectory(0 * turning.qpos + robot.standing(), 50, op3.joint_names, "op3"), robot)
+    np.testing.assert_allclose(again.qpos[:, pan], turning.qpos[:, pan], atol=1e-12)
+
+
+def test_a_file_without_the_joint_is_named(tmp_path: Path) -> None:
+    other = rr.load_robot("g1_class")
+    hold(other).save(tmp_path / "g1.npz")
+    with pytest.raises(TrajectoryError, match="freeze head_pan: the trajectory has no such joint"):
+        rr.freeze(rr.load_robot("op3"), [f"head_pan={tmp_path / 'g1.npz'}"])
+
+
 def test_keypoints_do_not_depend_on_what_is_frozen() -> None:
     robot = rr.load_robot("g1_class")
     assert recognise(rr.freeze(robot, ["*_elbow_*", "*_hip_*=0.0"])) is recognise(robot)
@@ -63,7 +89,7 @@ def test_keypoints_do_not_depend_on_what_is_frozen() -> None:
     [
         (["wrist_*"], r"fits no joint of op3; .*r_sho_pitch"),
         (["head_pan=9"], r"head_pan=9: outside its range"),
-        (["head_pan=left"], "expected an angle in radians"),
+        (["head_pan=left"], "expected an angle in radians or a trajectory"),
     ],
 )
 def test_what_cannot_be_frozen_is_named(joints: list[str], message: str) -> None:

@@ -17,8 +17,9 @@ class RangeKind(Kind):
 
     def targets(self, context: RetargetContext) -> Track | None:
         """[lower, upper] of the robot."""
-        robot = context.robot
-        return limit(self, [(j, "zero") for j in robot.joint_names], robot.lower, robot.upper, len(context.human))
+        robot, frames = context.robot, len(context.human)
+        lower, upper = robot.ranges(np.arange(frames) / context.human.fps)
+        return limit(self, [(j, "zero") for j in robot.joint_names], lower, upper, frames)
 
 
 class SpeedKind(Kind):
