@@ -131,19 +131,6 @@ class Quadratic:
             getattr(self, name)[frames[chosen]] = getattr(other, name)[chosen]
         self.near.replace(frames[chosen], other.near, chosen)
 
-    def meet(self, frame: int, soles: int, trial: "Quadratic", at: int, step: Floats) -> None:
-        """Add the rows of links that a step (nv) of a frame brought too near, measured after it: J v ≥ row_lower + J step.
-
-        The nearest places of two links may change along a step, and then rows of its start allow the same step again. The
-        new rows replace those of the farthest links. They demand no more than the present distance.
-        """
-        rows, row_lower = self.rows[frame], self.row_lower[frame]
-        hit = soles + np.flatnonzero(trial.row_lower[at, soles:] > 0)
-        farthest = soles + np.argsort(row_lower[soles:], kind="stable")[: len(hit)]
-        met = trial.rows[at, hit]
-        demand = np.minimum(trial.row_lower[at, hit] + met[:, :-1] @ step, max(row_lower[soles:].max(), 0.0))
-        rows[farthest], row_lower[farthest] = met, demand
-
 
 COLUMNS = ("cost", "gradient", "normal", "rows", "row_lower", "clearance_deficit", "penetrates_floor")
 """The arrays of a `Quadratic`."""

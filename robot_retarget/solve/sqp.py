@@ -20,9 +20,6 @@ from robot_retarget.solve.problem import ClipTargets, EdgeTargets, Problem
 from robot_retarget.solve.quadratic import Between, CostModel, Proximal, Quadratic
 from robot_retarget.solve.stencils import Neighbours
 
-SHORT = 0.1
-"""A refused step hands its contact rows to the next one if it moved nothing farther [rad, m]: slopes from farther off do not
-hold here."""
 UNSEEN = 0.03
 """The last step of a descent, which gains little, is accepted without evaluation if no hinge turns further [rad]."""
 
@@ -258,16 +255,9 @@ class FrameSolver:
         descent.qpos[active[taken]] = moved[taken]
         descent.base.put(active, trial, taken)
         current.put(active, lowered, taken)
-        self._meet(current, trial, active, step, ~taken)
         regions.take(active[taken])
         regions.refuse(active[~taken], step[~taken])
         return active
-
-    def _meet(self, current: Quadratic, trial: Quadratic, active: Ints, step: Floats, refused: Bools) -> None:
-        """Add the rows of links that refused short steps brought together."""
-        met = trial.clearance_deficit > current.clearance_deficit[active]
-        for k in np.flatnonzero(refused & met & (np.abs(step).max(axis=1) < SHORT)).tolist():
-            current.meet(int(active[k]), len(self.problem.inequalities), trial, k, step[k])
 
     def real_time_step(
         self,
