@@ -113,6 +113,26 @@ class ClipOptions(ReadOptions):
 
 
 @options
+class PerformerOptions(ClipOptions):
+    """One motion of a file, or all."""
+
+    performer: str | None = option(
+        "Which of several people or motions in the file; `all` writes OUTPUT_NAME.npz for each.", default=None
+    )
+
+    def performers(self) -> "dict[str, ClipOptions]":
+        """Return the wanted motions by their names, under an empty name if it is one."""
+        from robot_retarget.motion import performers
+
+        if self.performer != "all":
+            return {"": self if self.performer is None else self._called(self.performer)}
+        return {name: self._called(name) for name in performers(self.motion)} or {"": self}
+
+    def _called(self, name: str) -> "PerformerOptions":
+        return replace(self, motion=self.motion.with_name(f"{self.motion.name}#{name}"))
+
+
+@options
 class TrajectoryOptions:
     """The trajectory that a command takes."""
 

@@ -1,5 +1,7 @@
 """`solve`, `transfer`: a motion, or that of another robot, to a trajectory."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +12,13 @@ from robot_retarget.cli.bars import progress
 from robot_retarget.cli.command import argument, command, option, options
 from robot_retarget.cli.formats import KnownOptions
 from robot_retarget.cli.options import (
-    ClipOptions,
     DefaultRobotOptions,
     EditedGraphOptions,
     FollowOptions,
     FreezeOptions,
     LimitOptions,
     OutputOptions,
+    PerformerOptions,
     PrintOptions,
     RateOptions,
     load,
@@ -44,6 +46,11 @@ class SolvedOptions(OutputOptions):
         require_suffix(self.output, ".npz", "`export` writes trajectories in other formats")
         require_writable(self.output)
 
+    def of(self, performer: str) -> "SolvedOptions":
+        """Return the output of one of several performers, `OUTPUT_NAME.npz`; of the only one with an empty name."""
+        stem, name = self.output.stem, re.sub(r"[^\w.-]+", "_", performer)
+        return replace(self, output=self.output.with_name(f"{stem}_{name}.npz")) if performer else self
+
     def save(self, result: "Result", printing: PrintOptions) -> None:
         """Write the trajectory and show how it was solved."""
         from robot_retarget.summary import describe_solution
@@ -58,7 +65,7 @@ class SolvedOptions(OutputOptions):
 
 @command(commands, epilog="Example: robot-retarget solve dance.bvh --robot op3 -o dance.npz")
 def solve(
-    clip: ClipOptions,
+    clip: PerformerOptions,
     to: SolvedOptions,
     robot: DefaultRobotOptions,
     goals: EditedGraphOptions,
@@ -69,11 +76,14 @@ def solve(
     from robot_retarget.solve.solution import unmet_of_user
 
     to.require_writable()
-    motion, model = clip.load(), robot.load()
-    with progress({"retarget": retarget_cost(motion)}) as stages:
-        result = solved(goals.describe(motion, model), following, stages.begin("retarget"))
-    to.save(result, printing)
-    if unmet_of_user(result.solution.unmet):
+    model, unmet = robot.load(), False
+    for name, performer in clip.performers().items():
+        motion = performer.load()
+        with progress({"retarget": retarget_cost(motion)}) as stages:
+            result = solved(goals.describe(motion, model), following, stages.begin("retarget"))
+        to.of(name).save(result, printing)
+        unmet |= bool(unmet_of_user(result.solution.unmet))
+    if unmet:
         raise typer.Exit(1)
 
 

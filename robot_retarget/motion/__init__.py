@@ -5,4 +5,5 @@ from robot_retarget.human.skeleton import Skeleton as Skeleton
 
 from .formats.bvh import write_bvh as write_bvh
 from .read import as_motion as as_motion
+from .read import performers as performers
 from .read import read_motion as read_motion

@@ -4,25 +4,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_retarget.errors import MatchError, known
+from robot_retarget.errors import MatchError, UsageError
 from robot_retarget.human.recognition.limbs import LIMBS
 from robot_retarget.human.recognition.recognise import recognise
 from robot_retarget.human.skeleton import Skeleton
 from robot_retarget.keypoints import SIDES
 from robot_retarget.motion.capture import Capture
+from robot_retarget.motion.formats.request import Request
 
 FEWEST = len(SIDES) * sum(map(len, LIMBS.values()))
 """Joints of two legs and two arms."""
 
 
-def first_performer(capture: Capture) -> tuple[Capture, tuple[str, ...]]:
-    """The first of several people, with a note that lists them; the capture itself if it holds fewer than two."""
+def one_performer(capture: Capture, request: Request) -> tuple[Capture, tuple[str, ...]]:
+    """The requested one of several people, or the first with a note that lists them; the capture itself if it holds one.
+
+    Raises:
+        UsageError: one of several is requested, and it holds one.
+        MotionError: no person has the requested name.
+    """
     roots = performers(capture)
     if len(roots) < 2:
+        if request.clip is not None:
+            raise UsageError(f"{capture.source}: it holds one motion; leave out the # and the text after it")
         return capture, ()
-    names = [capture.skeleton.names[root] for root in roots]
-    note = f"It holds {len(roots)} performers ({known(names).removeprefix('known: ')}): {names[0]!r} was read."
-    return subtree(capture, roots[0]), (note,)
+    which, notes = request.choose([capture.skeleton.names[root] for root in roots], capture.source)
+    return subtree(capture, roots[which]), notes
 
 
 def performers(capture: Capture) -> list[int]:

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from robot_retarget.errors import FileError, MotionError, UsageError
 from robot_retarget.human.motion import Motion
+from robot_retarget.motion.capture import Capture
 from robot_retarget.motion.formats.request import Request
 from robot_retarget.motion.formats.table import format_of
+from robot_retarget.motion.performers import one_performer
 from robot_retarget.motion.upright import STATURES, upright
 from robot_retarget.untrusted.limits import refusing
 
@@ -49,7 +51,23 @@ def read_motion(
         raise MotionError("is a folder; expected a motion file", file)
     if not file.exists():
         raise MotionError("no such file", file)
-    request = Request(fps, names, clip, None if body_model is None else Path(body_model))
+    capture, tree = _captured(file, Request(fps, names, clip, None if body_model is None else Path(body_model)))
+    return replace(upright(capture, up, repair, height, tree), source_sha256=_hashed(file, clip))
+
+
+def performers(path: str | Path) -> tuple[str, ...]:
+    """Return the names of the people or motions in a file, each for `FILE#NAME`; nothing where it holds one.
+
+    Raises:
+        MotionError: as `read_motion`.
+    """
+    request = Request()
+    one_performer(*_captured(Path(path), request))
+    return tuple(request.listed)
+
+
+def _captured(file: Path, request: Request) -> tuple[Capture, Request]:
+    """The content of a file, and the request that chooses among people whose joints are one tree."""
     try:
         chosen = format_of(file)
         _refuse_unused(request, chosen.takes, f"{file} ({chosen.name})")
@@ -59,7 +77,7 @@ def read_motion(
         raise MotionError(str(error)) from error
     except OSError as error:
         raise MotionError(f"cannot be read: {error.strerror or error}", file) from error
-    return replace(upright(capture, up, repair, height), source_sha256=_hashed(file, clip))
+    return capture, replace(request, clip=None) if "clip" in chosen.takes else request
 
 
 def as_motion(motion: Motion | str | Path, repair: bool = True) -> Motion:
@@ -90,6 +108,5 @@ def _refuse_unused(request: Request, takes: frozenset[str], title: str) -> None:
 
 _IDLE = {
     "names": "joint names come from the file; give them for arrays only",
-    "clip": "it holds one motion; leave out the # and the text after it",
     "body_model": "it has its own skeleton; give a body model for SMPL parameters only",
 }

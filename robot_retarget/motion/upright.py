@@ -13,7 +13,8 @@ from robot_retarget.human.stature import LEG, leg_length, stature
 from robot_retarget.motion.calibration import calibration_frames, calibration_pose_notes
 from robot_retarget.motion.camera import levelled
 from robot_retarget.motion.capture import Capture
-from robot_retarget.motion.performers import first_performer
+from robot_retarget.motion.formats.request import Request
+from robot_retarget.motion.performers import one_performer
 from robot_retarget.motion.repair import FootingRule, RepairRule, footing, repaired
 from robot_retarget.motion.up_axis import AXES, UpAxisRule, find_up_axis
 
@@ -30,7 +31,13 @@ STATURES = (1.2, 2.1)
 """Of a body that a unit of the table is believed for [m]."""
 
 
-def upright(capture: Capture, up: str | None = None, repair: bool = True, height: float | None = None) -> Motion:
+def upright(
+    capture: Capture,
+    up: str | None = None,
+    repair: bool = True,
+    height: float | None = None,
+    request: Request | None = None,
+) -> Motion:
     """Make a motion in metres, z up, from a capture; calibration frames at its ends are dropped.
 
     The world is turned by a proper rotation that takes the up axis to z (y up: x' = z, y' = x, z' = y) and scaled;
@@ -40,13 +47,14 @@ def upright(capture: Capture, up: str | None = None, repair: bool = True, height
         up: the axis of the file that points up (`x`, `-y`, …), in place of the axis of the format or of the poses.
         repair: repair defects (`repair.repaired`); without, they are only reported.
         height: the human's stature, from which the scale is found, in place of the file's unit [m].
+        request: chooses one of several people whose joints are one tree.
 
     Raises:
         UsageError: `up` is no axis.
         MotionError: the poses do not decide the up axis.
     """
     given = capture.up if up is None else signed_axis(up)
-    capture, others = first_performer(capture)
+    capture, others = one_performer(capture, request or Request())
     try:
         recognition = recognise(capture.skeleton, capture.positions)
     except MatchError as error:

@@ -5,9 +5,12 @@ import re
 import numpy as np
 import pytest
 from shared_files import SHARED, needs_shared
+from typer.testing import CliRunner
 
+from robot_retarget.cli import app
 from robot_retarget.human.recognition import recognise
-from robot_retarget.motion import read_motion
+from robot_retarget.motion import performers, read_motion
+from robot_retarget.trajectory import load_trajectory
 
 pytestmark = needs_shared
 CLIPS = SHARED / "motions" / "bvh"
@@ -42,12 +45,16 @@ def test_of_two_people_the_first_is_read_and_both_are_named(wrapped: bool, again
     assert len(motion.skeleton) == len(alone.skeleton)
     np.testing.assert_allclose(motion.positions, alone.positions, atol=1e-6)
     second = "B_Hips" if "B_" in again else "Hips_2"
-    assert f"It holds 2 performers (Hips, {second}): 'Hips' was read." in motion.notes
+    assert any(f"The first of 2 motions was read (Hips, {second})" in note for note in motion.notes)
+    assert performers(tmp_path / "two.bvh") == ("Hips", second) and performers(WALK) == ()
+    other = read_motion(f"{tmp_path / 'two.bvh'}#{second}")
+    assert other.skeleton.names[0] == second and not any("of 2 motions" in note for note in other.notes)
+    np.testing.assert_allclose(np.ptp(other.positions[:, 0], axis=0), np.ptp(alone.positions[:, 0], axis=0), atol=1e-6)
 
 
 @pytest.mark.parametrize("clip", sorted(CLIPS.glob("*/*.bvh")), ids=lambda path: path.stem)
 def test_one_person_is_one_performer(clip) -> None:
-    assert not any("performers" in note for note in read_motion(clip).notes)
+    assert not any("of 2 motions" in note for note in read_motion(clip).notes)
 
 
 def test_a_prop_beside_a_person_is_no_performer(tmp_path) -> None:
@@ -57,7 +64,7 @@ def test_a_prop_beside_a_person_is_no_performer(tmp_path) -> None:
     path = tmp_path / "prop.bvh"
     path.write_text(f"HIERARCHY{head}{prop}MOTION\nFrames: {len(rows)}\n{time}\n" + "\n".join(rows) + "\n")
     motion = read_motion(path)
-    assert not any("performers" in note for note in motion.notes)
+    assert not any("of 2 motions" in note for note in motion.notes)
     assert recognise(motion.skeleton, motion.positions).confidence > 0.5
 
 
@@ -65,3 +72,18 @@ def test_joints_of_one_name_are_said_in_one_note(tmp_path) -> None:
     two(tmp_path / "two.bvh", r"\1 ", False)
     said = [note for note in read_motion(tmp_path / "two.bvh").notes if "Hips_2" in note and "performers" not in note]
     assert len(said) == 1 and "22 joints" in said[0]
+
+
+def test_all_people_of_a_file_are_retargeted_each_into_a_file_of_its_own(tmp_path) -> None:
+    two(tmp_path / "two.bvh", r"\1 B_", False)
+    command = ["solve", str(tmp_path / "two.bvh"), "-r", "op3", "--frames", "0:12", "--balance", "off", "-q"]
+
+    def run(performer: str, output: str) -> int:
+        return CliRunner().invoke(app, [*command, "--performer", performer, "-o", str(tmp_path / output)]).exit_code
+
+    assert run("all", "t.npz") == 0
+    first, second = (load_trajectory(tmp_path / f"t_{name}.npz") for name in ("Hips", "B_Hips"))
+    assert len(first) == len(second) == 12 and not (tmp_path / "t.npz").exists()
+    assert np.abs(first.qpos - second.qpos).max() > 0.01
+    assert run("B_Hips", "b.npz") == 0
+    np.testing.assert_array_equal(load_trajectory(tmp_path / "b.npz").qpos, second.qpos)

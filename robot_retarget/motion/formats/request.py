@@ -1,7 +1,7 @@
 """Options of a caller for the reading of a motion file."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot_retarget.errors import MotionError, known
@@ -24,6 +24,8 @@ class Request:
     """Which of several motions in the file."""
     body_model: Path | None = None
     """The body model of SMPL parameters."""
+    listed: list[str] = field(default_factory=list, compare=False)
+    """Names of the motions or people of the file, filled where there are several."""
 
     def rate(self, stored: float | None = None, usual: float = USUAL_FPS) -> tuple[float, tuple[str, ...]]:
         """Return frames per second: the caller's, else the stored, else the usual ones, with a note unless they are stored.
@@ -48,6 +50,8 @@ class Request:
         Raises:
             MotionError: no clip has that name; lists those there are.
         """
+        if len(clips) > 1 and not self.listed:
+            self.listed.extend(clips)
         if self.clip is not None:
             called = [k for k, name in enumerate(clips) if name.lower() == self.clip.lower()]
             if not called:
