@@ -66,8 +66,6 @@ def added_edge(
     """Check an edge against the robot and a graph of `length` frames.
 
     Args:
-        match: the matched bodies.
-        robot: the robot.
         length: number of frames of the graph.
         ends: keypoints, points of bodies or places [m].
         at: the distance, or its lower and upper bound [m].
@@ -134,8 +132,6 @@ def checked_end(match: Match, robot: Robot, end: End) -> End:
     """An end that the robot has, its coordinates as an array.
 
     Args:
-        match: the matched bodies.
-        robot: the robot.
         end: a keypoint, a point of a body or a place [m].
 
     Raises:
@@ -169,8 +165,6 @@ def reach_between(match: Match, robot: Robot, ends: tuple[End, End]) -> float:
     The bound is the length of the chain of link origins that joins both ends.
 
     Args:
-        match: the matched bodies.
-        robot: the robot.
         ends: checked ends.
     """
     points = [_carrier(match, robot, end) for end in ends]

@@ -110,7 +110,6 @@ class RobotGraph(Graph):
         """Return the graph of frames `first` … `last` − 1.
 
         Args:
-            first: first frame.
             last: the frame after the last one.
         """
         return replace(self.at(slice(first, last)), motion=self.motion.frames(first, last))
@@ -224,7 +223,6 @@ def graph_of(
     Args:
         motion: the human's.
         human: its features.
-        robot: the robot.
         weights: π of every kind.
         kinds: the kinds of edges that describe the motion; None takes `clip_kinds`.
     """

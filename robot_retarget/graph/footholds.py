@@ -37,13 +37,7 @@ class Footholds:
 
 
 def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
-    """Return the footholds of the matched feet; empty for a robot with a fixed base.
-
-    Args:
-        human: features of T frames.
-        match: the matched bodies.
-        robot: the robot.
-    """
+    """Return the footholds of the matched feet; empty for a robot with a fixed base."""
     feet = placed_feet(match, robot)
     held = np.zeros((len(human), len(feet), CORNERS), dtype=bool)
     places = np.zeros((*held.shape, 3))
@@ -61,12 +55,7 @@ def footholds_of(human: HumanFeatures, match: Match, robot: Robot) -> Footholds:
 
 
 def placed_feet(match: Match, robot: Robot) -> tuple[str, ...]:
-    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base.
-
-    Args:
-        match: the matched bodies.
-        robot: the robot.
-    """
+    """Return the feet with hips and ankle on both bodies; empty for a robot with a fixed base."""
     known, feet = set(match.keypoints), match.anatomy.soles if robot.root_joints.size else ()
     return tuple(foot for foot in feet if {"l_hip", "r_hip", f"{foot}_ankle"} <= known)
 
@@ -137,9 +126,6 @@ def sole_of(human: HumanFeatures, match: Match, robot: Robot, foot: str) -> Sole
     """Return the map of a foot's sole, from a whole motion.
 
     Args:
-        human: features of T frames.
-        match: the matched bodies.
-        robot: the robot.
         foot: `l` or `r`.
     """
     left, right = (match.index(f"{side}_hip") for side in "lr")

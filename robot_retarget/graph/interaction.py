@@ -145,7 +145,6 @@ def pair_interaction(
     Args:
         separation: c (…, K) [m].
         relative_step: w (…, K) [m].
-        options: parameters; None takes the defaults.
     """
     options = options or Interaction()
     product, square = (separation * relative_step).sum(-1), (relative_step**2).sum(-1)
@@ -161,7 +160,6 @@ def pair_gradient(separation: Floats, relative_step: Floats, options: Interactio
     Args:
         separation: c (…, K) [m].
         relative_step: w (…, K) [m].
-        options: parameters; None takes the defaults.
 
     Returns:
         (…, K) with respect to the current and to the previous position of v.

@@ -29,12 +29,7 @@ class RootScaling:
 
 
 def root_scaling_of(human: HumanFeatures, match: Match) -> RootScaling:
-    """The root_scaling that starts above the origin.
-
-    Args:
-        human: features of T frames.
-        match: the matched bodies.
-    """
+    """The root_scaling that starts above the origin."""
     x, ratio = human.positions, match.leg_ratio
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
     first = x[0].mean(axis=0) if pelvis is None else x[0, pelvis]
@@ -44,10 +39,5 @@ def root_scaling_of(human: HumanFeatures, match: Match) -> RootScaling:
 
 
 def pelvis_path(human: HumanFeatures, match: Match) -> Floats:
-    """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m].
-
-    Args:
-        human: features of T frames.
-        match: the matched bodies.
-    """
+    """(T, 3) the human pelvis, scaled by the leg, starting above the origin, its ankles at the robot's height [m]."""
     return root_scaling_of(human, match).path(human)

@@ -83,8 +83,6 @@ def placed_scene(human: HumanFeatures, match: Match, scaling: RootScaling | None
     """Return the bodies around a human in the robot's world; None without a scene.
 
     Args:
-        human: features of T frames.
-        match: the matched bodies.
         scaling: the map of the human's world; by default that of these frames.
     """
     if human.around is None:

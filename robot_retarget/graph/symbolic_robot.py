@@ -179,7 +179,6 @@ def drawn_configurations(robot: Robot, count: int) -> Floats:
     """Return (count, nq) configurations drawn from the joint ranges with any root pose; every call returns the same.
 
     Args:
-        robot: the robot.
         count: number of configurations.
     """
     draw = np.random.default_rng(0)

@@ -206,7 +206,6 @@ def exact(
     """Edges that targets for one value each (T, E).
 
     Args:
-        kind: of the edges.
         ends: (E,) names of both ends.
         target: (T, E) in the unit of the measure.
         priority: π, broadcast to (T, E).
@@ -232,7 +231,6 @@ def limit(
     """Return edges of an inequality or a bound, without priority.
 
     Args:
-        kind: of the edges.
         ends: (E,) names of both ends.
         lower: broadcast to (T, E), in the unit of the measure.
         upper: as `lower`.

@@ -44,7 +44,6 @@ def activity_of(supported: Bools, flying: Bools, contacts: dict[str, Bools], fps
     Args:
         supported: (T,) whether something else than the feet holds the body up.
         flying: (T,) whether both feet are in the air.
-        contacts: the contact schedule.
     """
     brief = ActivityRule().brief
     if len(contacts) < 2:

@@ -75,7 +75,6 @@ def calibrate(motion: Motion, match: Match, x: Floats, floor: Floats, contacts: 
     Args:
         x: (T, K, 3) keypoints over level ground [m].
         floor: (T,) its height in the source [m].
-        contacts: the contact schedule.
     """
     constants = segment_constants(motion, match, x, floor, contacts)
     turning = () if motion.rotations is None else tuple(carrying_joint(motion, match, name) for name in constants)

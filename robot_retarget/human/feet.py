@@ -28,7 +28,6 @@ def foot_constants(
     Args:
         x: (T, 3) per keypoint, over level ground [m].
         floor: (T,) its height in the source [m].
-        contacts: the contact schedule.
     """
     top = x[next(k for k in ("head", "chest", *match.keypoints) if k in x)][:, 2]
     upright = np.asarray(top >= UPRIGHT * top.max())

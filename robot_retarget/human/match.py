@@ -158,7 +158,6 @@ def match_bodies(motion: Motion, robot: Robot, recognition: Recognition, anatomy
 
     Args:
         motion: the human.
-        robot: the robot.
         recognition: keypoints of the human.
         anatomy: the robot's keypoints.
 

@@ -35,7 +35,6 @@ def segment_constants(
     Args:
         x: (T, K, 3) keypoints over level ground [m].
         floor: (T,) its height in the source [m].
-        contacts: the contact schedule.
     """
     if match.recognition.segments:
         return {segment: np.eye(3) for segment in match.recognition.segments if segment in match.anatomy.frames}

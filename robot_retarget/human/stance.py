@@ -73,7 +73,6 @@ def without_flicker(stands: Bools, fps: float, rule: StanceRule) -> Bools:
     Args:
         stands: (T, …) whether points stand.
         fps: frames per second [1/s].
-        rule: thresholds.
     """
     width = 2 * int(rule.shortest * fps) + 1
     size = (width, *(1,) * (stands.ndim - 1))
@@ -86,7 +85,6 @@ def speed_of(points: Floats, fps: float, rule: StanceRule) -> Floats:
     Args:
         points: (T, …, 3) [leg lengths].
         fps: frames per second [1/s].
-        rule: thresholds.
     """
     if len(points) < 2:
         return np.zeros(points.shape[:-1])

@@ -20,7 +20,6 @@ def leg_length(recognition: Recognition, positions: Floats) -> float:
     """Hip to knee to ankle, the mean of both legs.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [any unit].
     """
     bones = [
@@ -33,7 +32,6 @@ def stature(recognition: Recognition, positions: Floats) -> float:
     """Legs and spine end to end over their share of the stature; from the legs alone for a body without a head.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [any unit].
     """
     leg = leg_length(recognition, positions)

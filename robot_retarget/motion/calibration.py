@@ -28,7 +28,6 @@ def calibration_frames(recognition: Recognition, positions: Floats, fps: float) 
     The body jumps where its keypoints, on average, step farther than a body can.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [any unit].
         fps: frames per second [1/s].
     """
@@ -58,7 +57,6 @@ def calibration_pose_notes(recognition: Recognition, positions: Floats, fps: flo
     """A sentence for each end of a clip that is a T- or an A-pose, held still before or after a motion.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints, z up [m].
         fps: frames per second [1/s].
     """

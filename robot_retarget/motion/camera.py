@@ -67,7 +67,6 @@ def levelled(
 
     Args:
         capture: in the frame of a camera that stands still.
-        recognition: keypoints of the skeleton.
         axis: (3,) the camera's up axis.
         rule: how far each kind of evidence strays; None takes the defaults.
     """
@@ -85,7 +84,6 @@ def find_vertical(recognition: Recognition, positions: Floats, fps: float, axis:
     """Return the up direction of joints (T, J, 3) over time.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) [any unit].
         fps: frames per second [1/s].
         axis: (3,) the camera's up axis.

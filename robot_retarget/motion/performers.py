@@ -67,7 +67,6 @@ def subtree(capture: Capture, joint: int) -> Capture:
     """The capture of a joint and all that it carries.
 
     Args:
-        capture: the content of the file.
         joint: index of the joint.
     """
     kept = below(capture.skeleton, joint)

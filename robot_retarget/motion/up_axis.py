@@ -84,8 +84,6 @@ def find_up_axis(recognition: Recognition, capture: Capture, metres: float, rule
     The rest pose counts only for files with rotations: without, the skeleton's offsets are those of a pose of the motion.
 
     Args:
-        recognition: keypoints of the skeleton.
-        capture: the content of the file.
         metres: in the file's unit.
         rule: weights of the evidence.
     """
@@ -166,7 +164,6 @@ def centre_of_mass(recognition: Recognition, keypoints: Floats) -> Floats:
     """(T, 3) of keypoints (T, K, 3), from the segments that the body has.
 
     Args:
-        recognition: keypoints of the skeleton.
         keypoints: (T, K, 3) [m].
     """
     at, total, mass = recognition.keypoints.index, np.zeros(keypoints[:, 0].shape), 0.0

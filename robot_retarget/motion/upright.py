@@ -93,7 +93,6 @@ def unit_of(recognition: Recognition, positions: Floats, height: float | None = 
     """Metres in the file's unit, and a sentence: the known unit that makes an adult's stature, else one that fits.
 
     Args:
-        recognition: keypoints of the skeleton.
         positions: (T, J, 3) of the joints [file units].
         height: the human's stature, if it is known [m].
     """

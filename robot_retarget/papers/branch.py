@@ -87,7 +87,6 @@ def branch_and_prune(graph: PointGraph, options: Branching | None = None) -> Rea
 
     Args:
         graph: an instance of one frame.
-        options: parameters; None takes the defaults.
 
     Raises:
         GraphError: the instance is not discretizable, or has more than one frame.

@@ -41,7 +41,6 @@ def listed_edges(
 
     Args:
         vertices: (V,) names.
-        dimension: K.
         i: (E,) index of one end.
         j: (E,) index of the other end.
         lower: (E,) least distances [m].
@@ -70,7 +69,6 @@ def edge_track(
     """Return a track of E edges between objects.
 
     Args:
-        kind: of the edges.
         graph: gives V × T.
         i: (E,) places of the first ends in V.
         j: (E,) places of the second ends.
@@ -131,7 +129,6 @@ def measured(
     """Return a track of exact edges whose δ is the distance of two objects in the animation.
 
     Args:
-        kind: of the edges.
         graph: gives V × T.
         animation: (T, V, K) [m].
         i: (E,) places of the first ends in V.
@@ -201,7 +198,6 @@ def pair_edges(
         pairs: the objects, by name.
         lower: least distance of each pair [m], a scalar or one per pair.
         upper: greatest distance [m].
-        kind: of the edges.
         priority: of each pair.
 
     Raises:

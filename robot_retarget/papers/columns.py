@@ -99,7 +99,6 @@ def box_of(graph: PointGraph, x: Floats) -> tuple[Floats, Floats]:
     """The box of every coordinate (T, V, K), closed on the start where the vertex is fixed.
 
     Args:
-        graph: the instance.
         x: (T, V, K) coordinates [m].
     """
     held = graph.fixed[:, :, None]

@@ -36,7 +36,6 @@ def value_and_gradient(inc: Incidence, bounds: Intervals, objective: Objective, 
     Args:
         inc: operator of the edges.
         bounds: their intervals and priorities.
-        objective: one of `Objective`.
         x: (N, K, B) [m].
     """
     r, k = inc.differences(x)
@@ -76,7 +75,6 @@ def distances(graph: PointGraph, realization: ArrayLike) -> Floats:
     """d (E,) of every edge [m], Euclidean or interaction as its kind says.
 
     Args:
-        graph: the instance.
         realization: (T, V, K), or (V, K) for one frame [m].
 
     Raises:
@@ -90,7 +88,6 @@ def errors(graph: PointGraph, realization: ArrayLike) -> Floats:
     """e = d − y (E,) of every edge [m]: negative where the pair is too close.
 
     Args:
-        graph: the instance.
         realization: (T, V, K), or (V, K) for one frame [m].
     """
     d = distances(graph, realization)
@@ -101,7 +98,6 @@ def relative_errors(graph: PointGraph, realization: ArrayLike) -> Floats:
     """|e| / max(y, floor) (E,); its mean is the MDE, its greatest value the LDE.
 
     Args:
-        graph: the instance.
         realization: (T, V, K), or (V, K) for one frame [m].
     """
     d = distances(graph, realization)
@@ -113,9 +109,7 @@ def stress(graph: PointGraph, realization: ArrayLike, objective: Objective = Obj
     """σ(x) of the chosen objective; `SQUARED` and `HALF_SQUARED` in [m²], the relative ones without unit.
 
     Args:
-        graph: the instance.
         realization: (T, V, K), or (V, K) for one frame [m].
-        objective: one of `Objective`.
 
     Raises:
         GraphError: the realization does not fit the graph.
@@ -128,9 +122,7 @@ def gradient(graph: PointGraph, realization: ArrayLike, objective: Objective = O
     """∂σ/∂x (T, V, K): for HALF_SQUARED Σ_v π (1 − δ/‖x_u − x_v‖)(x_u − x_v) at u; a subgradient for RELATIVE.
 
     Args:
-        graph: the instance.
         realization: (T, V, K), or (V, K) for one frame [m].
-        objective: one of `Objective`.
     """
     checked = graph.checked(realization)
     _, slope = value_and_gradient(operator(graph), intervals_of(graph.edges), objective, rows(checked))

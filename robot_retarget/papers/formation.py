@@ -61,7 +61,6 @@ def formation_rigidity(team: Team, animation: ArrayLike) -> Floats:
     """λ_t (T,) of an animation (T, V, K) [m²]; 0 where the formation is flexible.
 
     Args:
-        team: the robots and their sensing.
         animation: (T, V, K) [m].
     """
     return _rigidity(team, np.asarray(animation, dtype=np.float64))[0]
@@ -71,7 +70,6 @@ def links(team: Team, animation: ArrayLike) -> Floats:
     """a (T, E) of every pair of robots, 1 a whole link and 0 a lost one.
 
     Args:
-        team: the robots and their sensing.
         animation: (T, V, K) [m].
     """
     return _links(team, np.asarray(animation, dtype=np.float64))[0]
@@ -81,10 +79,7 @@ def solve_formation(graph: PointGraph, start: ArrayLike, team: Team, options: Sp
     """Minimise σ (half squared) with the penalty on lost rigidity, from a start (T, V, K) [m].
 
     Args:
-        graph: the instance.
         start: (T, V, K) [m].
-        team: the robots and their sensing.
-        options: parameters; None takes the defaults.
 
     Raises:
         GraphError: the start does not fit the graph.

@@ -55,10 +55,7 @@ def constrain(graph: PointGraph, start: Floats, options: Ipopt, objective: Objec
     """Minimise the stress of the soft edges from a start (T, V, K) among the realizations that meet the hard ones.
 
     Args:
-        graph: the instance.
         start: (T, V, K) [m].
-        options: parameters; None takes the defaults.
-        objective: one of `Objective`.
 
     Raises:
         GraphError: `RELATIVE` meets a soft interval edge.
@@ -80,10 +77,8 @@ def build_program(graph: PointGraph, steps: Floats | None, options: Ipopt, objec
     """The program min Σ share(e) over soft edges s.t. lower ≤ d ≤ upper over hard ones and the boxes.
 
     Args:
-        graph: the instance.
         steps: (E, 1) steps ahead of interaction edges, None without any.
         options: parameters.
-        objective: one of `Objective`.
     """
     import casadi as ca
 

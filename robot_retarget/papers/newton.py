@@ -45,10 +45,8 @@ def descend(graph: PointGraph, start: Floats, options: Newton, objective: Object
     """Minimise the stress from a start (T, V, K) within the graph's box.
 
     Args:
-        graph: the instance.
         start: (T, V, K) [m].
         options: parameters.
-        objective: one of `Objective`.
     """
     model = _Model(graph, objective)
     lower, upper = (side.ravel() for side in box_of(graph, start))

@@ -187,7 +187,6 @@ class PointGraph(Graph):
 
         Args:
             vertices: indices in V.
-            first: first frame.
             last: last frame, included.
 
         Raises:
@@ -211,7 +210,6 @@ class PointGraph(Graph):
 
         Args:
             name: of the object.
-            first: first frame.
             last: last frame, included; the last of all by default.
         """
         return self.induced([self.place(name)], first, self.frames - 1 if last is None else last)

@@ -80,7 +80,6 @@ def rigid_rank(count: int, dimension: int) -> int:
 
     Args:
         count: number of vertices n.
-        dimension: K.
     """
     if count <= dimension:
         return count * (count - 1) // 2
@@ -103,7 +102,6 @@ def generic_rank(edges: ArrayLike, count: int, dimension: int) -> int:
     Args:
         edges: (E, 2) indices of both ends in V.
         count: number of vertices n.
-        dimension: K.
     """
     return rank(_generic(count, dimension), edges)
 
@@ -114,7 +112,6 @@ def locally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
     Args:
         edges: (E, 2) indices of both ends in V.
         count: number of vertices n.
-        dimension: K.
     """
     return generic_rank(edges, count, dimension) == rigid_rank(count, dimension)
 
@@ -125,7 +122,6 @@ def stress_matrix_rank(edges: ArrayLike, count: int, dimension: int) -> int:
     Args:
         edges: (E, 2) indices of both ends in V.
         count: number of vertices n.
-        dimension: K.
     """
     x, ends = _generic(count, dimension), _edges(edges, count)
     left, values, _ = np.linalg.svd(rigidity_matrix(x, ends), full_matrices=True)
@@ -144,7 +140,6 @@ def globally_rigid(edges: ArrayLike, count: int, dimension: int) -> bool:
     Args:
         edges: (E, 2) indices of both ends in V.
         count: number of vertices n.
-        dimension: K.
     """
     pairs = {tuple(sorted(edge)) for edge in _edges(edges, count).tolist()}
     if count <= dimension + 1:
@@ -158,7 +153,6 @@ def admits(graph: PointGraph, structure: SkeletalStructure, tolerance: float = 1
     """Whether G admits (S, χ), [MucherinoOmer2019, Definition 3]: in every frame S ⊆ G_t with δ = ‖χ(u) − χ(v)‖.
 
     Args:
-        graph: the instance.
         structure: (S, χ).
         tolerance: largest difference of a length [m].
     """

@@ -62,10 +62,7 @@ def solve_frames(
     """The same for a graph whose edges stay within a frame: T independent problems, solved side by side.
 
     Args:
-        graph: the instance.
         start: (T, V, K) [m].
-        options: parameters; None takes the defaults.
-        objective: one of `Objective`.
 
     Raises:
         GraphError: an edge joins two frames, or is measured across two.
@@ -92,10 +89,7 @@ def multistart(
     """The solution of least stress over several starts, searched side by side.
 
     Args:
-        graph: the instance.
         starts: (T, V, K) each [m].
-        options: parameters; None takes the defaults.
-        objective: one of `Objective`.
 
     Raises:
         UsageError: there is no start.

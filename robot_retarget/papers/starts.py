@@ -18,7 +18,6 @@ def random_starts(graph: PointGraph, count: int, seed: int = 0) -> Floats:
     """Return (count, T, V, K) points in a box with about one point per mean target distance [m].
 
     Args:
-        graph: the instance.
         count: number of starts.
         seed: of the random numbers.
     """
@@ -36,7 +35,6 @@ def lifted_starts(graph: PointGraph, count: int, seed: int = 0, extra: int = 2) 
     the coordinates beyond K dimensions rises from 0 to 0.3. A solver continues from these points.
 
     Args:
-        graph: the instance.
         count: number of starts.
         seed: of the random numbers.
         extra: number of additional dimensions.

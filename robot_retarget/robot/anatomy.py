@@ -82,7 +82,6 @@ def limb_hinges(robot: Robot, anatomy: Anatomy, end: str) -> Ints:
     """Which hinges are those of an arm or of the neck: they move the hand or head and not the chest.
 
     Args:
-        robot: the robot.
         anatomy: the robot's keypoints.
         end: keypoint at the end of the limb.
     """

@@ -31,7 +31,6 @@ def velocities(robot: Robot, qpos: Floats, fps: float) -> Floats:
     """(T, nv) by central differences of configurations (T, nq), one-sided at the ends.
 
     Args:
-        robot: the robot.
         qpos: (T, nq) configurations.
         fps: frames per second [1/s].
     """
@@ -47,7 +46,6 @@ def momenta(robot: Robot, qpos: Floats, qvel: Floats) -> tuple[Floats, Floats, F
     """Centre of mass (T, 3) [m], linear momentum (T, 3) [kg m/s] and angular momentum about it (T, 3) [kg m²/s].
 
     Args:
-        robot: the robot.
         qpos: (T, nq) configurations.
         qvel: (T, nv) velocities.
     """
@@ -107,7 +105,6 @@ def zero_moment_points(robot: Robot, qpos: Floats, fps: float, smooth: float = 0
     """(T, 2) where on the floor z = 0 the contact forces push [m]; see `tread`.
 
     Args:
-        robot: the robot.
         qpos: (T, nq) configurations.
         fps: frames per second [1/s].
         smooth: standard deviation of a Gaussian over velocities [s].
@@ -121,7 +118,6 @@ def joint_torques(robot: Robot, qpos: Floats, fps: float, soles: Points, smooth:
     Damping and dry friction are not included: the servo model adds them. `smooth` as in `tread`, over velocities.
 
     Args:
-        robot: the robot.
         qpos: (T, nq) configurations.
         fps: frames per second [1/s].
         soles: corners of the soles.

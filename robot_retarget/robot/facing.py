@@ -62,7 +62,6 @@ def facing(
     the model's x axis is forward.
 
     Args:
-        links: the links in the reference pose.
         flat: the links with level soles.
         legs: both legs, if found.
         arms: both arms, if found.

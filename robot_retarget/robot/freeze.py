@@ -22,7 +22,6 @@ def freeze(robot: Robot, joints: Sequence[str] = (), only: str | None = None) ->
     """Return the robot with joints that keep an angle,  lower = upper.
 
     Args:
-        robot: the robot.
         joints: names or patterns, `waist_*`, each with an angle if it is not that of the standing pose,
             `waist_yaw_joint=0.2` [rad], or follow a trajectory file, `waist_*=bow.npz`, in time with the motion.
         only: `arms` freezes all joints but those of the arms, `upper` those of the legs.

@@ -41,7 +41,6 @@ def body_frames(robot: Robot, qpos: Floats) -> tuple[Floats, Floats]:
     """World positions (T, B, 3) [m] and rotations (T, B, 3, 3) of every body at qpos (T, nq), by MuJoCo.
 
     Args:
-        robot: the robot.
         qpos: (T, nq) configurations.
     """
     model, data = robot.model, mujoco.MjData(robot.model)
@@ -57,7 +56,6 @@ def world_points(robot: Robot, points: Points, qpos: Floats) -> Floats:
     """World positions (T, P, 3) [m] of points at qpos (T, nq).
 
     Args:
-        robot: the robot.
         points: points fixed to bodies.
         qpos: (T, nq) configurations.
     """
@@ -80,7 +78,6 @@ def mass_shares(robot: Robot, bodies: "Bodies") -> tuple[ca.SX, ca.SX]:
     """The centre of mass (3) [m] and its Jacobian by v (3, nv), as expressions of the bodies' q.
 
     Args:
-        robot: the robot.
         bodies: the robot's bodies as expressions.
     """
     model = robot.model
@@ -194,7 +191,6 @@ def integrate(robot: Robot, qpos: Floats, velocity: Floats) -> Floats:
     """q ⊕ v: configurations (…, nq) moved by tangent vectors (…, nv).
 
     Args:
-        robot: the robot.
         qpos: (…, nq) configurations.
         velocity: (…, nv) tangent vectors.
     """
@@ -218,7 +214,6 @@ def difference(robot: Robot, start: Floats, end: Floats) -> Floats:
     """The tangent vectors (…, nv) that lead from configurations to others: start ⊕ v = end.
 
     Args:
-        robot: the robot.
         start: (…, nq) configurations, or one for all.
         end: (…, nq) configurations.
     """

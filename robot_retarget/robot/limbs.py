@@ -157,7 +157,6 @@ def leg_centres(links: Links, chain: Chain, lateral: Floats) -> dict[str, Centre
     Nothing where the knee is not under the hip: a robot that lies or stands on its head.
 
     Args:
-        links: the links in the reference pose.
         chain: the limb.
         lateral: (3,) unit vector along the hip line.
     """
@@ -194,12 +193,7 @@ def _flexions(chain: Chain, lateral: Floats) -> list[Axis]:
 
 
 def foot_links(links: Links, legs: MirroredLimbs) -> list[int]:
-    """The links that carry the ankles of both legs.
-
-    Args:
-        links: the links in the reference pose.
-        legs: both legs.
-    """
+    """The links that carry the ankles of both legs."""
     found = [leg_centres(links, chain, legs.lateral).get("ankle") for chain in legs.chains]
     return [ankle.link for ankle in found if ankle is not None]
 
@@ -250,7 +244,6 @@ def toe_centre(standing: Links, foot: int, surface: Floats, ankle: Floats, forwa
     """The joint of the toes, or the front edge of the sole of a foot's `surface` (P, 3); the robot stands.
 
     Args:
-        standing: the links with level soles.
         foot: link of the foot.
         surface: (P, 3) points of the foot [m].
         ankle: (3,) [m].
@@ -275,7 +268,6 @@ def arm_centres(links: Links, chain: Chain) -> dict[str, Centre]:
     """Shoulder, elbow and hand of an arm.
 
     Args:
-        links: the links in the reference pose.
         chain: the limb.
     """
     elbow_axis, evidence, confidence = _elbow_axis(links, chain)
@@ -362,7 +354,6 @@ def is_named(links: Links, axis: Axis, vocabulary: set[str]) -> bool:
     """Whether the hinge, or the body it carries when the hinge itself says nothing, is called one of the words.
 
     Args:
-        links: the links in the reference pose.
         axis: the hinge.
         vocabulary: words in lower case.
     """

@@ -32,7 +32,6 @@ def recognise_with(robot: Robot, table: Mapping[str, Any]) -> Anatomy:
     fails. The line `freeze` is not about keypoints (`frozen_lines`).
 
     Args:
-        robot: the robot.
         table: keypoints by name, as in a map file.
 
     Raises:
@@ -99,7 +98,6 @@ def override(anatomy: Anatomy, robot: Robot, table: Mapping[str, Any]) -> Anatom
 
     Args:
         anatomy: the robot's keypoints.
-        robot: the robot.
         table: keypoint → ["body", x, y, z] [m].
 
     Raises:

@@ -59,7 +59,6 @@ def raise_root(robot: Robot, qpos: Floats, height: float) -> Floats:
     """A configuration moved up as a whole [m], as far as slides or a free joint carry it upward.
 
     Args:
-        robot: the robot.
         qpos: (nq,) configuration.
         height: upwards [m].
     """

@@ -13,7 +13,6 @@ def with_servos(robot: Robot, servo_map: ServoMap) -> Robot:
     """Return the robot on the servos of a map: ranges and speeds are limited to those of its goals.
 
     Args:
-        robot: the robot.
         servo_map: the servos that turn its joints.
 
     Raises:

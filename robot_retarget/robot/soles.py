@@ -56,7 +56,6 @@ def sole(standing: Links, foot: int, surface: Floats) -> Points:
     """The points of a sole that can be its lowest when the foot rolls: extremes in evenly spread directions, once.
 
     Args:
-        standing: the links with level soles.
         foot: link of the foot.
         surface: (P, 3) points of the foot [m].
     """
@@ -73,7 +72,6 @@ def tread(standing: Links, foot: int) -> Points:
     """The points of the solid surface that touch the floor when the foot stands flat: the extremes all around.
 
     Args:
-        standing: the links with level soles.
         foot: link of the foot.
     """
     cloud = standing.surface(foot)

@@ -35,7 +35,6 @@ def swept_configurations(robot: Robot, neighbour: Floats, q: Floats) -> tuple[Sw
     """Return evenly spaced configurations between two frames, one at least, less than `TURN` apart in every hinge.
 
     Args:
-        robot: the robot.
         neighbour: (nq,) configuration of the neighbour in time.
         q: (nq,) configuration of the frame.
     """

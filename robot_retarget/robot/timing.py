@@ -15,10 +15,6 @@ TICK = 1e-9
 def require_same_robot(trajectory: Trajectory, robot: Robot) -> None:
     """Check that a trajectory's columns are this robot's.
 
-    Args:
-        trajectory: the trajectory.
-        robot: the robot.
-
     Raises:
         TrajectoryError: another number of joints or of coordinates, or the first joint that has another name.
     """
@@ -39,8 +35,6 @@ def sample(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats:
     Neighbouring quaternions come with the same sign, so that q and −q never stand side by side.
 
     Args:
-        trajectory: the trajectory.
-        robot: the robot.
         times: (N,) [s].
     """
     frames = np.arange(len(trajectory)) / trajectory.fps
@@ -55,8 +49,6 @@ def sample_hinges(trajectory: Trajectory, robot: Robot, times: Floats) -> Floats
     """Hinge angles (N, n) [rad] as `sample` has them, without the root.
 
     Args:
-        trajectory: the trajectory.
-        robot: the robot.
         times: (N,) [s].
     """
     frames = np.arange(len(trajectory)) / trajectory.fps
@@ -67,8 +59,6 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
     """The trajectory at another frame rate, without goals; its last frame is the last that fits before the end.
 
     Args:
-        trajectory: the trajectory.
-        robot: the robot.
         fps: the new rate [1/s].
 
     Raises:
@@ -85,12 +75,7 @@ def resample(trajectory: Trajectory, robot: Robot, fps: float) -> Trajectory:
 
 
 def joint_velocities(trajectory: Trajectory, robot: Robot) -> Floats:
-    """Velocities (T − 1, n) of the hinges from each frame to the next [rad/s].
-
-    Args:
-        trajectory: the trajectory.
-        robot: the robot.
-    """
+    """Velocities (T − 1, n) of the hinges from each frame to the next [rad/s]."""
     return np.diff(trajectory.qpos[:, robot.qpos_index], axis=0) * trajectory.fps
 
 

@@ -64,7 +64,6 @@ def mismatch(human: HumanFeatures, robot: Robot, qpos: Floats, source: str) -> s
     """Describe the features in which a robot opposes the human over most of the clip; empty without any.
 
     Args:
-        human: features of T frames.
         qpos: (T, nq) solved configurations.
         source: name of the motion.
     """
@@ -79,8 +78,6 @@ def plausibility_checks(human: HumanFeatures, robot: Robot, qpos: Floats) -> lis
     """Return the checks of the features by which a robot may oppose the human: bends of limbs, head over pelvis, sides.
 
     Args:
-        human: features of T frames.
-        robot: the robot.
         qpos: (T, nq) solved configurations.
     """
     match = human.calibration.match

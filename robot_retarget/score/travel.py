@@ -76,8 +76,6 @@ def robot_travel(x: Floats, qpos: Floats, robot: Robot, match: Match, fps: float
     Args:
         x: (T, K, 3) its keypoints [m].
         qpos: (T, nq) configurations.
-        robot: the robot.
-        match: the matched bodies.
         fps: frames per second [1/s].
     """
     feet, steps = tuple(match.anatomy.soles), 0

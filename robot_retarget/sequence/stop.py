@@ -42,7 +42,6 @@ def ways_into_stand(
 
     Args:
         trajectory: planned with balance, with its judged goals.
-        robot: the robot.
         every: time between two moments [s].
         draws: as in `simulate`.
 

@@ -20,7 +20,6 @@ def require_honoured(robot: Robot, tracks: Sequence[Track], lag: int | None) -> 
     """Raise for the first kind with rows that the solver of a clip, or of a stream, cannot honour.
 
     Args:
-        robot: the robot.
         tracks: all tracks of a graph.
         lag: number of frames by which a stream lags; None for a clip.
 

@@ -68,7 +68,6 @@ def trajectory_of(motion: Motion, robot: Robot, qpos: Floats) -> Trajectory:
 
     Args:
         motion: its first T frames are the source.
-        robot: the robot.
         qpos: (T, nq) configurations.
     """
     return Trajectory(

@@ -14,11 +14,6 @@ FOUR_LEGGED_ARM = 0.85
 def refuse_other_than_human(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> None:
     """Check proportions and posture.
 
-    Args:
-        body: the skeleton in its poses.
-        legs: both legs.
-        arms: both arms.
-
     Raises:
         MatchError: with the reason.
     """
@@ -38,13 +33,7 @@ def refuse_other_than_human(body: PosedSkeleton, legs: LimbPair, arms: LimbPair)
 
 
 def four_legged(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> float:
-    """Share of the frames in which arms and legs are parallel and the trunk lies across them.
-
-    Args:
-        body: the skeleton in its poses.
-        legs: both legs.
-        arms: both arms.
-    """
+    """Share of the frames in which arms and legs are parallel and the trunk lies across them."""
     hips, shoulders = body.at(legs, 0).mean(axis=1), body.at(arms, 0).mean(axis=1)
     leg, arm = body.at(legs, 2).mean(axis=1) - hips, body.at(arms, 2).mean(axis=1) - shoulders
     return float(np.mean((_cosine(leg, arm) > ALIGNED) & (np.abs(_cosine(leg, shoulders - hips)) < ALIGNED)))

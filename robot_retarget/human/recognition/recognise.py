@@ -111,7 +111,6 @@ def apply_override(recognition: Recognition, skeleton: Skeleton, table: Mapping[
     """Replace keypoints by the joints a user names: `l_hand = "LeftHand"`, or several whose mean is taken.
 
     Args:
-        recognition: keypoints of the skeleton.
         skeleton: names and tree of the joints.
         table: keypoint → name of a joint, or names whose joints' mean is taken.
 

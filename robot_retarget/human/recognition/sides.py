@@ -35,13 +35,7 @@ class Votes:
 
 
 def votes(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> Votes:
-    """Return the evidence of feet, knees and elbows for the first leg as the left one.
-
-    Args:
-        body: the skeleton in its poses.
-        legs: both legs.
-        arms: both arms.
-    """
+    """Return the evidence of feet, knees and elbows for the first leg as the left one."""
     hips, shoulders = body.at(legs, 0), body.at(arms, 0)
     up = unit(shoulders.mean(axis=1) - hips.mean(axis=1))
     line = unit(hips[:, 0] - hips[:, 1])
@@ -59,7 +53,6 @@ def named_leftness(body: PosedSkeleton, pair: LimbPair) -> int:
     """The side of the first limb of a pair by its names: 1 left, −1 right, 0 unknown.
 
     Args:
-        body: the skeleton in its poses.
         pair: two limbs.
     """
     value = {"l": 1, "r": -1, "": 0}
@@ -68,13 +61,7 @@ def named_leftness(body: PosedSkeleton, pair: LimbPair) -> int:
 
 
 def same_side_first(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> bool:
-    """Whether the first arm is on the side of the first leg.
-
-    Args:
-        body: the skeleton in its poses.
-        legs: both legs.
-        arms: both arms.
-    """
+    """Whether the first arm is on the side of the first leg."""
     lines = [joints[:, 0] - joints[:, 1] for joints in (body.at(legs, 0), body.at(arms, 0))]
     return float(np.einsum("fi,fi->f", *lines).mean()) >= 0
 

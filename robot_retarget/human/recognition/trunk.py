@@ -24,13 +24,7 @@ class Found:
 
 
 def find_trunk(body: PosedSkeleton, legs: LimbPair, arms: LimbPair) -> dict[str, Found]:
-    """The joints of chest, neck and head that this body has.
-
-    Args:
-        body: the skeleton in its poses.
-        legs: both legs.
-        arms: both arms.
-    """
+    """The joints of chest, neck and head that this body has."""
     height = _heights(body, legs, arms)
     found: dict[str, Found] = {}
     chest = _chest(body, legs, arms, height)

@@ -61,7 +61,6 @@ def bridged(capture: Capture, joint: int, first: int, last: int) -> Capture:
     Each turns in its parent along the shortest way; without rotations its place as seen from its parent is led.
 
     Args:
-        capture: the content of the file.
         joint: the first joint that is interpolated.
         first: first frame of the gap.
         last: last frame of the gap.

@@ -43,7 +43,6 @@ def noise_of(points: Floats, fps: float, rule: NoiseRule) -> float:
     Args:
         points: (T, K, 3) [m].
         fps: frames per second [1/s].
-        rule: thresholds.
     """
     window = round(rule.window * fps)
     if len(points) < window + ORDER or fps < rule.lowest_rate:
@@ -59,7 +58,6 @@ def smoothed(capture: Capture, rule: NoiseRule) -> Capture:
     """The capture through a Butterworth low pass, both ways; with rotations every joint in its parent, bones kept.
 
     Args:
-        capture: the content of the file.
         rule: the low pass.
     """
     from scipy.signal import butter, sosfiltfilt  # takes longer to load than most clips to read

@@ -41,7 +41,6 @@ def span(first: int, last: int, fps: float) -> str:
     """`frame 12 (0.40 s)` or `frames 12–15 (0.40–0.50 s)`.
 
     Args:
-        first: first frame.
         last: last frame.
         fps: frames per second [1/s].
     """

@@ -42,7 +42,6 @@ def body_jumps(middle: Floats, fps: float, rule: JumpRule) -> Floats:
     Args:
         middle: (T, 3) middle of the trunk [leg lengths].
         fps: frames per second [1/s].
-        rule: thresholds.
     """
     return _beyond(middle, rule.body_threshold(fps), rule)
 
@@ -54,7 +53,6 @@ def limb_jumps(points: Floats, middle: Floats, fps: float, rule: JumpRule) -> Fl
         points: (T, K, 3) keypoints [leg lengths].
         middle: (T, 3) middle of the trunk [leg lengths].
         fps: frames per second [1/s].
-        rule: thresholds.
     """
     return _beyond(points - middle[:, None], rule.limb + rule.limb_acceleration / fps**2, rule)
 
