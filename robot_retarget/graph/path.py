@@ -29,7 +29,7 @@ class RootScaling:
 
 
 def root_scaling_of(human: HumanFeatures, match: Match) -> RootScaling:
-    """The root_scaling that starts above the origin."""
+    """Return the scaling of the path of the root; the scaled path starts above the origin."""
     x, ratio = human.positions, match.leg_ratio
     pelvis = match.index("pelvis") if "pelvis" in match.keypoints else None
     first = x[0].mean(axis=0) if pelvis is None else x[0, pelvis]

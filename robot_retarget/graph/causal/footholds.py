@@ -55,12 +55,12 @@ class CausalFootholds:
         for k, sole in enumerate(self.soles):
             carried = sole.places(human)[0]
             held = self._stands(human, sole.foot) & self._still(k, carried)
-            stood, stands = bool(self.held[k].any()), bool(held.any())
-            self.since[k] = 0.0 if stood != stands else self.since[k] + seconds
-            if stands and not (stood and held[self.held[k]].all()):
+            stood_before, stands = bool(self.held[k].any()), bool(held.any())
+            self.since[k] = 0.0 if stood_before != stands else self.since[k] + seconds
+            if stands and not (stood_before and held[self.held[k]].all()):
                 self.places[k], self.landed[k] = _come_down(corners[k], carried, held), carried
                 self.height[k] = corners[k, :, 2]
-            if stood and not stands:
+            if stood_before and not stands:
                 self.offset[k] = corners[k] - carried
             self.held[k] = held
             target[k], priority[k] = self._standing(k) if stands else self._swinging(k, carried)

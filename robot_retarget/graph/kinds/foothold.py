@@ -103,16 +103,16 @@ class FootholdKind(Kind):
 
     def _placed(self, track: Track, measured: Floats, phase: SolvedPhase) -> Track:
         """Return footholds where the legs put the feet, `measured` (T, E) [m]; fixed frames stay."""
-        stood, fixed = self._held(track), phase.fixed
-        corners = measured.reshape(*stood.shape, len(AXES))
+        planned, fixed = self._held(track), phase.fixed
+        corners = measured.reshape(*planned.shape, len(AXES))
         planes = [_plane(before) for before in track.lower.reshape(corners.shape).swapaxes(0, 1)]
-        held, places = stood, _places(stood, corners, fixed, planes)
+        held, places = planned, _places(planned, corners, fixed, planes)
         if self.frees and phase.unreached is not None:
             away = np.linalg.norm((corners - places)[..., :2], axis=-1).mean(axis=2)
-            held = without_unreachable(stood, away, phase.unreached, fixed)
+            held = without_unreachable(planned, away, phase.unreached, fixed)
             places = _places(held, corners, fixed, planes)
         places = places.reshape(measured.shape)
-        priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), stood & ~held)
+        priority = self._freed(track.priority.reshape(*held.shape, len(AXES)), planned & ~held)
         return replace(track, lower=places, upper=places, priority=priority.reshape(measured.shape))
 
     @staticmethod
