@@ -4,6 +4,7 @@ import ast
 import resource
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -98,7 +99,8 @@ def modules(unit: str) -> list[Path]:
     return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
 
 
-def imports(path: Path) -> set[str]:
+@cache
+def imports(path: Path) -> frozenset[str]:
     """The modules that a file imports, by their full names."""
     names = set[str]()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -109,7 +111,7 @@ def imports(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             whole = node.module == "robot_retarget"
             names |= {f"{node.module}.{alias.name}" for alias in node.names} if whole else {node.module or ""}
-    return names
+    return frozenset(names)
 
 
 def imported_units(unit: str) -> set[str]:

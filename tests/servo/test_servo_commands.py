@@ -79,7 +79,7 @@ def test_a_map_with_numbers_that_cannot_be_moves_nothing(tmp_path: Path) -> None
     path, well = swing(tmp_path), dump_map(ARM)
     with emulated(tmp_path) as emulator:
         before = emulator.servos()
-        for name, old, new in (("speed", "speed = 4.0", "speed = nan"), ("j1", '"j1" = 0.0', '"j1" = "0.0"')):
+        for name, old, new in (("speed", "speed = 4.0", "speed = nan"), ("j1", "j1 = 0.0", 'j1 = "0.0"')):
             bad = tmp_path / f"{name}.toml"
             bad.write_text(well.replace(old, new), encoding="utf-8")
             line = well[: well.index(old)].count("\n") + 1
