@@ -7,11 +7,11 @@ foot flat in place. The robot lifts a foot only if the human lifts it well, or p
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import BalanceError
-from robot_retarget.human.stance import StanceRule, intervals, without_flicker
+from robot_retarget.human.stance import StanceRule, intervals, over_lowest, without_flicker
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,6 @@ class StepRule:
     """A sole slower than this [1/s] ..."""
     height: float = 0.06
     """... and lower than this stands, regardless of the human's label."""
-    drift: float = 0.6
-    """The lowest sole within this time to either side is on the floor: captures drift in height [s]."""
     flight: float = 0.12
     """A longer time without a foot on the floor is a jump [s]."""
     lift: float = 0.12
@@ -50,7 +48,7 @@ def planted_feet(
         BalanceError: the motion leaves the floor.
     """
     chosen = rule or StepRule()
-    low, speed = _over_floor(corners, chosen.drift * fps), _speed(corners, fps)
+    low, speed = over_lowest(corners[..., 2].min(axis=2), fps), _speed(corners, fps)
     _refuse_flight(low.min(axis=1) > chosen.height * leg, fps, chosen)
     labelled = [stances[f].any(axis=1) if f in stances else np.zeros(len(corners), bool) for f in feet]
     planted = np.stack(labelled, axis=1) | ((low < chosen.height * leg) & (speed < chosen.speed * leg))
@@ -76,7 +74,7 @@ def without_small_swings(
         (T, F) feet on the floor.
     """
     chosen, kept = rule or StepRule(), planted.copy()
-    low = _over_floor(corners, chosen.drift * fps)
+    low = over_lowest(corners[..., 2].min(axis=2), fps)
     for foot in range(planted.shape[1]):
         stood = 0
         for start, stop in intervals(~planted[:, foot]):
@@ -93,13 +91,6 @@ def _moved(corners: Floats, start: int, stop: int) -> float:
     """Return the largest corner displacement of a foot (T, 4, 3) from the frame before `start` to `stop` [m]."""
     before, after = max(start - 1, 0), min(stop, len(corners) - 1)
     return float(np.linalg.norm((corners[after] - corners[before])[:, :2], axis=1).max())
-
-
-def _over_floor(corners: Floats, reach: float) -> Floats:
-    """Return (T, F) height of the lowest corner over the lowest of all within `reach` frames [m]."""
-    low = corners[..., 2].min(axis=2)
-    floor = minimum_filter1d(low.min(axis=1), 2 * round(reach) + 1, mode="nearest")
-    return low - floor[:, None]
 
 
 def _speed(corners: Floats, fps: float) -> Floats:

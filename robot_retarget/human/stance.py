@@ -112,3 +112,9 @@ def lowest_over_time(heights: Floats, fps: float) -> Floats:
     reach = max(1, round(WINDOW * fps))
     lowest = minimum_filter1d(heights.min(axis=1), 2 * reach + 1, mode="nearest")
     return uniform_filter1d(lowest, reach, mode="nearest")
+
+
+def over_lowest(low: Floats, fps: float) -> Floats:
+    """Return heights (T, F) over the lowest of all within `WINDOW` to either side of each frame: captures drift in height."""
+    floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
+    return low - floor[:, None]

@@ -7,13 +7,12 @@ p(t) = x(t) − x(0)        the place of the pelvis, seen from above
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from robot_retarget.arrays import Bools, Floats
 from robot_retarget.human.activity import ActivityRule
 from robot_retarget.human.features import HumanFeatures
 from robot_retarget.human.match import Match
-from robot_retarget.human.stance import WINDOW, intervals
+from robot_retarget.human.stance import intervals, over_lowest
 from robot_retarget.robot import Robot, world_points
 from robot_retarget.robot.feet import sole_corners
 
@@ -81,9 +80,8 @@ def robot_travel(x: Floats, qpos: Floats, robot: Robot, match: Match, fps: float
     feet, steps = tuple(match.anatomy.soles), 0
     if feet:
         soles = [world_points(robot, sole_corners(match.anatomy, foot), qpos)[..., 2].min(axis=1) for foot in feet]
-        low = np.stack(soles, axis=1) / match.robot_leg
-        floor = minimum_filter1d(low.min(axis=1), 2 * round(WINDOW * fps) + 1, mode="nearest")
-        steps = sum(len(_inner(foot, len(qpos))) for foot in (low - floor[:, None] > STEPS.clearance).T)
+        low = over_lowest(np.stack(soles, axis=1) / match.robot_leg, fps)
+        steps = sum(len(_inner(foot, len(qpos))) for foot in (low > STEPS.clearance).T)
     return _travel(x, match, steps)
 
 
