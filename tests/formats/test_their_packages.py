@@ -1,10 +1,56 @@
-"""The programs themselves read what is written, where they are installed."""
+"""The programs themselves read what is written, where they are installed, or their repositories are clones in the folder that
+the environment names THEIR_REPOSITORIES."""
+
+import importlib.util
+import os
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from format_moves import motion_of, robot_called
 
 from robot_retarget.formats import export, import_motion
+
+
+def their_file(path: str) -> ModuleType:
+    """A file of a clone, as a module by itself."""
+    file = Path(os.environ.get("THEIR_REPOSITORIES", "")) / path
+    if "THEIR_REPOSITORIES" not in os.environ or not file.is_file():
+        pytest.skip(f"no {path} in THEIR_REPOSITORIES")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_gmr_loads_its_pickle(tmp_path) -> None:
+    loader = their_file("GMR/general_motion_retargeting/data_loader.py")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    _, fps, place, turn, angles, bodies, names = loader.load_robot_motion(
+        export(motion, robot, "gmr", tmp_path / "a.pkl")
+    )
+    assert fps == motion.fps and bodies.shape[:2] == (len(motion), len(names))
+    np.testing.assert_allclose(np.concatenate([place, turn, angles], axis=1), motion.qpos, atol=1e-9)
+
+
+def test_mimickit_loads_its_motion(tmp_path) -> None:
+    loader = their_file("MimicKit/mimickit/anim/motion.py")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    loaded = loader.load_motion(export(motion, robot, "mimickit", tmp_path / "a.pkl"))
+    assert loaded.loop_mode is loader.LoopMode.CLAMP and loaded.get_length() == pytest.approx(motion.duration)
+    np.testing.assert_allclose(loaded.frames[:, 6:], motion.qpos[:, 7:], atol=1e-6)
+
+
+def test_isaac_lab_loads_its_amp_archive(tmp_path) -> None:
+    folder = "IsaacLab/source/isaaclab_tasks/isaaclab_tasks/direct/humanoid_amp/motions"
+    loader = their_file(f"{folder}/motion_loader.py")
+    robot, motion = robot_called("op3"), motion_of("op3")
+    loaded = loader.MotionLoader(str(export(motion, robot, "isaaclab-amp", tmp_path / "a.npz")), "cpu")
+    assert loaded.dof_names == list(robot.joint_names) and loaded.dt == pytest.approx(1 / motion.fps)
+    np.testing.assert_allclose(loaded.dof_positions.numpy(), motion.qpos[:, 7:], atol=1e-6)
+    np.testing.assert_allclose(loaded.body_positions[:, 0].numpy(), motion.qpos[:, :3], atol=1e-6)
 
 
 def test_mjlab_loads_its_archive(tmp_path) -> None:

@@ -57,7 +57,9 @@ def _feature(dtype: str, width: int, names: list[str] | None) -> dict[str, Any]:
 
 def _statistics(values: Floats) -> dict[str, list[float]]:
     found = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
-    return {name: value.tolist() for name, value in found.items()} | {"count": [len(values)]}
+    listed: dict[str, list[float]] = {name: value.tolist() for name, value in found.items()}
+    listed["count"] = [len(values)]
+    return listed
 
 
 def _write_rows(path: Path, rows: dict[str, Floats], fps: float) -> None:
