@@ -15,7 +15,7 @@ from robot_retarget.progress import Count
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
 from robot_retarget.solve.candidates import coarse_path
-from robot_retarget.solve.limits import JointBounds
+from robot_retarget.solve.limits import Differences, JointBounds
 from robot_retarget.solve.options import Search, Smoothing
 from robot_retarget.solve.problem import ClipTargets, Problem, targets_of
 from robot_retarget.solve.quadratic import Proximal
@@ -45,10 +45,8 @@ class ClipProblem:
     solver: FrameSolver
     all_targets: ClipTargets
     smoothing: Smoothing
-    smooth: Floats
-    """(T, nv) π of squared second differences, per tangent direction."""
-    inertia: Floats
-    """(nv,) weight of the tangent directions against each other, 1 for hinges [-]."""
+    smooth: Differences
+    """Second differences over T frames."""
     bounds: JointBounds
     """(T, n) of the hinges."""
     fps: float
@@ -175,14 +173,14 @@ def clip_of(
         fixed: number of first frames that are known.
     """
     targets, limits = targets_of(tracks), solver.problem.limits
-    smooth, inertia = limits.difference_weights(targets, SECOND_DIFFERENCE)
-    return ClipProblem(solver, targets, smoothing, smooth, inertia, limits.bounds(targets), fps, fixed)
+    smooth = limits.differences(targets, SECOND_DIFFERENCE)
+    return ClipProblem(solver, targets, smoothing, smooth, limits.bounds(targets), fps, fixed)
 
 
 def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSolution]:
     """Alternate between frames drawn to a smooth path and the smooth path through the frames.
 
-    The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1}‖²  subject to
+    The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
     multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Even frames step together, then odd
     ones, so that the neighbours of a stepping frame stay where they are. After the first passes, only frames whose cost
@@ -215,7 +213,7 @@ class _Passes:
         hinges = robot.qpos_index
         self.qpos[:, hinges] = within_speeds(start[:, hinges], clip.bounds.speed[1:] / clip.fps, clip.fixed)
         self.path, self.dual = self.qpos.copy(), np.zeros((len(start), robot.model.nv))
-        self.rho = clip.smoothing.proximal * clip.inertia
+        self.rho = clip.smoothing.proximal * clip.smooth.inertia
         self.halves = [np.arange(clip.fixed + k, len(start), 2) for k in (0, 1)]
         boxes = [clip.box(self.qpos, half) for half in self.halves]
         self.descents = [
@@ -246,7 +244,9 @@ class _Passes:
         relaxed = integrate(robot, self.path, away)  # beyond the path: s ⊕ α (q ⊖ s)
         drawn = integrate(robot, relaxed, self.dual)
         speed = difference(robot, drawn[:-1], drawn[1:])
-        self.path = integrate(robot, drawn, smooth_offsets(speed, clip.smooth / self.rho, clip.fixed))
+        self.path = integrate(
+            robot, drawn, smooth_offsets(speed, clip.smooth.weight / self.rho, clip.fixed, clip.smooth.bend)
+        )
         self.dual += difference(robot, self.path, relaxed)
         self.dual[: clip.fixed] = 0.0
 

@@ -102,6 +102,9 @@ def _values_refused(track: Track, robot: Robot) -> str:
     for end, count in ends.items():
         if end not in names or count > 1:
             return f"joint {end!r} has two edges" if end in names else f"no joint {end!r}; {known(names)}"
-    if track.role is Role.COST and not (np.isinf(track.huber_delta) and (track.lower == 0).all() and track.exact):
-        return "differences of joints have the target 0 and squared errors"
-    return ""
+    if track.role is not Role.COST:
+        return ""
+    if not (np.isinf(track.huber_delta) and track.exact):
+        return "differences of joints have one target and squared errors"
+    moved = track.stencil == CAUSAL_DIFFERENCE and track.lower.any()
+    return "the difference from the two frames before has the target 0" if moved else ""

@@ -38,6 +38,18 @@ class JointBounds:
     """Largest speed from the frame before [rad/s]."""
 
 
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Costs on differences of joint coordinates over a stencil, per tangent direction."""
+
+    weight: Floats
+    """(…, nv) sum of π/scale²."""
+    bend: Floats
+    """(…, nv) weighted mean of the targets, 0 without costs [rad, m]."""
+    inertia: Floats
+    """(nv,) 1/scale² of the last of them, the weight of a direction against that of a hinge; 1 without such costs [-]."""
+
+
 class JointLimits:
     """Reads the rows of joint coordinates from targets."""
 
@@ -70,20 +82,17 @@ class JointLimits:
                 speed[..., hinges] = np.minimum(speed[..., hinges], np.minimum(-low, high))
         return JointBounds(lower, upper, speed)
 
-    def difference_weights(self, targets: Targets, stencil: tuple[int, ...]) -> tuple[Floats, Floats]:
-        """Weights of the costs on differences of joint coordinates over a stencil.
-
-        Returns:
-            (…, nv) their sum of π/scale² per tangent direction, and (nv,) 1/scale² of the last of them, the weight of a
-            direction against that of a hinge; 1 without such costs.
-        """
+    def differences(self, targets: Targets, stencil: tuple[int, ...]) -> Differences:
+        """Return the costs on differences of joint coordinates over a stencil."""
         nv = self.robot.model.nv
         weight, inertia = np.zeros((*targets.lower.shape[:-1], nv)), np.ones(nv)
+        pull = np.zeros_like(weight)
         for own, columns, directions, inverse in self._differences:
             if own == stencil:
-                inertia[directions] = inverse
-                weight[..., directions] += targets.priority[..., columns] * inverse
-        return weight, inertia
+                inertia[directions], each = inverse, targets.priority[..., columns] * inverse
+                weight[..., directions] += each
+                pull[..., directions] += each * targets.lower[..., columns]
+        return Differences(weight, pull / np.where(weight > 0, weight, 1.0), inertia)
 
 
 def _indices(names: Sequence[str], track: Track) -> Ints:

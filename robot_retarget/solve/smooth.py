@@ -9,15 +9,16 @@ DECIMALS = 9
 """Stiffnesses that agree in these decimals share one banded system."""
 
 
-def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> Floats:
-    """Return the offset of each frame that reduces second differences.
+def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0, bend: Floats | float = 0.0) -> Floats:
+    """Return the offset of each frame that moves second differences towards their targets.
 
-    minimise  Σ_t ‖δ_t‖² + Σ_t κ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1}
+    minimise  Σ_t ‖δ_t‖² + Σ_t κ_t ‖a_t + δ_{t−1} − 2δ_t + δ_{t+1}‖²,   a_t = v_t − v_{t−1} − b_t
 
     Args:
         speed: (T − 1, n) change from each frame to the next, v.
         stiffness: κ, for all columns, each (n,), or each frame and column (T, n).
         fixed: number of frames at the start that keep δ = 0.
+        bend: b, the targets of second differences, for all, each column (n,), or each frame and column (T, n).
 
     Returns:
         (T, n) offsets δ.
@@ -25,10 +26,11 @@ def smooth_offsets(speed: Floats, stiffness: Floats | float, fixed: int = 0) -> 
     frames = len(speed) + 1
     if frames < 3:
         return np.zeros((frames, speed.shape[1]))
-    kappa: Floats = np.broadcast_to(np.round(stiffness, DECIMALS), (frames, speed.shape[1]))[1:-1]
-    bend, pushed = kappa * np.diff(speed, axis=0), np.zeros((frames, speed.shape[1]))
+    shape = frames, speed.shape[1]
+    kappa: Floats = np.broadcast_to(np.round(stiffness, DECIMALS), shape)[1:-1]
+    force, pushed = kappa * (np.diff(speed, axis=0) - np.broadcast_to(bend, shape)[1:-1]), np.zeros(shape)
     for shift, factor in ((0, 1.0), (1, -2.0), (2, 1.0)):
-        pushed[shift : shift + len(bend)] += factor * bend
+        pushed[shift : shift + len(force)] += factor * force
     offsets = np.zeros_like(pushed)
     _, first, system = np.unique(kappa, axis=1, return_index=True, return_inverse=True)
     for k, column in enumerate(first):

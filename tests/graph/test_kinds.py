@@ -1,5 +1,6 @@
 """Every kind measures the quantity of its docstring, checked by MuJoCo and NumPy; a new kind is one small class."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +16,7 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.kinds.mass import MassKind
+from robot_retarget.graph.kinds.temporal import BOUNCE, SmoothnessKind
 from robot_retarget.graph.symbolic_robot import SymbolicRobot, drawn_configurations
 from robot_retarget.graph.track import Track, exact, frame_costs
 from robot_retarget.motion import read_motion
@@ -164,3 +166,16 @@ def test_a_kind_of_one_small_class_is_shown_weighed_and_solved_with() -> None:
 def test_kinds_that_the_bodies_do_not_have_are_left_out() -> None:
     graph = describe(read_motion(SAMPLES / "wave.bvh").frames(0, 6), load_robot("op3"), kinds=(KINDS[0], MassKind()))
     assert [track.name for track in graph.tracks] == ["posture"]
+
+
+def test_the_root_of_a_body_in_flight_falls_as_the_human_does() -> None:
+    graph, _ = made()
+    fps, frames = 100.0, 60
+    time = np.arange(frames)[:, None, None] / fps
+    fall = [0.3, 0.0, 0.0] * time + [0.0, 0.0, -9.81 / 2] * time**2
+    human = replace(graph.human, positions=graph.human.positions[:1] + fall, fps=fps)
+    track = SmoothnessKind().targets(RetargetContext(human, graph.match, graph.robot, graph.weights))
+    up = [end for end, _ in track.ends].index("root 2")
+    far = slice(round(5 * BOUNCE * fps), -round(5 * BOUNCE * fps))
+    assert np.allclose(track.lower[far, up] * fps**2, -9.81 * graph.match.leg_ratio)
+    assert not np.delete(track.lower, up, axis=1).any()

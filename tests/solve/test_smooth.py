@@ -15,9 +15,11 @@ from robot_retarget.solve.smooth import smooth_offsets
 def test_offsets_solve_the_dense_least_squares(frames: int, stiffness: float, seed: int) -> None:
     path = np.random.default_rng(seed).normal(size=(frames, 2))
     bend = np.diff(np.eye(frames), 2, axis=0)
+    targets = np.random.default_rng(seed + 1).normal(size=(frames, 2))
     stacked = np.vstack([np.eye(frames), np.sqrt(stiffness) * bend])
-    wanted = np.linalg.lstsq(stacked, np.vstack([path, np.zeros((frames - 2, 2))]), rcond=None)[0]
-    assert np.allclose(path + smooth_offsets(np.diff(path, axis=0), stiffness), wanted, atol=1e-8)
+    wanted = np.linalg.lstsq(stacked, np.vstack([path, np.sqrt(stiffness) * targets[1:-1]]), rcond=None)[0]
+    found = path + smooth_offsets(np.diff(path, axis=0), stiffness, bend=targets)
+    assert np.allclose(found, wanted, atol=1e-8)
 
 
 def test_a_straight_path_is_left_alone() -> None:

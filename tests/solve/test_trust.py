@@ -57,7 +57,8 @@ def check_sum(solution: Solution) -> None:
     weight = np.full(graph.robot.model.nv, graph.weights.smooth * graph.weights.smooth_root)
     weight[graph.robot.dof_index] = graph.weights.smooth
     speed = np.array([difference(graph.robot, a, b) for a, b in pairwise(qpos)])
-    bend = (weight * (graph.fps / 30) ** 4 * np.diff(speed, axis=0) ** 2).sum(axis=1)
+    away = np.diff(speed, axis=0) - graph.kinds["smoothness"].lower[1:-1]
+    bend = (weight * (graph.fps / 30) ** 4 * away**2).sum(axis=1)
     assert np.allclose(solution.stress["smoothness"][1:-1], bend, rtol=1e-9)
     total[1:-1] += bend
     total += sum(solution.stress.get(kind, 0.0) for kind in ("separation", "coupling", "interaction"))

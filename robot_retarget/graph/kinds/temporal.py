@@ -1,26 +1,50 @@
 """Smoothness of clips and inertia of streams: costs on the change of the configuration from frame to frame."""
 
-import numpy as np
+from dataclasses import replace
 
-from robot_retarget.graph.kind import Form, Kind, RetargetContext, Track, exact
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from robot_retarget.arrays import Floats
+from robot_retarget.graph.kind import Form, Kind, Phase, RetargetContext, Track, exact
+from robot_retarget.graph.path import pelvis_path
+from robot_retarget.graph.phase import PlaybackPhase
 from robot_retarget.graph.role import CAUSAL_DIFFERENCE, SECOND_DIFFERENCE
 from robot_retarget.graph.weights import REFERENCE_FPS
 from robot_retarget.robot.kinematics import tangent_names
 
+BOUNCE = 0.05
+"""Standard deviation of the Gaussian over the human's height, whose acceleration the root has [s]: captures are noisy."""
+UP = "root 2"
+"""The height of a free root among tangent directions."""
+
 
 class SmoothnessKind(Kind):
-    """Second difference q_{t−1} − 2 q_t + q_{t+1} of every tangent direction [rad or m], 0."""
+    """Second difference q_{t−1} − 2 q_t + q_{t+1} of every tangent direction [rad or m].
+
+    The target is 0, and for the height of the root that of the human's path: a body in flight falls, and gait bounces.
+    """
 
     name = "smoothness"
     stencil = SECOND_DIFFERENCE
     form = Form.JOINT
-    follows_human = False
 
     def targets(self, context: RetargetContext) -> Track:
         """κ at the frame rate: a second difference scales with the squared time between frames."""
-        kappa = context.weights.smooth * (context.human.fps / REFERENCE_FPS) ** 4
-        ends = [(name, "second difference") for name in tangent_names(context.robot)]
-        return exact(self, ends, np.zeros((len(context.human), len(ends))), kappa, _scales(context))
+        human, names = context.human, tangent_names(context.robot)
+        kappa = context.weights.smooth * (human.fps / REFERENCE_FPS) ** 4
+        bend = np.zeros((len(human), len(names)))
+        if context.robot.floating:
+            height = gaussian_filter1d(pelvis_path(human, context.match)[:, 2], BOUNCE * human.fps, mode="nearest")
+            bend[1:-1, names.index(UP)] = np.diff(height, 2)
+        ends = [(name, "second difference") for name in names]
+        return exact(self, ends, bend, kappa, _scales(context, context.weights.smooth_root))
+
+    def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
+        """Return the target 0 in a balanced playback, whose pace differs from the human's."""
+        if not isinstance(phase, PlaybackPhase):
+            return track
+        return replace(track, lower=np.zeros_like(track.lower), upper=np.zeros_like(track.upper))
 
 
 class InertiaKind(Kind):
@@ -34,11 +58,12 @@ class InertiaKind(Kind):
     def targets(self, context: RetargetContext) -> Track:
         """1 for hinges, times the weight of the time since the frame before (`realtime.follower`)."""
         ends = [(name, "two frames before") for name in tangent_names(context.robot)]
-        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, _scales(context))
+        scales = _scales(context, context.weights.inertia_root)
+        return exact(self, ends, np.zeros((len(context.human), len(ends))), 1.0, scales)
 
 
-def _scales(context: RetargetContext) -> np.ndarray:
-    """(nv,) 1 for hinges; smaller for the root, which weighs more."""
-    scales = np.full(context.robot.model.nv, 1 / np.sqrt(max(context.weights.smooth_root, 1e-9)))
+def _scales(context: RetargetContext, root: float) -> Floats:
+    """(nv,) 1 for hinges; smaller for the root, whose squares count `root` times."""
+    scales = np.full(context.robot.model.nv, 1 / np.sqrt(max(root, 1e-9)))
     scales[context.robot.dof_index] = 1.0
     return scales

@@ -66,9 +66,9 @@ class FixedLag:
         before = self.given[-1]
         path = [*self.given, first.pose.qpos, *after]
         speed = np.array([difference(self.robot, a, b) for a, b in pairwise(path)])
-        smooth, inertia = self.solver.problem.limits.difference_weights(first.targets, SECOND_DIFFERENCE)
-        weight = self.proximal * inertia
-        offset = smooth_offsets(speed, smooth / weight, len(self.given))[len(self.given)]
+        smooth = self.solver.problem.limits.differences(first.targets, SECOND_DIFFERENCE)
+        weight, known = self.proximal * smooth.inertia, len(self.given)
+        offset = smooth_offsets(speed, smooth.weight / weight, known, smooth.bend)[known]
         box = self.solver.reachable(before, first.targets, first.seconds)
         start, columns = integrate(self.robot, first.pose.qpos, offset), self.robot.qpos_index
         start[columns] = np.clip(start[columns], box.lower, box.upper)

@@ -85,7 +85,7 @@ class RealTimeSolver:
         weight, kept = follower(options, seconds)
         anchor = integrate(self.robot, before, kept * seconds * self.velocity)
         anchor[self.robot.qpos_index] = np.clip(anchor[self.robot.qpos_index], box.lower, box.upper)
-        inertia, _ = self.solver.problem.limits.difference_weights(targets, CAUSAL_DIFFERENCE)
+        inertia = self.solver.problem.limits.differences(targets, CAUSAL_DIFFERENCE).weight
         proximal = Proximal(anchor, np.zeros_like(self.velocity), weight * inertia)
         around = Neighbours({-1 - k: q for k, q in enumerate(self.before)}, {0: targets}, seconds)
         steps = max(1, round(options.steps * seconds))
