@@ -182,9 +182,10 @@ def carried(
     balance: str = "off",
     progress: Progress | None = None,
 ) -> Result:
-    """Carry the motion of a robot performer over to a robot, as `transfer`."""
+    """Carry the motion of a robot performer over to a robot, as `transfer`; with balance, smoothness has its weight."""
     given = weights or Weights()
-    exact = replace(given, smooth=EXACT * given.smooth, rest=EXACT * given.rest, swing=0.0)
+    planned = balance_of(robot, legs, balance) != "off"
+    exact = replace(given, smooth=given.smooth * (1 if planned else EXACT), rest=EXACT * given.rest, swing=0.0)
     kinds = [kind.for_robot() for kind in KINDS]
     return solve(
         describe(motion, robot, fps=fps, weights=exact, preset=preset, kinds=kinds),

@@ -32,6 +32,10 @@ from robot_retarget.solve.solve import solution_of
 SWAY = 0.5
 """The body follows the shift of its footholds smoothly, over this time [s]."""
 
+FLAT = 0.25
+"""`StepRule.speed` for a performer with flat soles, a robot: its labels are exact, and slow beginnings and ends of a swing give
+time to shift the weight [1/s]."""
+
 LEGS = ("auto", "follow", "stand")
 MODES = ("auto", "static", "dynamic", "off")
 
@@ -142,7 +146,7 @@ def _stepping(ik: BalancedIk, draft: Floats) -> PlaybackClip:
     """
     graph, fps = ik.graph, ik.graph.fps
     corners = ik.corners(draft)
-    exact = StepRule(speed=0.0) if graph.match.recognition.segments else None  # a robot that performs has flat soles
+    exact = StepRule(speed=FLAT) if graph.match.recognition.segments else None
     planted = planted_feet(graph.human.contacts, ik.feet, corners, ik.leg, fps, exact)
     own = stand_places(ik)
     corners = spread(corners, own)

@@ -56,10 +56,11 @@ class SequenceOptions(SolvedOptions, BalancedOptions, RobotOptions):
 
 @options
 class SeamOptions:
-    """Where one trajectory is left and the next one entered."""
+    """Where one trajectory is left and the next one entered, and how fast."""
 
     best: bool = option("Move each seam to the best frames within a second.", "--best", default=False)
     fade: float | None = option("Duration of a seam [s]; by default what the joints need.", default=None)
+    speed: float = option("Factor of the speed; the limits of joints and of balance stay.", default=1.0)
 
 
 @options
