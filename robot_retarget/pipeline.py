@@ -12,6 +12,7 @@ from robot_retarget.graph.describe import RobotGraph, describe
 from robot_retarget.graph.kinds import KINDS
 from robot_retarget.graph.weights import Weights
 from robot_retarget.human.robot_performer import performed
+from robot_retarget.human.terrain import Terrain
 from robot_retarget.motion import Motion
 from robot_retarget.progress import Progress, consecutive
 from robot_retarget.result import Result
@@ -91,6 +92,7 @@ def retarget(
     progress: Progress | None = None,
     scene: Scene | str | Path | None = None,
     scene_scale: float | None = None,
+    terrain: Terrain = "flat",
 ) -> Result:
     """Retarget a human motion to a robot: `describe`, then `solve`, which state the errors.
 
@@ -109,6 +111,7 @@ def retarget(
         progress: receives (steps done, steps in all).
         scene: the bodies around the human, or a file that `read_scene` reads.
         scene_scale: size of the bodies beside the robot over their captured size [-]; None scales them with the human.
+        terrain: `auto` adds boxes for the steps and seats that the motion shows.
 
     Returns:
         The trajectory with its graph and solution.
@@ -123,6 +126,7 @@ def retarget(
         preset=preset,
         scene=scene,
         scene_scale=scene_scale,
+        terrain=terrain,
     )
     prepared = time.perf_counter() - began
     result = solve(

@@ -12,6 +12,7 @@ from robot_retarget.human.features import features_of
 from robot_retarget.human.match import match
 from robot_retarget.human.stance import intervals
 from robot_retarget.human.stature import leg_length, stature
+from robot_retarget.human.terrain import with_terrain
 from robot_retarget.motion import Motion
 from robot_retarget.robot import Robot
 from robot_retarget.robot import recognise as recognise_robot
@@ -82,6 +83,16 @@ def describe_scene(motion: Motion, robot: Robot) -> dict[str, Any]:
         for k, body in enumerate(scene.bodies)
     ]
     return {"scene": bodies, "notes": [*motion.notes, *scene.notes]}
+
+
+def describe_terrain(motion: Motion, robot: Robot) -> dict[str, Any]:
+    """The steps and seats that a motion shows, as `describe_scene` states bodies; empty on a level floor."""
+    found = with_terrain(motion, match(motion, robot))
+    if found.scene is motion.scene:
+        return {}
+    facts = describe_scene(found, robot)
+    advice = "The ground is not level: --terrain auto puts these boxes under the human."
+    return facts | {"notes": [*facts["notes"], advice]}
 
 
 SURENESS = ((0.8, "sure"), (0.6, "likely"), (0.4, "doubtful"), (0.0, "a guess"))

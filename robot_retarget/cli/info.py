@@ -28,7 +28,7 @@ class InfoOptions:
 def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, printing: PrintOptions) -> None:
     """Describe a motion or a robot, its recognised keypoints, and the bodies of a scene with the parts that touch them."""
     from robot_retarget.scene import read_scene
-    from robot_retarget.summary import describe_motion, describe_robot, describe_scene
+    from robot_retarget.summary import describe_motion, describe_robot, describe_scene, describe_terrain
 
     file, robot = str(subject.file), subject.robot
     if (subject.file is None) == (robot is None):
@@ -40,6 +40,8 @@ def info(subject: InfoOptions, reading: ReadOptions, limits: LimitOptions, print
         facts = describe_motion(motion)
         if subject.scene is not None:
             facts |= describe_scene(motion.with_scene(read_scene(subject.scene)), load(DEFAULT_ROBOT))
+        elif facts["human"]:
+            facts |= describe_terrain(motion, load(DEFAULT_ROBOT))
     printing.show(facts, console.show_robot if facts["kind"] == "robot" else console.show_motion)
     if not facts.get("human", facts.get("humanoid", True)):
         raise typer.Exit(2)

@@ -238,6 +238,9 @@ class GraphOptions(RateOptions, MapOptions):
         "Size of the bodies beside the robot: `human` scales them with the human, 1 keeps their size, or a number.",
         default="human",
     )
+    terrain: Literal["flat", "auto"] = option(
+        "auto puts boxes where the human stands on steps and sits on seats; flat is a level floor.", default="flat"
+    )
 
     def describe(self, motion: "Motion", robot: "Robot") -> "RobotGraph":
         """Return the graph of a motion on a robot."""
@@ -245,7 +248,13 @@ class GraphOptions(RateOptions, MapOptions):
 
         scale, what = self._scale(), (motion, robot)
         return describe(
-            *what, fps=self.fps, overrides=self.map_file, preset=self.preset, scene=self.scene, scene_scale=scale
+            *what,
+            fps=self.fps,
+            overrides=self.map_file,
+            preset=self.preset,
+            scene=self.scene,
+            scene_scale=scale,
+            terrain=self.terrain,
         )
 
     def _scale(self) -> float | None:

@@ -25,6 +25,7 @@ from robot_retarget.graph.weights import REFERENCE_FPS, Weights
 from robot_retarget.human.features import HumanFeatures, features_of
 from robot_retarget.human.match import Match, match, read_map
 from robot_retarget.human.surroundings import rescaled
+from robot_retarget.human.terrain import Terrain, with_terrain
 from robot_retarget.motion import Motion, as_motion
 from robot_retarget.robot import Robot, as_robot, freeze
 from robot_retarget.robot.override import frozen_lines
@@ -144,6 +145,7 @@ def describe(
     kinds: Iterable[Kind] | None = None,
     scene: Scene | str | Path | None = None,
     scene_scale: float | None = None,
+    terrain: Terrain = "flat",
 ) -> RobotGraph:
     """Build the graph of a human motion on a robot.
 
@@ -158,6 +160,7 @@ def describe(
         scene: the bodies around the human, or a file that `read_scene` reads; None takes those of the motion, if any.
         scene_scale: size of the bodies beside the robot over their captured size [-]; None takes that of the scene, and
             without one scales them with the human.
+        terrain: `auto` adds boxes for the steps and seats that the motion shows (`human.terrain`); `flat` adds none.
 
     Raises:
         SceneError: a body does not fit the motion.
@@ -169,6 +172,8 @@ def describe(
     tables = read_map(Path(overrides)) if overrides is not None else {}
     robot = freeze(as_robot(robot), frozen_lines(tables.get("robot", {})))
     matched = match(motion, robot, overrides)
+    if terrain == "auto":
+        motion = among(with_terrain(motion, matched), None, scene_scale)
     graph = graph_of(motion, features_of(motion, matched), robot, weighed, kinds)
     return replace(graph, mapped=overrides is not None)
 

@@ -98,13 +98,13 @@ class RobotAmongBodies:
             self._known = key, reach, self._measured(qpos, poses, reach)
         return self._known[2]
 
-    def to_face(self, qpos: Floats, poses: Floats, link: int, face: tuple[Floats, Floats]) -> tuple[float, Floats]:
-        """Return the distance of a link from the plane of a face, negative behind it [m], and its slope (nv,) by the tangent v.
+    def to_face(self, qpos: Floats, poses: Floats, links: Ints, face: tuple[Floats, Floats]) -> tuple[float, Floats]:
+        """Return the least distance of links from the plane of a face, negative behind it [m], and its slope (nv,) by the tangent v.
 
         Args:
             qpos: (nq,) configuration of the robot.
             poses: (B, 7) of the bodies.
-            link: a body of the robot's model with geoms.
+            links: bodies of the robot's model, some with geoms.
             face: a point (3,) [m] and the outward unit normal (3,).
         """
         self._place(qpos, poses)
@@ -113,13 +113,13 @@ class RobotAmongBodies:
         mujoco.mju_quatZ2Vec(turn, normal)
         mujoco.mju_quat2Mat(self.data.geom_xmat[self._face], turn)
         self.data.geom_xpos[self._face] = place
-        least, ends, found = np.inf, np.zeros(6), np.zeros(6)
-        for geom in self._geoms[self._links == link].tolist():
+        least, ends, found, nearest = np.inf, np.zeros(6), np.zeros(6), 0
+        for geom in self._geoms[np.isin(self._links, links)].tolist():
             distance = mujoco.mj_geomDistance(self.model, self.data, self._face, geom, FAR, ends)
             if distance < least:
-                least, found = distance, ends.copy()
+                least, found, nearest = distance, ends.copy(), int(self.model.geom_bodyid[geom])
         jacobian = np.empty((3, self.model.nv))
-        mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], link)
+        mujoco.mj_jac(self.model, self.data, jacobian, None, found[3:], nearest)
         return least, normal @ jacobian
 
     def point(self, body: int, offset: Floats) -> tuple[Floats, Floats]:

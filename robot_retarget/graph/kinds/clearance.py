@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_retarget.arrays import Bools, Floats, lengths
+from robot_retarget.arrays import Bools, Floats, Ints, lengths
 from robot_retarget.graph.kind import Form, Kind, MeasureRows, RetargetContext, Role, RowState, Track
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.weights import RAMP
 from robot_retarget.human.touches import Surroundings
+from robot_retarget.robot import Anatomy, Robot
 from robot_retarget.robot.geoms import solid_geoms
 from robot_retarget.scene.scene import Scene
 
@@ -93,12 +94,24 @@ def touching_links(context: RetargetContext, around: Surroundings) -> Bools:
     anatomy, weld = context.match.anatomy, np.asarray(context.robot.model.body_weldid)
     found = np.zeros((len(context.human), len(around.scene), context.robot.model.nbody), bool)
     for pair, (part, body) in enumerate(around.touches.pairs):
-        found[:, body, weld[anatomy.sites[part].body]] |= around.touches.held[:, pair]
+        found[:, body, links_of(part, context.robot, anatomy)] |= around.touches.held[:, pair, None]
     for foot, sole in anatomy.soles.items():
         on = around.ground.bodies[:, [k for k, name in enumerate(around.ground.keypoints) if name[0] == foot]]
         for body in range(len(around.scene)):
             found[:, body, weld[sole.bodies[0]]] |= (on == body).any(axis=1)
     return _widened(found, round(RAMP * context.human.fps))
+
+
+def links_of(part: str, robot: Robot, anatomy: Anatomy) -> Ints:
+    """Return the links that touch for a part of the body: that of its keypoint, and for a pelvis the thighs that it sits on as well."""
+    model, sites = robot.model, anatomy.sites
+    links = [sites[part].body]
+    for knee in ("l_knee", "r_knee") if part == "pelvis" else ():
+        body = int(model.body_parentid[sites[knee].body]) if knee in sites else 0
+        while body and body != links[0]:
+            links.append(body)
+            body = int(model.body_parentid[body])
+    return np.unique(np.asarray(model.body_weldid)[links])
 
 
 def _widened(flags: Bools, frames: int) -> Bools:

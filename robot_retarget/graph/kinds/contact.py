@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from robot_retarget.arrays import Floats, unit
 from robot_retarget.graph.kind import AXES, Form, Kind, MeasureRows, RetargetContext, RowState, Track
-from robot_retarget.graph.kinds.clearance import POSE, pose_ends, poses_of
+from robot_retarget.graph.kinds.clearance import POSE, links_of, pose_ends, poses_of
 from robot_retarget.graph.placed_scene import PlacedScene
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import RAMP
@@ -55,9 +55,10 @@ class ContactKind(Kind):
         normals = scene.directions(bodies, around.touches.normals[:, touched], poses)
         strength = _gradual(around.touches.held[:, touched], round(RAMP * context.human.fps))
         target = np.concatenate([np.zeros((frames, len(pairs), 1)), places, normals], axis=2).reshape(frames, -1)
-        priority = (strength[..., None] ** STEEP * [HARD, *[self.along] * len(AXES), *[0.0] * len(NORMAL)]).reshape(
-            frames, -1
-        )
+        # a seat that is too high for the robot's hips would lift hard feet
+        exact = [[self.along if part == "pelvis" else HARD] for part, _ in pairs]
+        weights = np.hstack([exact, np.full((len(pairs), len(AXES)), self.along), np.zeros((len(pairs), len(NORMAL)))])
+        priority = (strength[..., None] ** STEEP * weights).reshape(frames, -1)
         lower = np.hstack([target, poses.reshape(frames, -1)])
         ends = [(part, scene.names[body]) for part, body in pairs for _ in range(OWN)] + pose_ends(scene)
         axes = ("", *AXES, *NORMAL) * len(pairs) + POSE * len(scene)
@@ -81,13 +82,10 @@ class ContactKind(Kind):
         """Return values (4,), slopes (4, nv) and edges of one pair."""
         assert self.scene is not None
         part, _ = self.pairs[pair]
-        site, among, weld = (
-            state.match.anatomy.sites[part],
-            self.scene.among(state.robot),
-            state.robot.model.body_weldid,
-        )
+        site, among = state.match.anatomy.sites[part], self.scene.among(state.robot)
+        links = links_of(part, state.robot, state.match.anatomy)
         place, normal = target[:3], unit(target[3:])
-        distance, away = among.to_face(state.qpos, poses, int(weld[site.body]), (place, normal))
+        distance, away = among.to_face(state.qpos, poses, links, (place, normal))
         x, slope = among.point(site.body, site.offset)
         along = np.eye(3) - np.outer(normal, normal)
         values = np.append(distance, place + along @ (x - place))
