@@ -58,9 +58,8 @@ class RobotAmongBodies:
         """
         spec = robot.spec()
         add_bodies(spec, scene)
-        spec.worldbody.add_geom(
-            name=FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=0, conaffinity=0
-        )
+        face = spec.worldbody.add_body(name=FACE)  # after the robot's, so that its geoms keep their ids
+        face.add_geom(name=FACE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], contype=0, conaffinity=0)
         try:
             self.model = spec.compile()
         except ValueError as error:
