@@ -122,15 +122,13 @@ class ClosedLoop:
         seed: of the sensor's noise and bias.
     """
 
-    added: Floats
-
     def __init__(self, plant: Plant, goals: Goals, imu: Imu, seed: int = 0) -> None:
         assert goals.feedback is not None
         self._angles, self._dt = goals.angles, 1 / goals.rate
         self._law = Law(goals.feedback, self._dt)
         self._motion, self._imu = BodyMotion(plant.model.opt.gravity), VirtualImu(calibrated(imu), self._dt, seed)
         self._turn, self._root = plant.places.qpos[plant.robot.root_address + 3 :][:4], plant.root_dofs
-        self.added = np.zeros_like(goals.angles)
+        self.added: Floats = np.zeros_like(goals.angles)
         """(N, n) [rad]."""
         self.stopped: int | None = None
         """The row at which the robot leaned too far and began to crouch."""

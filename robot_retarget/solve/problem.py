@@ -35,17 +35,15 @@ from robot_retarget.solve.targets import targets_of as targets_of
 class CompiledTracks:
     """Some of a graph's tracks, side by side, as compiled functions."""
 
-    edges: slice
-    build: Build
     model: Upgraded
     cost: Upgraded
     values: Upgraded
 
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], first: int, native: bool, shipped: bool):
         """Assemble the functions of tracks whose edges begin with the graph's `first`."""
-        self.edges = slice(first, first + sum(map(len, tracks)))
+        self.edges: slice = slice(first, first + sum(map(len, tracks)))
         key = build_key(robot, match, tracks) if native else None
-        self.build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key)
+        self.build: Build = Build(lambda: _cost_functions(robot, match, tracks, shipped), key)
         self.model, self.cost, self.values = self.build.functions
 
     def of(self, targets: Targets) -> tuple[Floats, Floats, Floats]:
@@ -136,9 +134,6 @@ class Problem:
 class Inequalities:
     """Symbolic inequalities as compiled rows  J v ≥ deficit; an upper bound is a row of opposite sign."""
 
-    columns: dict[str, slice]
-    edges: Ints
-
     def __init__(self, robot: Robot, match: Match, tracks: Sequence[Track], native: bool):
         """Compile the rows of a problem's tracks, which are `ordered`."""
         own = [track for track in tracks if (track.role, track.kind.form) == (Role.INEQUALITY, Form.SYMBOLIC)]
@@ -146,9 +141,11 @@ class Inequalities:
         key = build_key(robot, match, own) if native else None
         self.build = Build(lambda: [_row_function(robot, match, own)], key)
         (self._measure,) = self.build.functions
-        self.columns = columns_of(own)
+        self.columns: dict[str, slice] = columns_of(own)
         """The edges of each kind among these rows."""
-        self.edges = np.array([edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int)
+        self.edges: Ints = np.array(
+            [edge for t in own for edge in range(every[t.name].start, every[t.name].stop)], dtype=int
+        )
         self._below = _where([np.isfinite(t.lower).any(axis=0) | t.kind.follows_human for t in own])
         self._above = _where([np.isfinite(t.upper).any(axis=0) | t.kind.follows_human for t in own])
         self._raising = _where([np.full(len(t), t.kind.raises_root) for t in own])
@@ -224,20 +221,16 @@ class _Terms:
 
     edges: int
     rows: Ints
-    scale: Floats
-    huber_delta: Floats
-    open: list[int]
-    gather: ca.DM
 
     def __init__(self, tracks: Sequence[Track], rows: Ints, shipped: bool):
         """Sum the terms of tracks; those of shipped kinds keep targets of single values, as they have them now."""
         self.edges, self.rows = len(rows), rows
-        self.scale = np.concatenate([track.scale for track in tracks])
-        self.huber_delta = np.concatenate([np.full(len(track), track.huber_delta) for track in tracks])
-        self.open = np.flatnonzero(
+        self.scale: Floats = np.concatenate([track.scale for track in tracks])
+        self.huber_delta: Floats = np.concatenate([np.full(len(track), track.huber_delta) for track in tracks])
+        self.open: list[int] = np.flatnonzero(
             np.concatenate([np.full(len(track), not (shipped and track.exact)) for track in tracks])
         ).tolist()
-        self.gather = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
+        self.gather: ca.DM = ca.sparsify(ca.DM(np.eye(int(rows.max(initial=-1)) + 1)[rows].T))
         """(M, E) matrix that sums edges over the rows they share."""
 
     def around(self, values: ca.MX, lower: ca.MX, upper: ca.MX, priority: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

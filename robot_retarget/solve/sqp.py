@@ -135,15 +135,13 @@ class FrameSolver:
     hinges: Ints
     leg: float
     roots: Ints
-    costs: CostModel
-    programs: QuadraticPrograms
 
     def __init__(self, problem: Problem, options: SolveOptions | None = None):
         self.problem, self.options, self.robot = problem, options or SolveOptions(), problem.robot
         self.hinges, self.leg, self.roots = self.robot.dof_index, problem.leg, root_dofs(self.robot)
-        self.costs = CostModel(problem, self.options)
+        self.costs: CostModel = CostModel(problem, self.options)
         slack = 1  # of separation; it stands last
-        self.programs = QuadraticPrograms(self.robot.model.nv + slack)
+        self.programs: QuadraticPrograms = QuadraticPrograms(self.robot.model.nv + slack)
 
     def solve_frame(
         self,

@@ -21,31 +21,24 @@ BLENDED = 0.3
 class CausalFootholds:
     """The edges of one robot's soles; F feet."""
 
-    soles: list[Sole]
     feet: tuple[str, ...]
     weights: Weights
-    hard: Floats
-    held: Floats
-    places: Floats
     offset: Floats
     landed: Floats
-    height: Floats
-    strayed: float
-    since: Floats
 
     def __init__(self, context: RetargetContext, across: float):
         """Map the soles of a calibrated performer; `across` is π across the floor of soles that stand."""
         feet = placed_feet(context.match, context.robot)
-        self.soles = [sole_of(context.human, context.match, context.robot, foot) for foot in feet]
+        self.soles: list[Sole] = [sole_of(context.human, context.match, context.robot, foot) for foot in feet]
         self.feet, self.weights = feet, context.weights
-        self.hard = np.array([HARD, HARD, across])
-        self.held = np.zeros((len(feet), CORNERS), dtype=bool)
-        self.places = np.zeros((len(feet), CORNERS, 3))
+        self.hard: Floats = np.array([HARD, HARD, across])
+        self.held: Floats = np.zeros((len(feet), CORNERS), dtype=bool)
+        self.places: Floats = np.zeros((len(feet), CORNERS, 3))
         self.offset, self.landed = np.zeros_like(self.places), np.zeros_like(self.places)
-        self.height = np.zeros((len(feet), CORNERS))
+        self.height: Floats = np.zeros((len(feet), CORNERS))
         """Height of corners at touchdown [m]."""
-        self.strayed = STRAYED * context.leg
-        self.since = np.full(len(feet), np.inf)
+        self.strayed: float = STRAYED * context.leg
+        self.since: Floats = np.full(len(feet), np.inf)
         """Time since a foot last touched down or rose [s]."""
 
     def at(self, frame: StreamFrame) -> tuple[Floats, Floats, Floats]:

@@ -18,7 +18,6 @@ class CausalTargets:
     lower: Floats
     upper: Floats
     priority: Floats
-    following: list[tuple[Kind, slice, dict[str, Any]]]
 
     def __init__(self, graph: RobotGraph):
         tracks = ordered(graph.tracks)
@@ -26,7 +25,9 @@ class CausalTargets:
         self.lower, self.upper, self.priority = (np.concatenate([each[0] for each in side]) for side in sides)
         self.context = RetargetContext(graph.human, graph.match, graph.robot, graph.weights)
         columns = columns_of(tracks)
-        self.following = [(t.kind, columns[t.name], {}) for t in tracks if t.kind.follows_human]
+        self.following: list[tuple[Kind, slice, dict[str, Any]]] = [
+            (t.kind, columns[t.name], {}) for t in tracks if t.kind.follows_human
+        ]
 
     def at(self, human: HumanFeatures, corners: Floats, seconds: float) -> tuple[Floats, Floats, Floats]:
         """Return lower, upper and π (E,) for the human of a frame, `seconds` after the one before.

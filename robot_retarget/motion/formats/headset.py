@@ -22,11 +22,9 @@ class HeldBody:
     first frame follows the mean body in T-pose.
     """
 
-    skeleton: Skeleton
-
     def __init__(self) -> None:
         mean, _ = mean_skeleton(None)
-        self.skeleton = Skeleton(NAMES, PARENTS, mean.offsets[:, [2, 0, 1]])  # x left, y up, z ahead
+        self.skeleton: Skeleton = Skeleton(NAMES, PARENTS, mean.offsets[:, [2, 0, 1]])  # x left, y up, z ahead
         self._places, self._turns = self.skeleton.rest(), np.tile([1.0, 0, 0, 0], (JOINTS, 1))
 
     def step(self, poses: Floats, tracked: Bools) -> tuple[Floats, Floats] | None:

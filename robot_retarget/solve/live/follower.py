@@ -47,23 +47,17 @@ class Follower:
 
     graph: RobotGraph
     all_targets: CausalTargets
-    human: CausalFeatures
-    root_scaling: RootScaling
-    problem: Problem
-    solver: RealTimeSolver
-    lag: FixedLag | None
-    corners: Compiled
 
     def __init__(self, graph: RobotGraph, options: RealTime, lag: int, native: bool):
         match = graph.match
         self.graph, self.all_targets = graph, CausalTargets(graph)
-        self.human = CausalFeatures(graph.human)
-        self.root_scaling = root_scaling_of(graph.human, match)
-        self.problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
+        self.human: CausalFeatures = CausalFeatures(graph.human)
+        self.root_scaling: RootScaling = root_scaling_of(graph.human, match)
+        self.problem: Problem = build_problem(graph.robot, match, graph.tracks, native=native, lag=lag)
         frames = FrameSolver(self.problem)
-        self.solver = RealTimeSolver(frames, options)
-        self.lag = FixedLag(frames, lag, Smoothing()) if lag else None
-        self.corners = _corners(
+        self.solver: RealTimeSolver = RealTimeSolver(frames, options)
+        self.lag: FixedLag | None = FixedLag(frames, lag, Smoothing()) if lag else None
+        self.corners: Compiled = _corners(
             graph.robot, [sole_corners(match.anatomy, foot) for foot in placed_feet(match, graph.robot)]
         )
         self.targets: EdgeTargets | None = None

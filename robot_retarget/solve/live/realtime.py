@@ -32,24 +32,20 @@ class RealTimeSolver:
     solver: FrameSolver
     robot: Robot
     options: RealTime
-    root: Floats
-    home: BasinEscape
-    velocity: Floats
-    pace: float
 
     def __init__(self, solver: FrameSolver, options: RealTime):
         """Follow with one solver; its tracks define the inertia."""
         self.solver, self.robot, self.options = solver, solver.robot, options
         dofs, free = solver.roots, self.robot.floating
-        self.root = np.full(len(dofs), options.root_turn)
+        self.root: Floats = np.full(len(dofs), options.root_turn)
         self.root[: 3 if free else 0] = options.root_speed
-        self.home = BasinEscape(solver, options)
+        self.home: BasinEscape = BasinEscape(solver, options)
         self.pose: FrameSolution | None = None
         self.before: deque[Floats] = deque(maxlen=FARTHEST)
         """Configurations (nq,) of the latest frames, the latest first."""
-        self.velocity = np.zeros(self.robot.model.nv)
+        self.velocity: Floats = np.zeros(self.robot.model.nv)
         """(nv,) velocity of the pose [rad/s, m/s]."""
-        self.pace = 1.0
+        self.pace: float = 1.0
         """The usable share of the joints' speeds [-]."""
 
     def begin(self, start: Floats, targets: EdgeTargets) -> FrameSolution:
