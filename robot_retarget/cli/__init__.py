@@ -6,50 +6,16 @@ Exit codes: 0 done, 1 the verdict is fail, 2 bad input (one or two lines on stde
 program, 130 stopped by Ctrl-C, 141 the reader of the output is gone.
 """
 
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from robot_retarget import __version__
-from robot_retarget.cli import (
-    batch,
-    console,
-    doctor,
-    formats,
-    graph,
-    info,
-    mend,
-    play,
-    run,
-    score,
-    sequence,
-    servos,
-    simulate,
-    solve,
-    stream,
-    view,
-    warn,
-)
+from robot_retarget.cli import console
 from robot_retarget.cli.ending import Interruptible, ending
 
-GROUPS = (
-    info,
-    graph,
-    solve,
-    run,
-    view,
-    mend,
-    sequence,
-    simulate,
-    warn,
-    score,
-    batch,
-    formats,
-    play,
-    stream,
-    servos,
-    doctor,
-)
+GROUPS = "info graph solve run view mend sequence simulate warn score batch formats play stream servos doctor"
 
 app: typer.Typer = typer.Typer(
     cls=Interruptible,
@@ -59,8 +25,8 @@ app: typer.Typer = typer.Typer(
     pretty_exceptions_enable=False,
     help="Carry human motion over to humanoid robots: read, retarget, simulate, export.",
 )
-for group in GROUPS:
-    app.add_typer(group.commands)
+for group in GROUPS.split():
+    app.add_typer(import_module(f"{__name__}.{group}").commands)
 
 
 def _say_version(wanted: bool) -> None:
