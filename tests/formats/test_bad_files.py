@@ -9,6 +9,8 @@ from typing import Any
 
 import joblib
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 from format_moves import motion_of, robot_called
 from restated_readers import READERS, viser_player
@@ -354,3 +356,21 @@ def test_a_quaternion_in_the_other_order_is_doubted_and_can_be_told(op3, tmp_pat
     table = export(motion_of("op3"), op3, "csv", tmp_path / "d.csv")
     with pytest.raises(UsageError, match="--quaternion: format 'csv'"):
         import_motion(table, op3, options=FormatOptions(quaternion="xyzw"))
+
+
+def test_a_data_set_of_equal_numbers_that_would_fill_memory_is_refused(op3, tmp_path) -> None:
+    path = export(motion_of("op3"), op3, "lerobot", tmp_path / "a")
+    rows = next((path / "data").glob("*/*.parquet"))
+    state = pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(np.zeros(300_000 * 20, "f4")), 20)
+    pyarrow.parquet.write_table(pyarrow.table({"observation.state": state}), rows)
+    assert rows.stat().st_size < 100_000
+    with pytest.raises(TrajectoryError, match="unpacks to more than"):
+        import_motion(path, op3)
+
+
+def test_a_data_set_whose_table_is_broken_names_it(op3, tmp_path) -> None:
+    path = export(motion_of("op3"), op3, "lerobot", tmp_path / "a")
+    rows = next((path / "data").glob("*/*.parquet"))
+    rows.write_bytes(rows.read_bytes()[:-200])
+    with pytest.raises(TrajectoryError, match=r"file-000\.parquet: not a readable Parquet table"):
+        import_motion(path, op3)
