@@ -107,6 +107,8 @@ def play(how: PlayOptions, printing: PrintOptions) -> None:
 
     options = PlaybackOptions(how.end_pose, how.release, grace=how.grace, test_lean=how.test_lean)
     servo_map = how.map_of(how.servos)
+    if how.listed and (how.plain or how.unsafe or how.report is not None):
+        raise UsageError("a playlist plays judged goals: --plain, --unsafe and --report take one trajectory")
     if how.plain or how.unsafe:
         pieces = [Piece((_plain if how.plain else _unjudged)(load_trajectory(how.trajectory), how, servo_map))]
     else:
@@ -177,8 +179,6 @@ def _listed(how: PlayOptions, servo_map: "ServoMap") -> "tuple[list[Piece], floa
     """Return the pieces of a playlist, all judged, and the largest of their tracking errors [rad]."""
     from robot_retarget.servo.playlist import read_playlist
 
-    if how.report is not None:
-        raise UsageError("--report names the report of one trajectory; a playlist takes those beside its files")
     playlist = read_playlist(how.trajectory)
     files = {*playlist.files, *([playlist.idle] if playlist.idle else [])}
     judged = {file: _judged(replace(how, trajectory=file), servo_map) for file in sorted(files)}

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulated import ARM, Emulated, emulated
+from typer.testing import CliRunner
 
-from robot_retarget.errors import ServoError
+from robot_retarget.cli import app
+from robot_retarget.errors import ServoError, UsageError
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan
@@ -179,3 +181,10 @@ def test_files_of_a_playlist_are_beside_it(tmp_path: Path) -> None:
     (tmp_path / "list.toml").write_text("idle = 'i.npz'\nrepeat = 2\n[[clip]]\nfile = 'a/t.npz'\npause = 2\n")
     found = read_playlist(tmp_path / "list.toml")
     assert found == Playlist((tmp_path / "a/t.npz",) * 2, (2.0, 2.0), tmp_path / "i.npz")
+
+
+def test_a_playlist_is_never_played_unjudged(tmp_path: Path) -> None:
+    (tmp_path / "list.toml").write_text("[[clip]]\nfile = 'a.npz'\n")
+    for option in ("--unsafe", "--plain"):
+        done = CliRunner().invoke(app, ["play", str(tmp_path / "list.toml"), "--servos", "op3", option, "--dry-run"])
+        assert isinstance(done.exception, UsageError) and "plays judged goals" in str(done.exception)
