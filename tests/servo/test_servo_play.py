@@ -292,13 +292,13 @@ def test_when_the_player_is_killed_the_servos_stop_by_themselves(
     assert all(s["torque_enable"] for s in emulator.servos().values())
 
 
-def test_taking_hold_moves_nothing_from_a_thousand_random_poses(emulator: Emulated) -> None:
+def test_taking_hold_moves_nothing_from_250_random_poses(emulator: Emulated) -> None:
     """The largest step at torque on is at most what the cap allows; here it is a tick of rounding."""
     rng = np.random.default_rng(5)
     scale = JointScale(ARM)
     with Bus(emulator.port, ARM.baud) as bus:
         link = Link(bus, ARM, Player(bus, ARM, OPTIONS, Record(ARM.joints)).examine())
-        for _ in range(1000):
+        for _ in range(250):
             emulator.spread(ARM, rng.uniform(scale.lower + 0.01, scale.upper - 0.01).tolist())
             take_hold(link, Judge(link))
             link.set_all("torque_enable", 0)
