@@ -339,18 +339,17 @@ def _solved_again(
 def _separated(clip: ClipProblem, poses: list[FrameSolution], proximal: Proximal) -> list[FrameSolution]:
     """Return the poses with links apart, at frames and between them, if such poses are found.
 
-    If links interpenetrate at a frame or between it and a neighbour, the frame is solved again with separation rows on
-    the way between them, and taken if its links overlap less. A frame whose links still interpenetrate moves back towards
+    If links interpenetrate between two frames, both are solved again with separation rows on the way between them, and taken
+    if their links overlap less. A frame whose links still interpenetrate moves back towards
     the frame before.
     """
     solver = clip.solver
     for _ in range(ROUNDS):
         between = _interpenetrating(clip, _qpos(poses))
-        inside = {t for t in range(clip.fixed, len(poses)) if solver.overlapping(poses[t].qpos)}
-        frames = sorted({t for k in between for t in (k, k + 1) if t >= clip.fixed} | inside)
+        frames = sorted({t for k in between for t in (k, k + 1) if t >= clip.fixed})
         if not frames:
             break
-        poses = _solved_again(clip, poses, np.array(frames), proximal, between or {-1})
+        poses = _solved_again(clip, poses, np.array(frames), proximal, between)
     for t in range(max(clip.fixed, 1), len(poses)):
         poses[t] = solver.backtrack_to_clearance(poses[t - 1].qpos, poses[t])
     return poses
