@@ -72,7 +72,7 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
         BalanceError: no stand can be reached from there.
     """
     trajectory, run_up = part.trajectory, min(frame, round(RUN_UP * part.motion.fps))
-    frames = _coming_to_rest(frame, run_up, trajectory.fps)
+    frames = coming_to_rest(frame, run_up, trajectory.fps)
     motion = at_frames(part.motion, frames, trajectory.fps)
     result = carried(motion, robot, legs="follow", balance=trajectory.balance)
     assert result.balance is not None
@@ -80,20 +80,20 @@ def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
     begin = int(np.flatnonzero((timeline.share >= 1) & (timeline.at >= run_up))[0])
     at = np.interp(timeline.at[begin:], np.arange(len(frames)), frames) / trajectory.fps
     own = sample(trajectory, robot, at)
-    solved = _placed(result.trajectory.qpos[begin:], own[0], robot)
+    solved = placed_by_foot(result.trajectory.qpos[begin:], own[0], robot)
     left = 1 - minimum_jerk(np.clip(np.arange(len(own)) / (REST * trajectory.fps), 0, 1))
     tail = [integrate(robot, b, w * difference(robot, b, a)) for a, b, w in zip(own, solved, left, strict=True)]
     times = np.concatenate([trajectory.source_time[:frame], np.full(len(tail), trajectory.source_time[frame])])
     return trajectory.altered(qpos=np.concatenate([trajectory.qpos[:frame], tail]), source_time=times)
 
 
-def _coming_to_rest(frame: int, run_up: int, fps: float) -> Floats:
+def coming_to_rest(frame: int, run_up: int, fps: float) -> Floats:
     """Return frames before a frame, then at a speed that falls linearly to zero."""
     u = np.arange(1, round(REST * fps) + 1) / fps
     return np.concatenate([np.arange(frame - run_up, frame + 1.0), frame + (u - u**2 / (2 * REST)) * fps])
 
 
-def _placed(qpos: Floats, start: Floats, robot: Robot) -> Floats:
+def placed_by_foot(qpos: Floats, start: Floats, robot: Robot) -> Floats:
     """Return configurations moved along the floor so that the first has the lower foot of `start` in its place."""
     spots = {
         side: world_points(robot, sole, np.array([qpos[0], start])) for side, sole in recognise(robot).treads.items()

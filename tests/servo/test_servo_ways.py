@@ -1,5 +1,6 @@
 """A playback that is asked to stop goes on to the next branch, takes it and ends in its stand."""
 
+import json
 import os
 import pty
 import signal
@@ -14,12 +15,15 @@ from typer.testing import CliRunner
 
 from robot_retarget.cli import app
 from robot_retarget.errors import ServoError, UsageError
+from robot_retarget.goals import Goals
+from robot_retarget.report_file import sealed
 from robot_retarget.servo.interrupts import Interrupts
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
-from robot_retarget.servo.plan import ServoPlan
+from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.servo.play import play
 from robot_retarget.servo.playlist import Piece, Playlist, read_playlist, require_same_stands
-from robot_retarget.servo.ways import Course, parting
+from robot_retarget.servo.ways import Course, judged_ways, parting
+from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
 
 RATE = 100.0
 START = np.array([0.2, -0.3, 0.1, 0.4])
@@ -188,3 +192,24 @@ def test_a_playlist_is_never_played_unjudged(tmp_path: Path) -> None:
     for option in ("--unsafe", "--plain"):
         done = CliRunner().invoke(app, ["play", str(tmp_path / "list.toml"), "--servos", "op3", option, "--dry-run"])
         assert isinstance(done.exception, UsageError) and "plays judged goals" in str(done.exception)
+
+
+def kept(folder: Path, angles: np.ndarray, passed: bool = True) -> Path:
+    """A trajectory file of the arm with goals, and the report beside it."""
+    folder.mkdir(parents=True)
+    goals = Goals(angles, RATE, 0.0, 0.0, ARM.fingerprint)
+    path = Trajectory(angles, RATE, ARM.joints, "arm", goals=goals).save(folder / "trajectory.npz")
+    content = {"verdict": "pass" if passed else "fail", "reasons": ["fell"], "robot": "arm", "mode": "free"}
+    content |= {"thresholds": {}, "format_version": 3, "trajectory_sha256": fingerprint(path)}
+    (folder / "report.json").write_text(json.dumps(sealed(content)))
+    return path
+
+
+def test_only_branches_of_the_trajectory_that_passed_are_taken(tmp_path: Path) -> None:
+    path = kept(tmp_path / "a", PLAN.angles)
+    kept(tmp_path / "a/stops/0.600", WAYS[0].angles)
+    kept(tmp_path / "a/stops/1.200", WAYS[1].angles, passed=False)
+    kept(tmp_path / "a/stops/1.500", WAYS[0].angles + 0.01)
+    ways, refused = judged_ways(path, goal_plan(load_trajectory(path), ARM), ARM, "arm.toml")
+    assert [parting(PLAN, found) for found in ways] == [60]
+    assert len(refused) == 2 and "it did not pass: fell" in refused[0] and "belongs to another trajectory" in refused[1]
