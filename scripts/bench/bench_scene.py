@@ -4,7 +4,8 @@
 
 A frame touches if the least distance of the robot's solid geoms from the bodies is from −1.1 mm to 2 cm; it penetrates below
 that. Contact within 2 cm alone counts a hand deep inside the box. A foot slips if a sphere of its sole moves farther than
-√2 + 0.1 mm in a frame while the human's toe moves 1 cm or less. All distances are MuJoCo's, in holosoma's own model.
+√2 + 0.1 mm in a frame while the human's toe moves 1 cm or less: heels that rise about resting toes count as well. The
+second number counts only the lowest spheres of the foot. All distances are MuJoCo's, in holosoma's own model.
 """
 
 import argparse
@@ -23,6 +24,8 @@ from robot_retarget.pipeline import Result
 TOUCH = (-0.0011, 0.02)
 SLIP = (np.sqrt(2) + 0.1) * 1e-3
 STILL = 0.01
+LOWEST = 0.003
+"""Spheres of a foot this near to its lowest one carry it [m]."""
 HANDS, FEET = "rubber_hand|thumb|pinky|wrist", "ankle"
 """Links of hands and feet, by the names of the geoms."""
 
@@ -74,8 +77,8 @@ def distances(result: Result) -> tuple[np.ndarray, list[str]]:
     return found, [result.robot.model.geom(g).name for g in geoms]
 
 
-def slips(result: Result, graph: RobotGraph) -> float:
-    """Return the share of frames in which a sphere of a sole slips while the human's toe is still [%]."""
+def slips(result: Result, graph: RobotGraph) -> tuple[float, float]:
+    """Return the share of frames in which a sphere of a sole slips while the human's toe is still, of all spheres and of the lowest [%]."""
     robot, qpos = result.robot, result.trajectory.qpos
     data, spheres = (
         mujoco.MjData(robot.model),
@@ -89,13 +92,17 @@ def slips(result: Result, graph: RobotGraph) -> float:
         data.qpos[:] = q
         mujoco.mj_kinematics(robot.model, data)
         places[t] = data.xpos
-    slipped = np.zeros(len(qpos) - 1, bool)
+    slipped = np.zeros((2, len(qpos) - 1), bool)
     for side, own in spheres.items():
         toe = graph.human.positions[:, graph.match.index(f"{side}_toe")]
         still = np.linalg.norm(np.diff(toe, axis=0), axis=1) <= STILL
-        moved = np.linalg.norm(np.diff(places[:, own, :2], axis=0), axis=2).max(axis=1)
-        slipped |= still & (moved > SLIP)
-    return 100 * float(slipped.mean())
+        moved = np.linalg.norm(np.diff(places[:, own, :2], axis=0), axis=2)
+        height = places[:, own, 2]
+        low = height <= height.min(axis=1, keepdims=True) + LOWEST
+        resting = np.where(low[1:] & low[:-1], moved, 0.0)
+        slipped |= np.stack([still & (way.max(axis=1) > SLIP) for way in (moved, resting)])
+    every, lowest = 100 * slipped.mean(axis=1)
+    return float(every), float(lowest)
 
 
 def share(flags: np.ndarray) -> str:
@@ -125,8 +132,9 @@ def main() -> None:
         print(
             f"{title:6} touch {share(touching)}, ≤ 2 cm {share(near <= TOUCH[1])}, inside {share(inside)}, deepest {deepest:.1f} mm"
         )
+    every, lowest = slips(result, graph)
     print(
-        f"slips {slips(result, graph):.1f} %; {len(motion)} frames in {took:.1f} s CPU (describe {described:.1f}), {len(motion) / took:.0f} fps"
+        f"slips {every:.1f} %, of the lowest spheres {lowest:.1f} %; {len(motion)} frames in {took:.1f} s CPU (describe {described:.1f}), {len(motion) / took:.0f} fps"
     )
     print(
         {name: round(float(stress.sum()), 2) for name, stress in result.solution.stress.items()},
