@@ -20,12 +20,15 @@ SOURCES = ("graph", "robot", "solve/problem.py")
 
 
 def build_key(robot: Robot, match: Match, tracks: Sequence[Track]) -> str | None:
-    """Return the key of the functions of tracks; None if a kind has code from outside the package."""
+    """Return the key of the functions of tracks; None if a kind has code from outside the package.
+
+    Measures depend on the robot's side of the match alone: the human is in the targets.
+    """
     if not all(type(track.kind).__module__.startswith("robot_retarget.") for track in tracks):
         return None
-    bodies = match.anatomy, match.keypoints, match.parents, match.human_bones, match.robot_bones, match.rest
+    body = match.anatomy, match.keypoints, match.parents, match.robot_bones, match.rest, match.ankle_height
     with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
-        text = repr((bodies, match.ankle_height, [_determining(track) for track in tracks]))
+        text = repr((body, [_determining(track) for track in tracks]))
     made_by = _code(), ca.CasadiMeta.version(), robot_sha256(robot)
     return hashlib.sha256("\n".join((*made_by, text)).encode()).hexdigest()
 

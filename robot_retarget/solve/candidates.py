@@ -100,7 +100,6 @@ class Candidates:
         """
         frames, search = self.frames[moments].tolist(), self.search_options
         found = multistart(self.solver, self.graph, self.all_targets, frames, search)
-        self._start(moments[[0, -1]].tolist(), [found[0][:1], found[-1][:1]])
         self._start(moments.tolist(), [ends[: search.followed] for ends in found])
 
     def _start(self, moments: list[int], found: list[list[FrameSolution]]) -> None:

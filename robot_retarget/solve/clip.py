@@ -101,15 +101,16 @@ def clip_poses(
 def _window_poses(
     solver: FrameSolver, graph: RobotGraph, coarse: Floats, smoothing: Smoothing, fixed: int, count: Count
 ) -> tuple[list[Track], list[FrameSolution]]:
-    """Return the tracks and the poses of a window; where they miss hard edges, it is solved again without these."""
+    """Return the tracks and the poses of a window; hard edges that half of the passes miss are left out."""
     tracks = renewed_tracks(solver, graph, coarse, fixed)
-    clip = clip_of(solver, tracks, smoothing, graph.fps, fixed)
-    poses = clip_passes(clip, coarse, count)
-    unreached = solver.problem.missed(_qpos(poses), clip.all_targets) > UNREACHED
-    again = renewed_tracks(solver, graph, coarse, fixed, unreached) if unreached.any() else tracks
-    if all((one.priority == other.priority).all() for one, other in zip(tracks, again, strict=True)):
-        return tracks, poses
-    return again, clip_passes(clip_of(solver, again, smoothing, graph.fps, fixed), _qpos(poses), count)
+    passes = _Passes(clip_of(solver, tracks, smoothing, graph.fps, fixed), coarse)
+    passes.take(smoothing.passes // 2, count)
+    unreached = solver.problem.missed(passes.qpos, passes.clip.all_targets) > UNREACHED
+    if unreached.any():
+        again = renewed_tracks(solver, graph, coarse, fixed, unreached)
+        if any((one.priority != other.priority).any() for one, other in zip(tracks, again, strict=True)):
+            tracks, passes = again, _Passes(clip_of(solver, again, smoothing, graph.fps, fixed), passes.qpos)
+    return tracks, _finished(passes, count)
 
 
 def coarse_tracks(graph: RobotGraph) -> list[Track]:
@@ -192,12 +193,13 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
         start: (T, nq) configurations.
         count: receives one step per frame and pass.
     """
-    passes = _Passes(clip, start)
-    for number in range(clip.smoothing.passes + clip.smoothing.extra):
-        if not passes.step(number):
-            break
-        if number < clip.smoothing.passes:
-            count.advance(len(clip) - clip.fixed)
+    return _finished(_Passes(clip, start), count)
+
+
+def _finished(passes: "_Passes", count: Count) -> list[FrameSolution]:
+    """Take the remaining passes, and return the frames with hard edges met, links apart and soles over the floor."""
+    clip, smoothing = passes.clip, passes.clip.smoothing
+    passes.take(smoothing.passes + smoothing.extra, count)
     proximal = Proximal(passes.path, -passes.dual, passes.rho)
     poses = _separated(clip, _hard_edges_met(clip, passes.poses(), proximal), proximal)
     depth = clip.solver.depths_under_floor(_qpos(poses), clip.all_targets)
@@ -224,8 +226,19 @@ class _Passes:
             descent.tolerance = clip.smoothing.tolerance
         self.moving = [np.ones(len(half), dtype=bool) for half in self.halves]
         self.interpenetrating: set[int] = set()
+        self.taken = 0
 
-    def step(self, number: int) -> bool:
+    def take(self, most: int, count: Count) -> None:
+        """Take passes until this number is taken, or until no frame moves."""
+        for number in range(self.taken, most):
+            going = self._step(number)
+            self.taken = number + 1
+            if number < self.clip.smoothing.passes:
+                count.advance(len(self.clip) - self.clip.fixed)
+            if not going:
+                break
+
+    def _step(self, number: int) -> bool:
         """Take one pass; return whether frames still move."""
         clip, smoothing = self.clip, self.clip.smoothing
         if number in smoothing.collision_checks:

@@ -264,7 +264,7 @@ class CostModel:
         if lacking:
             worst = max(lacking, key=lambda name: lacking[name])
             found[worst] = self.options.overlap_cost * lacking[worst] ** 2
-        contacts = self._contacts(q, targets) if past is not None else None
+        contacts = self._contacts(q, targets) if self.numeric and past is not None else None
         for cost in self.numeric:
             terms = cost.terms(q, targets, past, contacts)
             found[cost.track.name] = terms[0] if terms else 0.0
