@@ -6,9 +6,10 @@ forward and backward at a low frame rate until it meets another pose, and choose
 programming.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -25,6 +26,7 @@ from robot_retarget.robot.model import HINGE
 from robot_retarget.robot.root import place_body
 from robot_retarget.solve.options import Search
 from robot_retarget.solve.problem import ClipTargets, EdgeTargets
+from robot_retarget.solve.quadratic import Proximal
 from robot_retarget.solve.speeds import within_speeds
 from robot_retarget.solve.sqp import Box, FrameSolution, FrameSolver
 
@@ -63,6 +65,8 @@ class PoseChain:
     moment: int
     way: int
     """1 forward, −1 backward."""
+    excess: float = 0.0
+    """Σ over its moments of its cost beyond that of the cheapest other pose."""
 
 
 class Candidates:
@@ -153,8 +157,22 @@ class Candidates:
             angles, reach = (np.array(side) for side in zip(*near, strict=True))
             box = self._ranges(np.array(moments)).around([(angles, reach)])
             found = self._descend(np.array([chain.pose.qpos for chain in chains]), np.array(moments), box)
-            steps = zip(chains, moments, found, strict=True)
-            chains = [PoseChain(pose, moment, chain.way) for chain, moment, pose in steps if self._add(moment, pose)]
+            steps = [self._longer(*each) for each in zip(chains, moments, found, strict=True)]
+            chains = [chain for chain in steps if chain is not None]
+
+    def _longer(self, chain: PoseChain, moment: int, pose: FrameSolution) -> PoseChain | None:
+        """Keep the next pose of a chain; return the chain, or None where it meets a known pose.
+
+        A chain also ends where its excess is too large against the cost of a change to the cheapest pose.
+        """
+        best = min(self.poses[moment], key=lambda each: each.cost, default=pose)
+        if not self._add(moment, pose):
+            return None
+        excess = chain.excess + max(pose.cost - best.cost, 0.0)
+        change, search = difference(self.solver.robot, pose.qpos, best.qpos), self.search_options
+        if excess > search.abandoned * search.change * float((change**2).sum()):
+            return None
+        return PoseChain(pose, moment, chain.way, excess)
 
     def _reach(self, one: int, other: int) -> Floats:
         """Return (n,) how far the hinges turn between two moments, at the least speed of the frames between [rad]."""
@@ -167,10 +185,23 @@ class Candidates:
         return Box(self.bounds.lower[frames], self.bounds.upper[frames])
 
     def _descend(self, qpos: Floats, moments: Ints, box: Box) -> list[FrameSolution]:
-        """Return where rough descents from configurations (N, nq) end whose hinges stay in a box."""
-        targets, search = self.all_targets.frames(self.frames[moments]), self.search_options
+        """Return where rough descents from configurations (N, nq) end whose hinges stay in a box.
+
+        A change from the configurations costs a little, so directions without other costs stay where they are.
+        """
+        targets, search, nv = (
+            self.all_targets.frames(self.frames[moments]),
+            self.search_options,
+            self.solver.robot.model.nv,
+        )
+        unchanged = Proximal(qpos, np.zeros((len(qpos), nv)), np.full(nv, search.held))
         return self.solver.solve_frames(
-            qpos, targets, iterations=search.iterations, tolerance=search.tolerance, box=box
+            qpos,
+            targets,
+            proximal=unchanged,
+            iterations=search.iterations,
+            tolerance=search.tolerance,
+            box=box,
         )
 
     def _add(self, moment: int, pose: FrameSolution) -> bool:
@@ -202,10 +233,45 @@ def multistart(
         reference, standing = (place_root(graph, q, frame) for q in (solver.robot.neutral(), solver.robot.standing()))
         drawn = _limbs_drawn(solver, standing, all_targets.at(frame), limbs, search)
         placed.append([reference, standing, *(solver.clear_of_links(standing, q) for q in drawn)])
-    every = all_targets.frames(np.repeat(frames, len(placed[0])))
-    most, tolerance = 2 * solver.options.iterations, 10 * search.tolerance
-    found = iter(solver.solve_frames(np.concatenate(placed), every, iterations=most, tolerance=tolerance))
-    return [_minima(solver, list(islice(found, len(starts))), search) for starts in placed]
+    rough, exact = 10 * search.tolerance, search.tolerance
+    roughly = descended(solver, all_targets, frames, placed, iterations=search.rough, tolerance=rough)
+    starts = []
+    for frame, ends in zip(frames, roughly, strict=True):
+        minima = _minima(solver, ends, search)[: search.finished]
+        combined = _limbs_combined(solver, minima, all_targets.at(frame), limbs)
+        starts.append([combined, *(end.qpos for end in minima)])
+    most = solver.options.iterations
+    return [
+        _minima(solver, ends, search)
+        for ends in descended(solver, all_targets, frames, starts, iterations=most, tolerance=exact)
+    ]
+
+
+def _limbs_combined(
+    solver: FrameSolver, ends: Sequence[FrameSolution], targets: EdgeTargets, limbs: Iterable[tuple[int, ...]]
+) -> Floats:
+    """Return the first of some poses with each limb as the one of them has it in which the first costs least."""
+    combined = ends[0].qpos.copy()
+    for limb in limbs:
+        columns = solver.robot.qpos_index[list(limb)]
+        poses = np.repeat(ends[0].qpos[None], len(ends), axis=0)
+        poses[:, columns] = [end.qpos[columns] for end in ends]
+        cost = solver.problem.cost(poses, targets.clip.frames(np.zeros(len(poses), dtype=int)))
+        combined[columns] = poses[cost.argmin(), columns]
+    return combined
+
+
+def descended(
+    solver: FrameSolver,
+    all_targets: ClipTargets,
+    frames: Sequence[int],
+    starts: Sequence[Sequence[Floats]],
+    **options: Any,
+) -> list[list[FrameSolution]]:
+    """Return where descents end, in the order of their starts at some frames."""
+    every = all_targets.frames(np.repeat(frames, [len(own) for own in starts]))
+    found = iter(solver.solve_frames(np.concatenate(starts), every, **options))
+    return [list(islice(found, len(own))) for own in starts]
 
 
 def _minima(solver: FrameSolver, ends: list[FrameSolution], search: Search) -> list[FrameSolution]:

@@ -43,8 +43,12 @@ class Search:
     """Moments per second [1/s]."""
     every: float = 1.0
     """Time between the moments at which candidates are sought [s]."""
-    starts: int = 12
+    starts: int = 8
     """Number of starts with limbs drawn within their ranges, in addition to the reference and the standing pose."""
+    rough: int = 4
+    """Maximum number of steps of every start ..."""
+    finished: int = 4
+    """... and number of the cheapest ends that continue."""
     followed: int = 1
     """Number of poses of a moment that are followed, the cheapest first."""
     drawn: int = 80
@@ -55,6 +59,10 @@ class Search:
     """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
     same: float = 0.15
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
+    held: float = 0.05
+    """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
+    abandoned: float = 4.0
+    """A pose is followed until the cost beyond the cheapest poses' exceeds the cost of a change to these by this factor [-]."""
     change: float = 0.5
     """Cost of a change of pose between moments [1/rad²] ..."""
     beyond_speed: float = 30.0
