@@ -19,6 +19,9 @@ BLOCK = 32
 WITHIN = 1e-5
 """A bound or row counts as satisfied if it is missed by no more: the solver's own 1e-6 applies to rows scaled by the
 Hessian."""
+FEW = 16
+"""Number of rows of the first program of a frame: it takes half the time of one with 72 rows, and breaks no other row in
+999 of 1,000 frames of a walk."""
 
 
 class Compiled:
@@ -162,6 +165,8 @@ class QuadraticPrograms:
     ) -> tuple[Floats, Bools]:
         """Return the minimisers (N, n) within their bounds, and whether rows hold within `WITHIN`.
 
+        The `FEW` rows with the least room at 0 come first; where the minimiser breaks another row, all rows follow.
+
         Args:
             hessian: (N, n, n).
             gradient: (N, n).
@@ -170,6 +175,20 @@ class QuadraticPrograms:
             rows: (N, R, n).
             row_lower: (N, R).
         """
+        problem = hessian, gradient, lower, upper
+        few = np.argsort(-row_lower, axis=1, kind="stable")[:, :FEW]
+        x, kept = self._solved(
+            *problem, np.take_along_axis(rows, few[..., None], 1), np.take_along_axis(row_lower, few, 1)
+        )
+        broken = np.flatnonzero((np.einsum("trn,tn->tr", rows, x) < row_lower - WITHIN).any(axis=1) | ~kept)
+        if broken.size:
+            x[broken], kept[broken] = self._solved(*(each[broken] for each in (*problem, rows, row_lower)))
+        return x, kept
+
+    def _solved(
+        self, hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, rows: Floats, row_lower: Floats
+    ) -> tuple[Floats, Bools]:
+        """Solve with all of some rows."""
         found = self._mapped(rows.shape[1])(hessian, gradient, rows, lower, upper, row_lower)[0]
         x = found.clip(lower, upper)
         kept = (np.einsum("trn,tn->tr", rows, x) >= row_lower - WITHIN).all(axis=1)
