@@ -57,8 +57,9 @@ def solve(
         BalanceError: the motion leaves the floor, the human is held up, or the robot has no feet.
     """
     mode = balance_of(graph.robot, legs, balance)
-    if mode != "off":  # the playback is no faster than its draft
-        graph = graph.with_speed(BalanceOptions().speed)
+    graph = (
+        graph.unbalanced() if mode == "off" else graph.with_speed(BalanceOptions().speed)
+    )  # the playback is no faster
     draft, planting = progress, None
     if mode != "off" and progress:
         draft, planting = consecutive(progress, expected_steps(graph))

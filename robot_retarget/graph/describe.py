@@ -19,6 +19,7 @@ from robot_retarget.graph.kind import Kind, RetargetContext
 from robot_retarget.graph.kinds import clip_kinds
 from robot_retarget.graph.kinds.own import End
 from robot_retarget.graph.path import pelvis_path
+from robot_retarget.graph.phase import UnbalancedPhase
 from robot_retarget.graph.role import STEP, Role
 from robot_retarget.graph.track import Track, frame_costs
 from robot_retarget.graph.weights import REFERENCE_FPS, Weights
@@ -106,6 +107,10 @@ class RobotGraph(Graph):
             for track in self.tracks
         )
         return replace(self, tracks=tuple(tracks))
+
+    def unbalanced(self) -> "RobotGraph":
+        """Return the graph of a motion that no balance follows."""
+        return replace(self, tracks=tuple(track.kind.renewed(track, None, UnbalancedPhase()) for track in self.tracks))
 
     def frames(self, first: int, last: int) -> "RobotGraph":
         """Return the graph of frames `first` … `last` − 1.

@@ -1,4 +1,4 @@
-"""Phases of a solution that change targets: the coarse path of a clip, a balanced playback, its stands."""
+"""Phases of a solution that change targets: a motion without balance, the coarse path of a clip, a balanced playback, its stands."""
 
 from dataclasses import dataclass
 
@@ -13,6 +13,10 @@ class Phase:
     def of(self, track: Track) -> Track:
         """Return the targets of a kind without targets of its own in this phase."""
         return track
+
+
+class UnbalancedPhase(Phase):
+    """No balance follows: the motion is judged by its likeness alone."""
 
 
 class CoarsePhase(Phase):

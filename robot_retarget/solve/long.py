@@ -52,7 +52,7 @@ def solve_long(
     for own in _pieces(windows):
         first, last, fixed = own[0].first, own[-1].last, own[0].fixed
         piece = human.at(slice(first, last))
-        graph = graph_of(motion.frames(first, last), piece, robot, weights or Weights())
+        graph = graph_of(motion.frames(first, last), piece, robot, weights or Weights()).unbalanced()
         origin = _origin(human, first)
         known = _moved(qpos[done - fixed : done], robot, -origin)
         part = ClipPiece(tuple(window.after(first) for window in own), tuple(known))

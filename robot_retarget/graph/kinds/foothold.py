@@ -16,7 +16,7 @@ from robot_retarget.arrays import Floats, unit
 from robot_retarget.graph.causal.footholds import CausalFootholds
 from robot_retarget.graph.footholds import Footholds, Surface, foothold_corners, footholds_of, without_unreachable
 from robot_retarget.graph.kind import AXES, FrameTargets, Kind, Phase, RetargetContext, StreamFrame, Track, exact
-from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase
+from robot_retarget.graph.phase import CoarsePhase, PlaybackPhase, SolvedPhase, UnbalancedPhase
 from robot_retarget.graph.symbolic_robot import SymbolicRobot
 from robot_retarget.graph.track import HARD
 from robot_retarget.graph.weights import Weights
@@ -82,16 +82,28 @@ class FootholdKind(Kind):
         return memory["footholds"].at(context)
 
     def renewed(self, track: Track, measured: Floats | None, phase: Phase) -> Track:
-        """Return the places and the grip of a playback's plan, or footholds where the coarse path has the feet."""
+        """Return earlier landings, the places and the grip of a playback's plan, or footholds where the coarse path has the feet."""
         match phase:
             case PlaybackPhase():
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
+            case UnbalancedPhase():
+                return self._landed(track)
             case CoarsePhase():
                 return self._flat(track)
             case SolvedPhase() if measured is not None:
                 return self._placed(track, measured, phase)
             case _:
                 return track
+
+    def _landed(self, track: Track) -> Track:
+        """Return targets of feet that land a frame earlier, so that they do not slide into place as they begin to stand."""
+        stood = self._held(track)
+        feet = ~stood[:-1].any(axis=2) & stood[1:].any(axis=2)
+        lands = np.repeat(np.repeat(feet, len(CORNER_NAMES), axis=1), len(AXES), axis=1)
+        places, priority = track.lower.copy(), track.priority.copy()
+        for side in (places, priority):
+            side[:-1][lands] = side[1:][lands]
+        return replace(track, lower=places, upper=places, priority=priority)
 
     def _flat(self, track: Track) -> Track:
         """Return targets that lay standing soles on the floor, at any place."""
