@@ -241,8 +241,8 @@ class _Passes:
     def _step(self, number: int) -> bool:
         """Take one pass; return whether frames still move."""
         clip, smoothing = self.clip, self.clip.smoothing
-        if number in smoothing.collision_checks:
-            self.interpenetrating |= _interpenetrating(clip, self.qpos)
+        if number == smoothing.collision_check:
+            self.interpenetrating = _interpenetrating(clip, self.qpos)
         self._smooth()
         for half, descent, moving in zip(self.halves, self.descents, self.moving, strict=True):
             active = np.flatnonzero(moving) if number >= smoothing.passes else np.arange(len(half))

@@ -113,8 +113,8 @@ class Smoothing:
     """α, over-relaxation of the frames towards the multipliers [-]; 1.5 … 1.8 saves a third of the passes."""
     tolerance: float = 1e-5
     """A pass leaves a frame unchanged if its best step lowers the cost by a smaller share [-]."""
-    collision_checks: tuple[int, ...] = (2, 4, 6)
-    """Numbers of the passes before which links that pass through each other between frames are detected."""
+    collision_check: int = 4
+    """Number of the pass before which links that pass through each other between frames are detected."""
     extra: int = 16
     """Maximum number of further passes over the frames that have not converged."""
     converged: float = 0.01

@@ -12,7 +12,7 @@ from robot_retarget.robot import Robot
 from robot_retarget.robot.dynamics import root_dofs
 from robot_retarget.robot.kinematics import difference, integrate
 from robot_retarget.robot.root import raise_root
-from robot_retarget.robot.swept import SweptConfiguration, swept_configurations
+from robot_retarget.robot.swept import SweptConfiguration, parts_between
 from robot_retarget.solve.compiled import QuadraticPrograms
 from robot_retarget.solve.limits import JointBounds, Targets
 from robot_retarget.solve.options import SolveOptions
@@ -368,7 +368,8 @@ class FrameSolver:
 
     def depth_between(self, before: Floats, after: Floats) -> float:
         """Return the deepest overlap of two links between two configurations [m]."""
-        return max(self.depth(way.at(self.robot, after)) for way in swept_configurations(self.robot, before, after))
+        way, parts = difference(self.robot, before, after), parts_between(self.robot, before, after) + 1
+        return max(self.depth(integrate(self.robot, before, k / parts * way)) for k in range(1, parts))
 
     def overlapping(self, qpos: Floats) -> bool:
         """Whether links are inside each other by more than is accepted."""
