@@ -59,7 +59,7 @@ class Search:
     """As `SolveOptions.tolerance`: a path is chosen before poses are exact."""
     same: float = 0.15
     """Two poses count as the same if all their hinges lie nearer than this [rad]."""
-    held: float = 0.05
+    held: float = 0.02
     """Weight that draws a pose to that of the moment before when it is followed [1/rad²]."""
     abandoned: float = 4.0
     """A pose is followed until the cost beyond the cheapest poses' exceeds the cost of a change to these by this factor [-]."""

@@ -20,6 +20,8 @@ from robot_retarget.solve.stencils import Neighbours, Terms, terms
 
 Between = Sequence[tuple[SweptConfiguration, ...]]
 """Per frame, configurations between it and its neighbours."""
+EQUAL = 1e-9
+"""Rows whose distance and slope differ by less, in a fixed mixture, are one row [m]."""
 TIE = 1e-6
 """Rows whose room differs by less are equal [m]: far above the rounding of distances."""
 
@@ -309,15 +311,15 @@ class CostModel:
         return deficit
 
     def _foremost(self, found: list[LinearizedDistances]) -> LinearizedDistances:
-        """Return at most `most` of the rows found at one or several configurations."""
+        """Return at most `most` of the rows found at one or several configurations, each once."""
         columns = ("distance", "slope", "bound", "edges")
         near = found[0]
         if len(found) > 1:
             near = replace(near, **{name: np.concatenate([getattr(each, name) for each in found]) for name in columns})
-            return near.of(tightest_rows(near.distance, near.deficit, self.most))
-        return (
-            near if len(near.distance) <= self.most else near.of(tightest_rows(near.distance, near.deficit, self.most))
-        )
+        if len(near.distance) <= self.most:
+            return near if len(found) == 1 else near.of(np.argsort(near.distance, kind="stable"))
+        near = near.of(_distinct(near))
+        return near.of(tightest_rows(near.distance, near.deficit, self.most))
 
     def with_proximal(self, current: Quadratic, q: Floats, proximal: Proximal | None) -> Quadratic:
         """The model with a proximal term on top."""
@@ -361,6 +363,13 @@ class CostModel:
     def penetration(self, q: Floats) -> float:
         """Return the depth of the lowest surface under the floor [m]."""
         return max((each.track.kind.penetration(each.track, each.state(q)) for each in self.surfaces), default=0.0)
+
+
+def _distinct(near: LinearizedDistances) -> Ints:
+    """Return the first of every set of equal rows: geoms that occur twice leave room for no fewer others."""
+    mixed = near.slope @ np.cos(np.arange(near.slope.shape[1])) + near.distance
+    order = np.argsort(mixed, kind="stable")
+    return np.sort(order[np.diff(mixed[order], prepend=-np.inf) > EQUAL])
 
 
 def tightest_rows(distance: Floats, deficit: Floats, most: int) -> Ints:
