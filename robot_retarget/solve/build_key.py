@@ -12,7 +12,6 @@ import numpy as np
 from robot_retarget.graph.track import Track
 from robot_retarget.human.match import Match
 from robot_retarget.robot import Robot
-from robot_retarget.robot.digest import robot_sha256
 
 PACKAGE = Path(__file__).parents[1]
 SOURCES = ("graph", "robot", "solve/problem.py")
@@ -29,14 +28,21 @@ def build_key(robot: Robot, match: Match, tracks: Sequence[Track]) -> str | None
     body = match.anatomy, match.keypoints, match.parents, match.robot_bones, match.rest, match.ankle_height
     with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
         text = repr((body, [_determining(track) for track in tracks]))
-    made_by = _code(), ca.CasadiMeta.version(), robot_sha256(robot)
-    return hashlib.sha256("\n".join((*made_by, text)).encode()).hexdigest()
+    made_by = _code(), ca.CasadiMeta.version(), _kinematics(robot), text
+    return hashlib.sha256("\n".join(made_by).encode()).hexdigest()
 
 
 def _determining(track: Track) -> tuple[object, ...]:
     """Return what determines the functions of a track; its targets are their parameters."""
     kind = type(track.kind).__qualname__, vars(track.kind)
     return kind, track.ends, track.axes, track.scale, track.huber_delta, track.exact
+
+
+def _kinematics(robot: Robot) -> str:
+    """Return a hash of bodies, joints and limits: meshes do not change functions, and they are large."""
+    names = [name for name in sorted(dir(robot.model)) if name.startswith(("body_", "jnt_", "dof_", "qpos0"))]
+    parts = [np.asarray(getattr(robot.model, name)) for name in names]
+    return hashlib.sha256(b"".join(part.tobytes() for part in (*parts, robot.lower, robot.upper))).hexdigest()
 
 
 @cache
