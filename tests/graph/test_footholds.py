@@ -226,6 +226,18 @@ def test_corners_that_stand_are_held_hard_and_feet_in_swing_follow_their_path() 
     assert (along[~stands] == graph.weights.swing).all() and (~stands).any()
 
 
+def test_without_balance_each_foot_lands_one_frame_earlier_at_its_place() -> None:
+    before, after = walk().kinds["foothold"], walk().unbalanced().kinds["foothold"]
+    held = [(each.priority[:, ::3] >= HARD).reshape(len(each.lower), -1, 4) for each in (before, after)]
+    landings = ~held[0][:-1].any(axis=2) & held[0][1:].any(axis=2)
+    assert landings.sum() >= 3
+    expected = held[0].copy()
+    expected[:-1][landings] = held[0][1:][landings]
+    assert np.array_equal(held[1], expected)
+    places = after.lower.reshape(len(after.lower), -1, 12)
+    assert np.array_equal(places[:-1][landings], places[1:][landings])
+
+
 def test_footholds_of_a_solved_walk_do_not_slide() -> None:
     """By less than a millimetre over any stance, of the corners that are held."""
     graph = walk().frames(0, 90)
