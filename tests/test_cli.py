@@ -1,14 +1,13 @@
 """The command line: its output, its files, and its errors for bad input."""
 
 import json
-import resource
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from forked import run
 from shared_files import ROOT, SHARED, needs_shared
 from typer.testing import CliRunner
 
@@ -16,16 +15,6 @@ import robot_retarget
 from robot_retarget.cli import app
 
 WAVE = ROOT / "samples/wave.bvh"
-
-
-def run(*words: str | Path, cwd: Path | None = None, file_size: int | None = None) -> subprocess.CompletedProcess[str]:
-    def limit() -> None:
-        if file_size is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
-
-    command = [sys.executable, "-m", "robot_retarget", *map(str, words)]
-    env = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "HOME": "/tmp"}
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, preexec_fn=limit)
 
 
 def assert_refused(done: subprocess.CompletedProcess[str], *parts: str) -> None:

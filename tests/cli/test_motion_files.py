@@ -1,20 +1,11 @@
 """Motion files of every kind at the command line: files that are read, files that are refused, and exit codes."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from shared_files import ROOT, SHARED, needs_shared
+from forked import run
+from shared_files import SHARED, needs_shared
 
 OTHER = SHARED / "motions" / "other"
-
-
-def run(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "robot_retarget", *map(str, words)], capture_output=True, text=True, cwd=ROOT
-    )
 
 
 @needs_shared

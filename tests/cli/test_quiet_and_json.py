@@ -1,22 +1,16 @@
 """What every command shares: `--quiet` says nothing but errors, `--json` prints JSON and nothing else, progress stays aside."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forked import run as called
 from shared_files import ROOT
 from typer.main import get_command
 
 from robot_retarget.cli import app
 
 WAVE = str(ROOT / "samples/wave.bvh")
-
-
-def called(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_retarget", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,14 @@
 """`export`, `import` and `convert` as a user types them."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from forked import run
 from format_moves import motion_of, robot_called
-from shared_files import ROOT
 
 from robot_retarget.formats import FORMATS, export
 from robot_retarget.trajectory import load_trajectory
-
-
-def run(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_retarget", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, env={"PYTHONPATH": str(ROOT), "COLUMNS": "200"})
 
 
 def test_the_list_names_every_format_and_its_readers() -> None:
