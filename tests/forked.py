@@ -21,7 +21,7 @@ def server() -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT)
 
 
-def run(*words: str | Path, cwd: Path | None = None, file_size: int | None = None) -> subprocess.CompletedProcess[str]:
+def run(*words: object, cwd: Path | None = None, file_size: int | None = None) -> subprocess.CompletedProcess[str]:
     """Run a command; no file that it writes exceeds `file_size` bytes."""
     given = [str(word) for word in words]
     with tempfile.TemporaryDirectory() as folder:
@@ -50,8 +50,8 @@ def _perform(words: list[str], cwd: str, file_size: int | None, out: str, err: s
     """Run a command in this process, and end it."""
     from robot_retarget.__main__ import main
 
-    for number, path in ((1, out), (2, err)):
-        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT), number)
+    for number, path in ((0, os.devnull), (1, out), (2, err)):
+        os.dup2(os.open(path, os.O_RDWR | os.O_CREAT), number)
     sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
     if file_size is not None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))

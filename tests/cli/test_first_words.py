@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from forked import run
 from made_trajectories import wander
 from shared_files import ROOT
 
@@ -20,11 +21,6 @@ from robot_retarget.rendering import unusable
 from robot_retarget.robot import load_robot
 
 WAVE = ROOT / "samples/wave.bvh"
-
-
-def run(*words: object, **env: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_retarget", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=os.environ | env)
 
 
 def test_the_command_alone_says_what_to_do_next() -> None:
@@ -140,5 +136,6 @@ def test_a_way_to_render_without_its_library_is_reported(monkeypatch: pytest.Mon
 
 
 def test_a_wrong_way_to_render_is_ignored_with_a_note() -> None:
-    done = run("info", "op3", "--json", MUJOCO_GL="rubbish")
+    command = [sys.executable, "-m", "robot_retarget", "info", "op3", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"MUJOCO_GL": "rubbish"})
     assert done.returncode == 0 and "note: MUJOCO_GL=rubbish is ignored" in done.stderr

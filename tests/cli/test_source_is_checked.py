@@ -1,11 +1,10 @@
 """`view` and `mend` refuse a motion that the trajectory was not made of."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from forked import run
 from made_trajectories import wander
 from shared_files import ROOT
 
@@ -29,7 +28,7 @@ def test_another_clip_is_refused_with_both_names_and_the_way_out(command: str, m
     written = made.with_name("out.html" if command == "view" else "out.npz")
     ways = ["--static", written] if command == "view" else ["--edges", made.with_name("edits.toml"), "-o", written]
     given = [command, made, "-r", "op3", "--motion", SAMPLES / "wave.bvh", *ways]
-    done = subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, given)], capture_output=True, text=True)
+    done = run(*given)
     assert done.returncode == 2 and not written.exists()
     assert "comes from walk.bvh, not from wave.bvh" in done.stderr and "--force" in done.stderr
 

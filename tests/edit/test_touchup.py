@@ -1,12 +1,11 @@
 """A touch-up moves the named keypoints at the named frames only; equal edits give equal bytes on every machine."""
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from forked import run
 from shared_files import ROOT
 
 import robot_retarget as rr
@@ -35,7 +34,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[RobotGraph, Trajec
 
 
 def command(*words: str | Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, words)], capture_output=True, text=True)
+    done = run(*words)
     assert done.returncode == 0, done.stderr
 
 

@@ -1,7 +1,5 @@
 """A touch-up in the browser: the command line reproduces the result of the mouse from the saved file."""
 
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -10,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Tab, needs_browser, tab
+from forked import run
 from shared_files import ROOT
 
 from robot_retarget.edit.session import Session, graph_of
@@ -27,7 +26,7 @@ DONE += "(form.querySelector('output').textContent)"
 
 
 def command(*words: str | Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "robot_retarget", *map(str, words)], capture_output=True, text=True)
+    done = run(*words)
     assert done.returncode == 0, done.stderr
 
 
