@@ -95,7 +95,7 @@ def _footprints(x: Floats, match: Match, fps: float, rule: TerrainRule) -> Itera
     if not {"pelvis", *(f"{side}_{part}" for side in "lr" for part in ("toe", "ankle"))} <= set(match.keypoints):
         return
     feet = x[:, [[match.index(f"{side}_{part}") for part in ("toe", "ankle")] for side in "lr"]]
-    rests = (speed_of(feet / leg, fps, still) < still.enter_speed).all(axis=2)
+    rests = np.asarray((speed_of(feet / leg, fps, still) < still.enter_speed).all(axis=2))
     height, pelvis = feet[:, :, 0, 2], x[:, match.index("pelvis"), 2]
     for foot in range(2):
         lifted = rests[:, 1 - foot] & (height[:, foot] > height[:, 1 - foot] + rule.rise * leg)
