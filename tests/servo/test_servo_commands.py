@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,25 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulated import ARM, emulated, until
-from shared_files import ROOT
+from forked import run as call
 
 from robot_retarget.actuators.map import dump_map, load_map
 from robot_retarget.goals import Goals
 from robot_retarget.report_file import sealed
 from robot_retarget.servo.bus import Bus
 from robot_retarget.trajectory import Trajectory, fingerprint, load_trajectory
-
-
-def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_retarget", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, timeout=30, stdin=subprocess.DEVNULL, env=headless()
-    )
-
-
-def headless() -> dict[str, str]:
-    """The environment without a display."""
-    return {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
 def swing(folder: Path, joints: tuple[str, ...] = ARM.joints) -> Path:
