@@ -309,7 +309,9 @@ def _harden_floor(model: mujoco.MjModel, robot: Robot) -> None:
 
 
 def _hold_root(model: mujoco.MjModel, root: Ints) -> None:
+    """Make the root immovable; the constraint solver stops at an improvement that its weight does not hide."""
     model.dof_armature[root] = HEAVY * model.body_mass.sum()
+    model.opt.tolerance /= HEAVY
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
