@@ -42,7 +42,7 @@ def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: RobotGraph) -> 
     (lower, upper, priority), whole, columns = asked(graph), targets_of(graph.tracks), columns_of(ordered(graph.tracks))
     for track in graph.tracks:
         edges = columns[track.name]
-        if track.role is not Role.COST or track.name == "foothold":
+        if track.role is not Role.COST or track.name == "foothold" or track.stencil[-1] > 0:
             continue
         on = whole.priority[:, edges] > 0
         assert np.abs(lower[:, edges] - whole.lower[:, edges])[on].max(initial=0.0) < 1e-6, track.name
