@@ -68,7 +68,7 @@ class Weights:
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
     smooth_root: float = 100.0
     """Factor for the root, per rad² and per m²: legs absorb what would accelerate the whole body [-]."""
-    inertia_root: float = 10.0
+    inertia_root: float = 5.0
     """Factor for the root in streams, where inertia delays [-]."""
 
     interaction: float = 0.0

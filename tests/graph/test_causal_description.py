@@ -54,7 +54,8 @@ def test_frame_by_frame_the_same_is_asked_as_of_the_whole(graph: RobotGraph) -> 
 def test_soles_stand_where_the_whole_clip_has_them_stand_but_for_moments(graph: RobotGraph) -> None:
     track = graph.kinds["foothold"]
     first = sum(len(other) for other in graph.tracks[: graph.tracks.index(track)])
-    standing = asked(graph)[2][:, first : first + len(track) : 3] > graph.weights.swing
+    between = 1.01 * np.sqrt(HARD * graph.weights.swing)  # a foot that lands or leaves has more, or less
+    standing = asked(graph)[2][:, first : first + len(track) : 3] > between
     whole = track.priority[:, ::3] >= HARD
     assert (standing == whole).mean() > 0.85
 

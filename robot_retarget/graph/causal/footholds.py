@@ -76,15 +76,23 @@ class CausalFootholds:
 
         π rises by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
         """
-        share, least = min(self.since[foot] / RAMP, 1.0), self.weights.swing
+        share = min(self.since[foot] / RAMP, 1.0)
         place = self.places[foot].copy()
         place[:, 2] += (1 - smoothstep(np.array(share))) * self.height[foot]
-        return place, np.where(self.held[foot][:, None], least * (self.hard / least) ** ((1 + share) / 2), 0.0)
+        return place, np.where(self.held[foot][:, None], self._between((1 + share) / 2), 0.0)
 
-    def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, float]:
-        """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold."""
+    def _swinging(self, foot: int, carried: Floats) -> tuple[Floats, Floats]:
+        """Return the targets of a swing: the human's path, plus the decaying offset of the last foothold.
+
+        π falls by equal factors over `RAMP`, from the geometric mean of a swing and a stance.
+        """
+        share = min(self.since[foot] / RAMP, 1.0)
         left = 1 - smoothstep(np.minimum(self.since[foot] / BLENDED, 1.0))
-        return carried + left * self.offset[foot], self.weights.swing
+        return carried + left * self.offset[foot], self._between((1 - share) / 2)
+
+    def _between(self, share: float) -> Floats:
+        """Return π (3,) between a swing, share 0, and a stance, share 1, in equal factors."""
+        return self.hard**share * self.weights.swing ** (1 - share)
 
 
 def _come_down(corners: Floats, carried: Floats, held: np.ndarray) -> Floats:
