@@ -24,7 +24,7 @@ from robot_retarget.solve.problem import targets_of
 from robot_retarget.solve.solve import problem_of, solve_graph
 from robot_retarget.solve.sqp import FrameSolver
 
-PLAIN, NO_LOOKS = Smoothing(), Smoothing(collision_checks=())
+PLAIN, NO_LOOKS = Smoothing(), Smoothing(collision_check=-1)
 AGAIN = (passes, "_separated", lambda clip, poses, proximal: _moved_back(clip.solver, poses))
 BACK = (FrameSolver, "backtrack_to_clearance", lambda solver, before, pose: pose)
 CLIPS: dict[str, tuple[Smoothing, tuple[tuple[Any, str, Any], ...]]] = {

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import robot_retarget as rr
 from robot_retarget.balance.balanced_ik import BalancedIk
@@ -241,7 +241,7 @@ def test_the_gap_between_two_soles_is_their_distance_where_edge_faces_edge_and_n
         spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
         corners[0, foot, :, :2] = rectangle @ spin.T + [x, y]
         inside.append((grid * [0.06, 0.04]) @ spin.T + [x, y])
-    nearest = cKDTree(inside[1]).query(inside[0])[0].min()
+    nearest = KDTree(inside[1]).query(inside[0])[0].min()
     gap = gaps(corners)[0]
     assert gap <= nearest + 1e-9
     if nearest > 0.01:

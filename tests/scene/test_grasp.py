@@ -74,6 +74,7 @@ def test_hands_give_a_body_its_weight_and_no_torque(trajectory: rr.Trajectory) -
 
 def test_hands_press_towards_each_other(trajectory: rr.Trajectory) -> None:
     plant = plant_of(OP3, "pinned", scene=trajectory.scene, objects="free")
+    assert plant.bodies is not None
     found = pushes(plant, trajectory)
     slope, data = np.empty((3, plant.model.nv)), mujoco.MjData(plant.model)
     data.qpos[:] = plant.places.model_qpos(trajectory.qpos[0])
@@ -94,6 +95,7 @@ def test_a_box_between_the_hands_stays_only_where_they_press(
 
 def test_a_body_on_the_floor_asks_nothing_of_the_robot(trajectory: rr.Trajectory) -> None:
     low = np.array([0.5, 0.0, HEIGHT / 2, 1, 0, 0, 0])
+    assert trajectory.scene is not None
     body = replace(trajectory.scene.bodies[0], poses=np.tile(low, (FRAMES, 1)))
     plant = plant_of(OP3, "free", scene=Scene((body,)), objects="free")
     found = pushes(plant, replace(trajectory, scene=Scene((body,))))
