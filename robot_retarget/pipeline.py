@@ -23,7 +23,7 @@ from robot_retarget.solve.options import Search, Smoothing, SolveOptions
 from robot_retarget.solve.solve import solve_graph
 from robot_retarget.trajectory import Trajectory
 
-EXACT = 1e-3
+EXACT = 3e-4
 """Factor of smoothness, of the pull to the standing pose and of tolerances for a motion that a robot performs [-]: it is
 smooth already, and every joint has a target."""
 

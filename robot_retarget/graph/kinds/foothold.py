@@ -33,6 +33,8 @@ class FootholdKind(Kind):
     tilting: float = 20.0
     """π normal to the floor for soles that fewer than six hinges cannot lay flat anywhere, over the leg [-]."""
 
+    lands_early: bool = True
+    """Whether feet without balance land a frame before their stance, in whose first frame a human's foot still slides."""
     frees: bool = True
     """Whether one of two feet steps where the robot's legs do not reach both footholds."""
     laid: float = 3000.0
@@ -86,7 +88,7 @@ class FootholdKind(Kind):
         match phase:
             case PlaybackPhase():
                 return replace(track, lower=phase.soles, upper=phase.soles, priority=phase.grip)
-            case UnbalancedPhase():
+            case UnbalancedPhase() if self.lands_early:
                 return self._landed(track)
             case CoarsePhase():
                 return self._flat(track)
@@ -94,6 +96,10 @@ class FootholdKind(Kind):
                 return self._placed(track, measured, phase)
             case _:
                 return track
+
+    def for_robot(self) -> "FootholdKind":
+        """Return the kind for stances that are known exactly."""
+        return replace(self, lands_early=False)
 
     def _landed(self, track: Track) -> Track:
         """Return targets of feet that land a frame earlier, so that they do not slide into place as they begin to stand."""
