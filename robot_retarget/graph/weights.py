@@ -66,7 +66,7 @@ class Weights:
     """A swing foot at its reference, as the pelvis on its path."""
     smooth: float = 20.0
     """Squared second differences of the joints at `REFERENCE_FPS` [1/rad²]."""
-    smooth_root: float = 100.0
+    smooth_root: float = 50.0
     """Factor for the root, per rad² and per m²: legs absorb what would accelerate the whole body [-]."""
     inertia_root: float = 5.0
     """Factor for the root in streams, where inertia delays [-]."""
