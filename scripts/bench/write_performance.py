@@ -14,7 +14,7 @@ import sys
 from datetime import date
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 BENCHES = (
     ("Solver", "bench_solve.py --robots op3 --clips samples/walk.bvh --repeats 3"),
     ("Stream", "bench_stream.py --robots op3 --clips samples/walk.bvh --fps 60 --repeats 3"),
@@ -43,15 +43,15 @@ def heading() -> str:
 def section(title: str, command: str) -> str:
     """Run one benchmark and return its section of the page."""
     ran = subprocess.run(
-        [sys.executable, *f"scripts/{command}".split()],
+        [sys.executable, *f"scripts/bench/{command}".split()],
         cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
     )
     if ran.returncode:
-        raise SystemExit(f"scripts/{command} ended with {ran.returncode}:\n{ran.stderr[-2000:]}")
-    return f"\n## {title}\n\n`OMP_NUM_THREADS=1 python scripts/{command}`\n\n{ran.stdout.strip()}\n"
+        raise SystemExit(f"scripts/bench/{command} ended with {ran.returncode}:\n{ran.stderr[-2000:]}")
+    return f"\n## {title}\n\n`OMP_NUM_THREADS=1 python scripts/bench/{command}`\n\n{ran.stdout.strip()}\n"
 
 
 def main() -> None:

@@ -56,7 +56,7 @@ from robot_retarget.papers import (
 )
 from robot_retarget.papers.formation import links
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 START, END = "<!-- reproduced: start -->", "<!-- reproduced: end -->"
 
 papers = partial(solve, objective=Objective.HALF_SQUARED)
