@@ -102,4 +102,4 @@ def test_goals_leave_through_the_link_and_its_gate_alone() -> None:
         for path in (ROOT / "robot_retarget" / folder).glob("*.py")
         if '"goal_position"' in path.read_text(encoding="utf-8")
     }
-    assert senders == {"control_tables.py", "link.py"}
+    assert senders == {"link.py"}
