@@ -53,7 +53,7 @@ class RunPlan:
         return self.total - len(self.tasks)
 
     def is_current(self, row: Row) -> bool:
-        """Whether a row is of a clip that is there, made from what is there now with the settings of this run."""
+        """Whether the clip of a row exists and the row matches its present content and the settings of this run."""
         known = self.digests.get(row.key)
         return Path(row.path).exists() if known is None else known == row.digest
 

@@ -117,7 +117,7 @@ class Filled:
     """A folder of results that is being filled."""
 
     path: Path
-    """Where its files are written until all are there."""
+    """Folder of the files until all are complete."""
     place: Path
     """Where they go."""
 
@@ -139,14 +139,14 @@ RESULTS = (
 )
 """Files of a folder of results, which belong together: those of an earlier run go when the new ones come."""
 UNFINISHED = ".unfinished-"
-"""Beginning of the name of the folder in which results are written until all are there."""
+"""Prefix of the folder that holds results until all are complete."""
 
 
 @contextmanager
 def filling(place: Path) -> Iterator[Filled]:
     """Fill a folder with results that replace earlier ones together, at the end or on Ctrl-C.
 
-    A run that is killed leaves the earlier results whole; the next one sweeps what it had written.
+    A run that is killed leaves the earlier results whole; the next run deletes the unfinished files.
 
     Raises:
         OutputError: The folder cannot be made or written.

@@ -32,7 +32,7 @@ ALTERED = "--rate, --speed, --loop, --from, --to and --freeze alter the judged m
 
 @options
 class PlayOptions(BaudOptions):
-    """What is played, where, and what has to be true before."""
+    """Options of a playback: trajectory, servos and checks."""
 
     trajectory: Path = argument(
         "Trajectory .npz, as simulate judged it, or a playlist .toml of such.", callback=require_playable

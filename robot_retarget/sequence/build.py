@@ -1,7 +1,7 @@
 """Sequences and splices of a robot's trajectories: the robot performs them, and follows its own performance.
 
 The forward kinematics of the trajectories are composed into one motion, which is described as a graph and solved like any
-other. Frames outside the seams come out as they were.
+other. Frames outside the seams do not change.
 """
 
 from collections.abc import Sequence

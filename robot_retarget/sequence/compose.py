@@ -57,7 +57,7 @@ def _placed(after: Motion, whole: Motion, before: Motion, seam: Seam, shift: int
 
 
 def _faded(before: Motion, after: Motion, seam: Seam) -> Motion:
-    """Return the n + 1 frames of a seam: between frames of both that stand in pairs, one after the other."""
+    """Return the n + 1 frames of a seam: paired frames of both motions, in order."""
     count = seam.frames + 1
     here = before.frames(seam.leave - seam.frames, seam.leave + 1)
     there = after.frames(seam.enter, seam.enter + count)
@@ -91,7 +91,7 @@ def _chained(motions: Sequence[Motion]) -> Motion:
 
 
 def spliced(legs: Motion, arms: Motion) -> Motion:
-    """Return a motion whose arms are those of another, in the same pose beside the chest; it lasts as long as the legs.
+    """Return a motion with the arms of another, in the same pose relative to the chest; it has the duration of the legs.
 
     Arms that end before hold their last pose.
 

@@ -86,7 +86,7 @@ class Stances:
 
     @cached_property
     def shape(self) -> Floats:
-        """(T, 3 K) keypoints beside the root, in its heading [m]."""
+        """(T, 3 K) keypoints relative to the root, in its heading [m]."""
         flat = self.motion.positions[..., 0] + 1j * self.motion.positions[..., 1]
         flat = (flat - self.places[:, -1:]) / self.headings[:, -1:]
         return np.concatenate([flat.real, flat.imag, self.motion.positions[..., 2]], axis=1)
@@ -125,7 +125,7 @@ class Spans:
 
     @cached_property
     def pace(self) -> Floats:
-        """(S, 3 K) way of the keypoints beside the root [m]."""
+        """(S, 3 K) displacement of the keypoints relative to the root [m]."""
         return np.asarray(self.stances.shape[self.all[:, -1]] - self.stances.shape[self.first])
 
     def beside(self, foot: int) -> Places:
@@ -155,16 +155,16 @@ class SeamTable:
     before: Spans
     after: Spans
     balanced: bool = True
-    """Whether balance plans steps and the pace anew: then feet apart and other speeds are no reason against a seam."""
+    """Whether balance plans new steps and a new pace: then distant feet and different speeds do not refuse a seam."""
 
     @cached_property
     def supports(self) -> Bools:
-        """(L, E, F) whether a foot stands in both motions throughout."""
+        """(L, E, F) whether a foot stands in every frame of both motions."""
         return np.asarray(self.before.down[:, None] & self.after.down[None])
 
     @cached_property
     def anchors(self) -> Ints:
-        """(L, E) foot by which the motion after is placed; the root, column F, where no foot stands in both."""
+        """(L, E) foot that places the second motion; column F is the root, if the motions share no standing foot."""
         feet = self.supports.shape[2]
         if not feet:
             return np.zeros(self.supports.shape[:2], dtype=np.int64)
@@ -249,7 +249,7 @@ def found_seam(
         leave: last frame of the first.
         enter: first frame of the second.
         frames: length of the seam.
-        balanced: whether balance plans steps and the pace anew.
+        balanced: whether balance plans new steps and a new pace.
         best: look for the best frames.
 
     Raises:

@@ -30,7 +30,7 @@ REST = 0.5
 RUN_UP = 0.5
 """The motion before a moment that is solved with its branch [s]: stances need it."""
 HANDOVER = 0.2
-"""Within this time before a moment the goals of a branch begin, where they are nearest to those of the playback [s]."""
+"""The goals of a branch begin at most this time before a moment, where they are nearest to those of the playback [s]."""
 SAME = 0.05
 """Goals that are farther apart there were computed in another way [rad]."""
 

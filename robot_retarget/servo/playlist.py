@@ -86,7 +86,7 @@ def _require(path: str | Path, table: Mapping[str, Any], keys: Sequence[str], wh
 
 
 def require_same_stands(pieces: Sequence[Piece], joints: Sequence[str]) -> None:
-    """Check that each piece begins in the stand in which the one before ends: feet on a floor stay where they are.
+    """Check that each piece begins in the final stand of the previous piece: feet on a floor do not move.
 
     Raises:
         ServoError: two stands differ by more than `SEAM`, or two rates differ.

@@ -106,7 +106,7 @@ class _Entry:
         return read_poses(self.path.parent / str(self.table["poses"]), self.name, self.table.get("order"))
 
     def _stated(self, found: PoseTable) -> tuple[float, str]:
-        """Metres per unit and up axis of a file: what the table says, else what the file says."""
+        """Return metres per unit and the up axis: those of the table, or else those of the file."""
         unit = self.unit if "unit" in self.table or found.unit is None else UNITS.get(found.unit, 1.0)
         return unit, self.up if "up" in self.table else found.up
 
