@@ -80,7 +80,7 @@ class Plant:
         """The map with the limits of the goals; None if the model keeps its own actuators."""
         return None if self.drives is None else self.robot.servo_map
 
-    @property
+    @cached_property
     def driven(self) -> Ints:
         """Places among the robot's hinges of those with a servo."""
         return np.flatnonzero(self.servos >= 0)
@@ -121,18 +121,21 @@ class Plant:
 
         Goals are rounded to the servos' ticks where those are known.
         """
-        model, driven = self.model, self.driven
-        servo = self.servos[driven]
-        wanted = goals[:, driven]
+        wanted = goals[:, self.driven]
         if self.drives is not None:
-            tick = self.drives.tick[driven]
+            tick = self.drives.tick[self.driven]
             wanted = np.round(wanted / tick) * tick
-        controls = np.zeros((len(goals), model.nu))
-        bias = (
-            model.actuator_biasprm[servo, 0] + model.actuator_biasprm[servo, 1] * wanted * model.actuator_gear[servo, 0]
-        )
-        controls[:, servo] = -bias / model.actuator_gainprm[servo, 0]
+        offset, slope = self._control_line
+        controls = np.zeros((len(goals), self.model.nu))
+        controls[:, self.servos[self.driven]] = offset + slope * wanted
         return controls
+
+    @cached_property
+    def _control_line(self) -> tuple[Floats, Floats]:
+        """Offset and slope (d,) of the controls over the goals of the driven hinges."""
+        model, servo = self.model, self.servos[self.driven]
+        gain, bias = model.actuator_gainprm[servo, 0], model.actuator_biasprm[servo]
+        return -bias[:, 0] / gain, -bias[:, 1] * model.actuator_gear[servo, 0] / gain
 
     def goal_offsets(self, torque: Floats, speed: Floats) -> Floats:
         """How far before the joints the goals must be (N, n) [rad] for the servos to give `torque` [N m] at `speed` [rad/s].

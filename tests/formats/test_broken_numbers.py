@@ -105,10 +105,10 @@ def test_a_small_file_that_unpacks_to_gigabytes_is_told_by_its_keys_alone(op3, t
         block = bytes(1 << 22)
         for _ in range((1 << 29) // len(block)):
             member.write(block)
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(TrajectoryError, match="no known format"):
         import_motion(path, op3)
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 1.0
 
 
 @pytest.mark.parametrize("name", ["a.pt", "a.pkl", "a.motion"])

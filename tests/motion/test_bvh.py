@@ -245,7 +245,7 @@ def test_thousands_of_frames_are_read_in_a_blink(tmp_path):
     path = tmp_path / "long.bvh"
     path.write_text(text(head, tuple(" ".join(f"{value:.6f}" for value in row) for row in rows)))
     assert path.stat().st_size > 3.3e6
-    started = time.perf_counter()
+    started = time.process_time()
     capture = read_bvh(path)
-    assert time.perf_counter() - started < 1.5
+    assert time.process_time() - started < 1.5
     assert capture.positions.shape == (frames, joints, 3)

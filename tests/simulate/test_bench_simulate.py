@@ -15,7 +15,7 @@ def test_the_bench_prints_a_row_for_each_mode_and_no_great_overhead(capsys: pyte
     ratios = BENCH["report"](hold(load_robot("op3"), 1.0), "stand", 5, 2)
     rows = capsys.readouterr().out.splitlines()
     assert [row.split(" | ")[1] for row in rows] == ["pinned", "free"]
-    assert max(ratios) < 1.6  # 1.15 on an idle machine; other tests run beside this one
+    assert max(ratios) < 1.6  # 1.35 measured: a clip of one second carries its start
 
 
 def test_the_tracking_bench_finds_compensation_better() -> None:

@@ -145,10 +145,10 @@ def test_an_array_that_would_fill_the_memory_is_refused_by_its_head(tmp_path):
         size = 4 * int(np.prod(shape))
         for start in range(0, size, 1 << 24):
             member.write(bytes(min(1 << 24, size - start)))
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(MotionError, match=r"a\.npz: .*positions: an array .* takes more than \d+ bytes"):
         read_motion(path)
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 1.0
 
 
 def test_a_head_that_states_another_size_than_the_file_has_is_refused(tmp_path):
