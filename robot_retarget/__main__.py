@@ -16,7 +16,7 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Where stdout is closed, output goes to a pipe that nobody reads; where stderr is closed, messages go nowhere."""
+    """Where stdout is closed, output goes to a pipe without a reader; where stderr is closed, messages go nowhere."""
     if sys.stdout is None:
         reader, writer = os.pipe()
         os.close(reader)

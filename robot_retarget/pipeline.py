@@ -48,7 +48,7 @@ def solve(
             result is like the human's motion (`balance.Acceptable`), and otherwise stands and adds a note.
         balance: `static` keeps the centre of mass over the planted soles, `dynamic` the zero moment point. Both begin and
             end in a balanced stand and slow the motion down where necessary. `off` changes nothing. `auto` is static for
-            robots with a servo map (beside their MJCF, or given) and for legs that stand, else off.
+            robots with a servo map (next to their MJCF, or given) and for legs that stand, else off.
         progress: receives (steps done, steps in all) of draft and balance together; the second number may grow.
 
     Raises:
@@ -111,7 +111,7 @@ def retarget(
         balance: `auto`, `static`, `dynamic` or `off`.
         progress: receives (steps done, steps in all).
         scene: the bodies around the human, or a file that `read_scene` reads.
-        scene_scale: size of the bodies beside the robot over their captured size [-]; None scales them with the human.
+        scene_scale: size of the bodies around the robot over their captured size [-]; None scales them with the human.
         terrain: `auto` adds boxes for the steps and seats that the motion shows.
 
     Returns:

@@ -29,7 +29,7 @@ class Result:
     source: Motion | None = None
     """The motion as it was described: cut and resampled, before balance slows it down."""
     doubt: str = ""
-    """Difference between robot and human that a map file or a single causal pass accepts; empty if there is none."""
+    """Difference between robot and human that a map file or a single causal pass accepts; may be empty."""
 
     @property
     def motion(self) -> Motion:

@@ -133,7 +133,7 @@ class Trajectory:
             raise TrajectoryError(f"goals last {goals.duration:.3f} s, not as long as the trajectory and its settling")
 
     def altered(self, **changes: Any) -> "Trajectory":
-        """Return the trajectory with other values, without what was found for the present ones: goals and likeness."""
+        """Return the trajectory with other values, without goals and likeness, which belong to the present ones."""
         return replace(self, **{"goals": None, "likeness": {}} | changes)
 
     def __repr__(self) -> str:

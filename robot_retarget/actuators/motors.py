@@ -101,7 +101,7 @@ def motor_named(name: str) -> MotorModel:
     """A motor by the name printed on the servo; a trailing -R or -T (its connector) is ignored.
 
     Raises:
-        ServoError: no such servo is known.
+        ServoError: the servo is unknown.
     """
     plain = name.strip().upper()
     plain = plain[:-2] if plain.endswith(("-R", "-T")) else plain

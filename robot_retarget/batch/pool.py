@@ -80,12 +80,12 @@ class _Worker:
                 self.task = None
                 return self.pipe.recv()
         except (EOFError, OSError):
-            return self._ended(task, CRASHED, f"its worker ended with exit code {self._process.wait()}")
+            return self._aborted(task, CRASHED, f"its worker ended with exit code {self._process.wait()}")
         seconds = time.monotonic() - self._began
         if seconds > allowance.seconds:
-            return self._ended(task, TIMEOUT, f"took longer than {allowance.seconds:g} s")
+            return self._aborted(task, TIMEOUT, f"took longer than {allowance.seconds:g} s")
         if resident(self._process.pid) > allowance.memory * GIB:
-            return self._ended(task, MEMORY, f"took more than {allowance.memory:g} GiB of memory")
+            return self._aborted(task, MEMORY, f"took more than {allowance.memory:g} GiB of memory")
         return None
 
     def end(self) -> None:
@@ -95,7 +95,8 @@ class _Worker:
         self._process.wait()
         self.pipe.close()
 
-    def _ended(self, task: Task, state: str, message: str) -> TaskResult:
+    def _aborted(self, task: Task, state: str, message: str) -> TaskResult:
+        """Kill the process, start another, and return the result of its task."""
         seconds = round(time.monotonic() - self._began, 3)
         self.end()
         self.task = None

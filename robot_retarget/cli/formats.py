@@ -56,7 +56,7 @@ class JointOptions:
 
 @options
 class ColumnOptions(JointOptions):
-    """What the columns of a file hold."""
+    """Contents of a file's columns."""
 
     quaternion: str | None = option(
         "wxyz or xyzw: the root's order in a file that has another than its format.", default=None

@@ -15,7 +15,7 @@ commands: typer.Typer = typer.Typer()
 
 @options
 class InfoOptions:
-    """What is described."""
+    """The object to describe."""
 
     file: str | None = argument("A motion, an MJCF file or a robot's name.", default=None)
     robot: str | None = option("A robot, where its name is also a file's.", "--robot", "-r", default=None)

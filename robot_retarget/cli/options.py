@@ -36,7 +36,7 @@ def named_robot(name: str) -> str:
 
 @options
 class PrintOptions:
-    """What a command prints; `quiet` has done its work when the command begins."""
+    """Format and amount of a command's output; `quiet` takes effect before the command begins."""
 
     json: bool = option("Print JSON.", "--json", default=False)
     quiet: bool = option(
@@ -219,7 +219,7 @@ class BalancedOptions:
 
 @options
 class FollowOptions(BalancedOptions):
-    """What the legs do."""
+    """Task of the legs."""
 
     legs: Literal["auto", "follow", "stand"] = option(
         "follow the human's legs, or stand with both feet in place; auto follows if the result is like the human.",
@@ -229,13 +229,13 @@ class FollowOptions(BalancedOptions):
 
 @options
 class GraphOptions(RateOptions, MapOptions):
-    """What the graph of a motion on a robot holds."""
+    """Content of the graph of a motion on a robot."""
 
     scene: Path | None = option(
         "Bodies around the human: a TOML of shapes, or an MJCF or URDF (docs/scenes.md).", "--scene", default=None
     )
     scene_scale: str = option(
-        "Size of the bodies beside the robot: `human` scales them with the human, 1 keeps their size, or a number.",
+        "Size of the bodies around the robot: `human` scales them with the human, 1 keeps their size, or a number.",
         default="human",
     )
     terrain: Literal["flat", "auto"] = option(
@@ -258,7 +258,7 @@ class GraphOptions(RateOptions, MapOptions):
         )
 
     def _scale(self) -> float | None:
-        """Return the size of bodies beside the robot over their captured size; None for `human`."""
+        """Return the size of bodies around the robot over their captured size; None for `human`."""
         try:
             scale = None if self.scene_scale == "human" else float(self.scene_scale)
         except ValueError:
@@ -270,7 +270,7 @@ class GraphOptions(RateOptions, MapOptions):
 
 @options
 class EditedGraphOptions(GraphOptions):
-    """What the graph of a motion on a robot holds, with edits of the user."""
+    """Content of the graph of a motion on a robot, with edits of the user."""
 
     edges: Path | None = option("TOML file of edges to add, weigh or drop.", default=None)
 
@@ -300,7 +300,7 @@ class JudgeOptions:
 
 @options
 class ServoOptions:
-    """The servos of a robot, where they are not in its folder."""
+    """The servos of a robot whose folder has no servo map."""
 
     servos: str | None = option(
         "Servo map (.toml) or name of a shipped robot; by default servos.toml in the folder of the MJCF.",

@@ -48,7 +48,7 @@ class PlayOptions(BaudOptions):
         "With --plain: the robot to simulate; by default the trajectory's.", "--robot", "-r", default=None
     )
     mode: Literal["free", "pinned"] = option(
-        "free (on a floor), or pinned: the robot is held by its pelvis.", default="free"
+        "free (on a floor), or pinned: the robot's pelvis is fixed.", default="free"
     )
     rate: float | None = option(
         "With --plain or --unsafe: ticks a second, 125 by default.", default=None, min=10, max=1000
@@ -196,7 +196,7 @@ def _plain(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") ->
 
 
 def _unjudged(trajectory: "Trajectory", how: PlayOptions, servo_map: "ServoMap") -> "ServoPlan":
-    """Return the stored goals if nothing is altered, else the plain trajectory."""
+    """Return the stored goals of an unaltered trajectory, else the plain trajectory."""
     from robot_retarget.goals import RATE
     from robot_retarget.servo.plan import goal_plan, plain_plan
 

@@ -1,4 +1,4 @@
-"""`join`, `loop`, `splice`, `retime`, `stops`, `mirror`, `cut`: trajectories made of trajectories."""
+"""`join`, `loop`, `splice`, `retime`, `stops`, `mirror`, `cut`: new trajectories from trajectories."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -59,7 +59,7 @@ class SeamOptions:
     """Where one trajectory is left and the next one entered, and how fast."""
 
     best: bool = option("Move each seam to the best frames within a second.", "--best", default=False)
-    fade: float | None = option("Duration of a seam [s]; by default what the joints need.", default=None)
+    fade: float | None = option("Duration of a seam [s]; by default as long as the joints need.", default=None)
     speed: float = option("Factor of the speed; the limits of joints and of balance stay.", default=1.0)
 
 
@@ -138,7 +138,7 @@ def stops(
 ) -> None:
     """Solve and judge ways into a stand from moments of a balanced trajectory; `play` takes them on Ctrl-C.
 
-    They replace the folder stops/ beside the trajectory. Exit code 1 if none passes.
+    They replace the folder stops/ next to the trajectory. Exit code 1 if none passes.
     """
     from robot_retarget.files import replacing_folder
     from robot_retarget.sequence.stop import ways_into_stand

@@ -215,7 +215,7 @@ def import_map(
     to: MapOutputOptions,
     printing: PrintOptions,
     file: Annotated[Path, typer.Argument(help="OP3.robot, lerobot or pypot JSON, ToddlerBot config.json.")],
-    offsets: Annotated[Path | None, typer.Option(help="offset.yaml beside an OP3.robot.")] = None,
+    offsets: Annotated[Path | None, typer.Option(help="offset.yaml next to an OP3.robot.")] = None,
     model: Annotated[str | None, typer.Option(help="Servo model where the file names none.")] = None,
 ) -> None:
     """Make a servo map from another project's configuration."""

@@ -16,7 +16,7 @@ commands: typer.Typer = typer.Typer()
 
 @options
 class SimulateOptions(JudgeOptions, ServoOptions, TrajectoryOptions):
-    """How a trajectory is played in simulation, and what is written."""
+    """Simulation of a trajectory, and the files to write."""
 
     mode: Literal["auto", "pinned", "free"] = option(
         "pinned (the pelvis is held), free (standing on a floor); auto: free if solved with balance.", default="auto"

@@ -35,7 +35,7 @@ commands: typer.Typer = typer.Typer()
 
 @options
 class SolvedOptions(OutputOptions):
-    """The trajectory to write, and what is said of it."""
+    """The trajectory to write, and its summary."""
 
     explain: bool = option("Print the edges that lost most.", default=False)
 

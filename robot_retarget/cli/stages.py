@@ -178,7 +178,7 @@ def _shown(result: "Result", target: Path, film: bool, stages: Stages) -> "tuple
 
 
 def _note_of(drawn: "Film | Picture | Unavailable") -> str:
-    """Return the note of a film or picture, or the reason why there is none."""
+    """Return the note of a film or picture, or the reason for its lack."""
     from robot_retarget.view import Unavailable
 
     return drawn.reason if isinstance(drawn, Unavailable) else drawn.note

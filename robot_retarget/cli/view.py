@@ -44,7 +44,7 @@ class ViewOptions(ForceOptions, LimitOptions, MapOptions, ReadOptions):
     robot: list[str] = option("As for solve; once for all trajectories, or once for each of them.", "--robot", "-r")
     motion: Path | None = option("The clip that they come from, to show the human too.", default=None)
     simulated: Literal["pinned", "free"] | None = option(
-        "Play them on simulated servos before, pinned or free, where no report lies beside; by default the report's mode.",
+        "Play them on simulated servos before, pinned or free, unless a report is next to them; by default the report's mode.",
         "--simulate",
         default=None,
     )

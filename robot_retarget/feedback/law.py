@@ -87,7 +87,7 @@ KEYS = tuple(FIELDS)
 
 
 def has_all(values: Mapping[str, Any], keys: Sequence[str]) -> bool:
-    """Return whether a trajectory file has some keys; False where it has none of them.
+    """Return whether a trajectory file has all of some keys; False if it has none of them.
 
     Raises:
         TrajectoryError: it has only some.

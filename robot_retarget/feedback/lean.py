@@ -16,13 +16,13 @@ LEAN = 0.06
 RISE = 0.5
 """Duration of a lean, and of the way back [s]: the fastest turn is 0.23 rad/s."""
 REST = 0.5
-"""The first pose is held for this time before: an emulated robot is let go after 0.3 s at rest [s]."""
+"""The first pose is held for this time before: an emulated robot is released after 0.3 s at rest [s]."""
 HELD = 0.2
 """A lean is held for this time, in which the accelerometer is averaged [s]."""
 PART = 0.5
 """A lean is measured from this part of it on; more about the other axis is a fault. Fewer readings than this are silence."""
 LATE = 0.12
-"""Readings later than this after the goals, besides the sensor's own delay, are a fault [s]: servos lag by 0.05 to 0.07 s."""
+"""Readings later than this after the goals plus the sensor's own delay are a fault [s]: servos lag by 0.05 to 0.07 s."""
 LONGEST_LAG = 0.3
 """Lags up to this are looked for [s]."""
 AXES = ("roll", "pitch")

@@ -66,7 +66,7 @@ class TrajectorySource:
         """An array of an `.npz` by its key.
 
         Raises:
-            FileError: the archive has no such key.
+            FileError: the archive lacks the key.
         """
         if key not in self.arrays:
             raise FileError(f"no array {key!r}; it has {', '.join(self.arrays) or 'none'}")

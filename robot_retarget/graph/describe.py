@@ -163,7 +163,7 @@ def describe(
         preset: `directions` of limbs, `distances` between parts, or `balanced` (`Weights.with_preset`).
         kinds: the kinds of edges that describe the motion; None takes `clip_kinds` (`graph.kinds`).
         scene: the bodies around the human, or a file that `read_scene` reads; None takes those of the motion, if any.
-        scene_scale: size of the bodies beside the robot over their captured size [-]; None takes that of the scene, and
+        scene_scale: size of the bodies around the robot over their captured size [-]; None takes that of the scene, and
             without one scales them with the human.
         terrain: `auto` adds boxes for the steps and seats that the motion shows (`human.terrain`); `flat` adds none.
 
@@ -189,7 +189,7 @@ def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None 
     Args:
         motion: the human's.
         scene: bodies, or a scene file; None keeps those of the motion.
-        scale: their size beside the robot over their captured size; None keeps that of the scene.
+        scale: their size around the robot over their captured size; None keeps that of the scene.
 
     Raises:
         SceneError: a body does not fit the motion, or the scale is not positive.
@@ -201,7 +201,7 @@ def among(motion: Motion, scene: Scene | str | Path | None, scale: float | None 
 
 
 def at_rate(motion: Motion, fps: float | None) -> Motion:
-    """Return the motion at the rate `fps`; without it, at its own rate or `MOST_FPS`, whichever is lower.
+    """Return the motion at the rate `fps`; without it, at the lower of its own rate and `MOST_FPS`.
 
     Args:
         motion: the human's.

@@ -79,7 +79,7 @@ class Surface:
 
 
 def surface_under(human: HumanFeatures, scene: PlacedScene, foot: str) -> Surface:
-    """Return the surface under a foot: where its toe or ankle, whichever is nearer to the ground, stands.
+    """Return the surface under a foot: that of its toe or ankle, the one nearer to the ground.
 
     Args:
         human: features of T frames, with a scene.

@@ -64,7 +64,7 @@ class Kind:
     """The frames that an edge joins, relative to its own: (0,), (−1, 0), (−1, 0, 1) or (−2, −1, 0)."""
     form: Form = Form.SYMBOLIC
     follows_human: bool = True
-    """Whether the targets depend on the human's motion: a stream sets them anew at every frame."""
+    """Whether the targets depend on the human's motion: a stream computes them at every frame."""
     by_user: bool = False
     """Whether a user adds the edges: a command that misses a hard one of them fails."""
     whole: bool = False
@@ -75,7 +75,7 @@ class Kind:
     """Largest number of rows of a numeric inequality in the solver; those with the least room are kept."""
 
     def targets(self, context: RetargetContext) -> Track | None:
-        """Return ends, intervals and priorities over time; None where the bodies have no such edges.
+        """Return ends, intervals and priorities over time; None for bodies without edges of the kind.
 
         The default has one value per edge and frame, `edges`.
         """
@@ -96,7 +96,7 @@ class Kind:
 
         Args:
             context: the frame.
-            memory: what the kind keeps from frame to frame; empty at the first.
+            memory: the kind's state between frames; empty at the first.
         """
         if "edges" not in memory:
             memory["edges"] = self.edges(context.calibration)
@@ -157,5 +157,5 @@ class Kind:
         return self
 
     def with_edges(self, other: Any) -> "Kind":
-        """Return the kind of its own edges and those of another."""
+        """Return the kind with the edges of both."""
         return self

@@ -30,7 +30,7 @@ class PlacedScene:
     """B bodies in the robot's world over T frames."""
 
     scene: Scene
-    """The bodies with their size and poses beside the robot."""
+    """The bodies with their size and poses around the robot."""
     size: float
     """s, robot's size of a body over its captured size [-]."""
     ratio: float
@@ -52,7 +52,7 @@ class PlacedScene:
         Args:
             bodies: (P,) indices of bodies.
             local: (T, P, 3) in the frames of the captured bodies [m].
-            poses: (T, B, 7) of the bodies beside the robot.
+            poses: (T, B, 7) of the bodies around the robot.
         """
         own = poses[:, bodies]
         turn = Rotation.from_quat(own[..., 3:].reshape(-1, 4), scalar_first=True)

@@ -48,7 +48,7 @@ class RowState:
     targets: tuple[Floats, Floats, Floats] | None = None
     """Lower bounds, upper bounds and π (E,) of the kind's edges at the frame; None where a repair asks for overlaps."""
     memory: dict[str, Any] = field(default_factory=dict)
-    """What the kind keeps from one evaluation to the next, per solver and track."""
+    """State of the kind between evaluations, per solver and track."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,7 @@ class HumanFeatures:
 
     @property
     def activity(self) -> Activity:
-        """What the feet do in these frames."""
+        """Activity of the feet in these frames."""
         return activity_of(self.supported, self.flying, self.contacts, self.fps)
 
     def at(self, frames: slice | np.ndarray) -> "HumanFeatures":

@@ -44,7 +44,7 @@ def with_scene(motion: Motion, scene: Scene) -> Motion:
 
 
 def rescaled(motion: Motion, scale: float) -> Motion:
-    """Return a motion with a scene of another size beside the robot, over the captured size [-]."""
+    """Return a motion with a scene of another size around the robot, over the captured size [-]."""
     clip = motion.clip
     assert clip.scene is not None
     whole = replace(clip, scene=replace(clip.scene, scale=scale), whole=None)

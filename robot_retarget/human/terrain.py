@@ -1,6 +1,6 @@
 """Steps and seats that a capture shows without naming them: heights at which feet stand cluster, and a low pelvis rests.
 
-A foot stands on a step where toe and ankle rest together above the lowest level. The footprints of one level that lie beside each other
+A foot stands on a step where toe and ankle rest together above the lowest level. The footprints of one level that are side by side
 become one box. A seat is under a pelvis that rests low and behind the feet.
 """
 
@@ -115,7 +115,7 @@ def _levels(prints: list[Footprint], rise: float) -> list[tuple[float, list[Foot
 
 
 def _steps(levels: list[tuple[float, list[Footprint]]], rule: TerrainRule, leg: float) -> Iterator[RigidBody]:
-    """Return a box for the footprints of each level above the lowest that lie beside each other."""
+    """Return a box for the footprints of each level above the lowest that are side by side."""
     count = 0
     for level, (height, prints) in enumerate(levels[1:], 1):
         below = np.concatenate([each.points for _, lower in levels[:level] for each in lower])

@@ -52,7 +52,7 @@ class Vertical:
 
     @property
     def note(self) -> str:
-        """What was found and how sure, as a sentence."""
+        """The finding and its certainty, as a sentence."""
         tilt, sigma = np.degrees([self.tilt, self.sigma])
         return (
             f"The camera is tilted by {tilt:.0f}° ± {sigma:.0f}°, from {self.stances} planted feet and the posture: "

@@ -1,6 +1,6 @@
 """Distances between the floor z = 0 and links other than feet.
 
-Feet have rows of their own. Hands, knees and the back must stay above the floor. A link that lies flat rests on several
+Feet have separate rows. Hands, knees and the back must stay above the floor. A link that lies flat rests on several
 points, so each geom gives its extreme points straight down and in four directions slightly to the side.
 """
 

@@ -65,7 +65,7 @@ def _span(robot: Robot, joint: int, trajectory: Trajectory) -> tuple[float, floa
     name = robot.joint_names[joint]
     if name not in trajectory.joint_names:
         raise TrajectoryError(
-            f"freeze {name}: the trajectory has no such joint; {known(trajectory.joint_names, 40, typed=name)}"
+            f"freeze {name}: the trajectory lacks this joint; {known(trajectory.joint_names, 40, typed=name)}"
         )
     angles = trajectory.angles[:, trajectory.joint_names.index(name)]
     return _within(robot, joint, float(angles.min())), _within(robot, joint, float(angles.max()))

@@ -133,7 +133,7 @@ class SceneModel:
 
         Returns:
             Signed distances (T, K, B) [m], negative inside, and the nearest point on the surface (T, K, B, 3) in the world
-            [m], the point itself where it is out of reach. Height fields have no distance.
+            [m], the point itself if it is out of reach. Height fields have no distance.
         """
         count = len(self._geoms)
         distance = np.full((*points.shape[:2], count), reach)

@@ -47,7 +47,7 @@ def arrays_of(scene: Scene, frames: int) -> dict[str, Any]:
 
 
 def scene_from(values: Mapping[str, Any]) -> Scene | None:
-    """Return the scene of the fields of a file; None where it has none.
+    """Return the scene of the fields of a file; None without one.
 
     Raises:
         SceneError: a field is missing, a shape is unknown, or the numbers of a mesh do not fit.

@@ -87,7 +87,7 @@ class Scene:
     source: str = ""
     notes: tuple[str, ...] = ()
     scale: float | None = None
-    """Size beside the robot over the captured size [-]; None scales bodies with the human."""
+    """Size around the robot over the captured size [-]; None scales bodies with the human."""
 
     def __post_init__(self) -> None:
         if self.scale is not None and not 0 < self.scale < np.inf:

@@ -27,7 +27,7 @@ class Figure:
     most: float | None = None
     """Upper end of its range; None if unbounded. The lower end is 0 unless `what` says otherwise."""
     cause: str = ""
-    """What a clip usually does that a filter rejects by it."""
+    """The usual content of a clip that a filter rejects by it."""
 
     def rounded(self, value: Value) -> Value:
         """The value rounded to its digits."""

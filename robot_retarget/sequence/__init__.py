@@ -1,1 +1,1 @@
-"""Clips as a repertoire: sequences, splices and ways into a stand, made of trajectories and solved as any motion."""
+"""Clips as a repertoire: sequences, splices and ways into a stand, built from trajectories and solved as any motion."""

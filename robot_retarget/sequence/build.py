@@ -56,7 +56,7 @@ def sequence(
         at: per seam the time at which the clip before is left and that at which the clip after is entered [s]; None, and seams
             beyond the last entry, take the end and the beginning.
         best: move every seam to the best frames within `seam.NEAR`.
-        fade: duration of a seam [s]; by default what the joints need, `FADE` at least.
+        fade: duration of a seam [s]; by default as long as the joints need, `FADE` at least.
         speed: factor of the speed [-].
         legs: `auto`, `follow` or `stand`, with balance.
         balance: `auto`, `static`, `dynamic` or `off`.
@@ -98,7 +98,7 @@ def splice(
 ) -> Result:
     """Return a trajectory with the legs, trunk and head of one and the arms of another, solved as any motion.
 
-    Arms keep their pose beside the chest. The result lasts as long as the legs; arms that end before hold their last pose.
+    Arms keep their pose relative to the chest. The result lasts as long as the legs; arms that end before hold their last pose.
 
     Args:
         legs: a trajectory of the robot, or a file that `load_trajectory` reads.
@@ -127,7 +127,7 @@ class Part:
 
     @property
     def lead_in(self) -> int:
-        """Frames from the stand of a balanced playback to the clip: balance adds them anew."""
+        """Frames from the stand of a balanced playback to the clip: balance adds new ones."""
         return _still(self.trajectory.source_time) if self.trajectory.balance else 0
 
     @property

@@ -1,7 +1,7 @@
 """Ways into a stand: at moments of a balanced playback, a branch that comes to rest along its path and ends in a stand.
 
 A branch is a trajectory of its own. It has the frames and the goals of the playback up to its moment, and it is judged as any
-trajectory. A player goes on to the next moment, and takes the branch there.
+trajectory. A player continues to the next moment and takes the branch there.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ REST = 0.5
 RUN_UP = 0.5
 """The motion before a moment that is solved with its branch [s]: stances need it."""
 HANDOVER = 0.2
-"""The goals of a branch begin at most this time before a moment, where they are nearest to those of the playback [s]."""
+"""The goals of a branch begin at most this time before a moment, at the row nearest to those of the playback [s]."""
 SAME = 0.05
 """Goals that are farther apart there were computed in another way [rad]."""
 
@@ -38,7 +38,7 @@ SAME = 0.05
 def ways_into_stand(
     trajectory: Trajectory, robot: Robot, every: float = 1.0, draws: int = 10
 ) -> Iterator[tuple[float, Report | BalanceError]]:
-    """Yield the moments of a judged playback [s], each with the report of its branch, or the reason why there is none.
+    """Yield the moments of a judged playback [s], each with the report of its branch, or the reason for its lack.
 
     Args:
         trajectory: planned with balance, with its judged goals.
@@ -65,7 +65,7 @@ def ways_into_stand(
 def _branch(part: Part, robot: Robot, frame: int) -> Trajectory:
     """Return the playback up to a frame, then to rest and into a stand.
 
-    The solved branch b begins a little beside the playback a, whose centre of mass is planned further ahead. While the
+    The solved branch b begins slightly off the playback a, whose centre of mass is planned further ahead. While the
     motion comes to rest, the difference fades:  b ⊕ (1 − s) (a ⊖ b),  s of minimum jerk.
 
     Raises:

@@ -31,7 +31,7 @@ def require_judged(
         path: file that the trajectory was read from.
         servos: name of the servo map on the command line.
         report: the report; by default that of the mode next to the trajectory, or for `pinned` the `report.json` that `run` writes.
-        mode: `free`, or `pinned` for a robot held by its pelvis.
+        mode: `free`, or `pinned` for a robot whose pelvis is fixed.
         loose: accept a pass under thresholds above the defaults.
 
     Returns:

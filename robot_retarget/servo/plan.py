@@ -54,7 +54,7 @@ class ServoPlan:
         return ServoPlan(_interpolated(self.angles, times * self.rate), rate, up=up)
 
     def held(self) -> "ServoPlan":
-        """Return the same for a robot that is held by its pelvis: no feedback acts, and no lean of the trunk is a fall."""
+        """Return the same for a robot whose pelvis is fixed: no feedback acts, and no lean of the trunk is a fall."""
         return replace(self, feedback=None, up=None)
 
 

@@ -161,7 +161,7 @@ def sync_write(address: int, length: int, values: Iterable[tuple[int, bytes]]) -
 def fast_status(blocks: Sequence[tuple[int, int, bytes]], missing: bool = False) -> bytes:
     """One answer of several servos, blocks of (error, id, data), each with the checksum of all that went before.
 
-    With `missing` the chain is announced longer by one block of the last one's length and breaks off after what is
+    With `missing` the chain is announced longer by one block of the last one's length and breaks off after the bytes that are
     given, as on a real bus when a servo does not take its turn.
     """
     sizes = [4 + len(data) for _, _, data in blocks]

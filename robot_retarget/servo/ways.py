@@ -12,7 +12,7 @@ from robot_retarget.servo.plan import ServoPlan, goal_plan
 from robot_retarget.trajectory import load_trajectory
 
 FOLDER = "stops"
-"""Folder beside a trajectory; it has a folder for each branch, named by its moment [s]."""
+"""Folder next to a trajectory; it has a folder for each branch, named by its moment [s]."""
 AHEAD = 0.3
 """A branch has the goals of its trajectory until this long before its moment, or it belongs to another [s]."""
 
@@ -35,10 +35,10 @@ class Course:
         return len(self._targets) - 1
 
     def stop(self, row: int) -> bool:
-        """Take the next branch after a row; the plan itself goes on to its stand where none is left.
+        """Take the next branch after a row; without another one the plan continues to its own stand.
 
         Returns:
-            Whether there is a way into a stand, which was not asked for before.
+            Whether there is a way into a stand and none was requested before.
         """
         if self.stopping or not self._ways:
             return False
@@ -74,7 +74,7 @@ def parting(plan: ServoPlan, way: ServoPlan) -> int:
 def judged_ways(
     path: str | Path, plan: ServoPlan, servo_map: ServoMap, servos: str, mode: str = "free", loose: bool = False
 ) -> tuple[list[ServoPlan], list[str]]:
-    """Return the branches in `FOLDER` beside a trajectory that passed, and the reasons against the others.
+    """Return the branches in `FOLDER` next to a trajectory that passed, and the reasons against the others.
 
     Args:
         path: file of the trajectory.

@@ -1,4 +1,4 @@
-"""Bodies of a scene in a simulation: carried along their path, or free, with mass, held by friction alone."""
+"""Bodies of a scene in a simulation: carried along their path, or free, with mass and friction."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

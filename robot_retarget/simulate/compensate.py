@@ -36,9 +36,9 @@ USABLE = 0.95
 
 
 def compensated(plant: Plant, trajectory: Trajectory, mode: Mode = "pinned", playback: Playback | None = None) -> Goals:
-    """The goals to send in place of a trajectory, at the playback's rate.
+    """Return the goals that make the servos follow a trajectory, at the playback's rate: inverse dynamics undoes lag and sag.
 
-    The first and the last hold their poses at rest, and stay for the settling before and after.
+    The first and the last goal hold their poses at rest, and are repeated for the time of settling.
     """
     playback = playback or Playback()
     rate = playback.on(plant)

@@ -52,7 +52,7 @@ def draws(count: int, seed: int = 0, spread: Spread | None = None) -> tuple[Draw
     bounds = np.array([spread.mass, spread.friction, spread.stiffness, spread.delay, spread.tilt, spread.tilt])
     shares = np.random.default_rng(seed).random((count, len(bounds)))
     rows = (bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])).tolist()
-    # A generator of its own: the other parameters do not depend on it.
+    # A separate generator: the other parameters do not depend on it.
     plays = np.random.default_rng([seed, 1]).uniform(*spread.backlash, count)
     return tuple(
         Draw(*row, backlash=float(play), seed=k) for k, (row, play) in enumerate(zip(rows, plays, strict=True))

@@ -125,7 +125,7 @@ def mode_of(trajectory: Trajectory) -> str:
 
 
 def report_beside(path: Path, trajectory: Trajectory, robot: Robot, mode: str | None = None) -> Report | None:
-    """Return the report next to a trajectory file, with its motion simulated anew where the robot has the judged servos.
+    """Return the report next to a trajectory file, with its motion simulated again on the judged servos, if the robot has them.
 
     Args:
         mode: of the report; by default `free`, else `pinned`.

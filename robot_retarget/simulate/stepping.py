@@ -105,7 +105,7 @@ def _ticks(
 
     Args:
         loop: corrects the goals.
-        carried: (N, nq) configurations whose root the robot is held by.
+        carried: (N, nq) configurations to whose root the robot is fixed.
         paths: (N, B, 7) poses of the bodies of the scene.
     """
     data, bodies = played.data, played.plant.bodies

@@ -107,7 +107,7 @@ class Candidates:
         self._start(moments.tolist(), [ends[: search.followed] for ends in found])
 
     def _start(self, moments: list[int], found: list[list[FrameSolution]]) -> None:
-        """Follow the poses of moments that are in no known basin."""
+        """Keep the poses found at moments that are in no known basin, and follow each to both sides."""
         starts = [(pose, k) for k, poses in zip(moments, found, strict=True) for pose in poses if self._add(k, pose)]
         self._follow([PoseChain(pose, moment, way) for pose, moment in starts for way in (1, -1)])
 
@@ -185,9 +185,9 @@ class Candidates:
         return Box(self.bounds.lower[frames], self.bounds.upper[frames])
 
     def _descend(self, qpos: Floats, moments: Ints, box: Box) -> list[FrameSolution]:
-        """Return where rough descents from configurations (N, nq) end whose hinges stay in a box.
+        """Return the ends of rough descents from configurations (N, nq); hinges stay in a box.
 
-        A change from the configurations costs a little, so directions without other costs stay where they are.
+        A change from the configurations has a small cost, which fixes directions without other costs.
         """
         targets, search, nv = (
             self.all_targets.frames(self.frames[moments]),

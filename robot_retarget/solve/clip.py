@@ -184,7 +184,7 @@ def clip_passes(clip: ClipProblem, start: Floats, count: Count) -> list[FrameSol
     The alternating direction method of multipliers solves  Σ f_t(q_t) + Σ κ ‖s_{t−1} − 2 s_t + s_{t+1} − b_t‖²  subject to
     q_t = s_t: every pass moves each frame by one step against ρ‖q_t ⊖ s_t + y_t‖², then the path s, then the
     multipliers y; both see q_t over-relaxed, s_t ⊕ α (q_t ⊖ s_t) [Boyd2011, 3.4.3]. Even frames step together, then odd
-    ones, so that the neighbours of a stepping frame stay where they are. After the first passes, only frames whose cost
+    ones, so that the neighbours of a stepping frame do not move. After the first passes, only frames whose cost
     still falls step (`Smoothing.extra`). The function returns the frames, not the path, because the frames satisfy all
     limits. Joint speeds hold between the frames: the start is slowed down to them, and no step exceeds them relative to a
     neighbour. The first `fixed` frames stay unchanged.

@@ -89,7 +89,7 @@ class Mapped:
     def _evaluate(
         run: Compiled, values: tuple[Floats, ...], results: list[Floats], first: int, last: int, size: int
     ) -> None:
-        """Fill in the results of some frames; unused places of a block keep what they hold."""
+        """Fill in the results of some frames; unused places of a block do not change."""
         for argument, value in zip(run.arguments, values, strict=True):
             part = value[first:last]
             own = part if part.ndim < 3 else part.swapaxes(1, 2).reshape(len(part), -1)

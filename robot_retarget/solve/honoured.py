@@ -24,7 +24,7 @@ def require_honoured(robot: Robot, tracks: Sequence[Track], lag: int | None) -> 
         lag: number of frames by which a stream lags; None for a clip.
 
     Raises:
-        GraphError: the message names the kind, its role and its stencil, and what the solver honours.
+        GraphError: the message names the kind, its role and its stencil, and the combinations that the solver honours.
     """
     require_kinds([track.kind for track in tracks], lag)
     for track in tracks:

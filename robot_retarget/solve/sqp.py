@@ -208,7 +208,7 @@ class FrameSolver:
         return Descent(np.array(start), targets, base, TrustRegions(self.options, len(start)), box, between=between)
 
     def step_frames(self, descent: Descent, frames: Ints) -> None:
-        """Try one step of some frames of a descent; a frame whose step gains too little stays where it is."""
+        """Try one step of some frames of a descent; a frame whose step gains too little does not move."""
         descent.last.clear()
         descent.status[frames] = Status.OUT_OF_ITERATIONS
         self._advance(descent, self._with_terms(descent, descent.base, descent.qpos, None), frames)
@@ -332,14 +332,14 @@ class FrameSolver:
         return Box(bounds.lower, bounds.upper)
 
     def reachable(self, before: Floats, targets: EdgeTargets, time: float) -> Box:
-        """Return the angles that the hinges reach at a frame from a configuration (nq,), within a time [s]."""
+        """Return the ranges of the hinges at a frame, cut to the angles in reach of a configuration (nq,) within a time [s]."""
         bounds = self.bounds(targets)
         return Box(bounds.lower, bounds.upper).around([(before[self.robot.qpos_index], bounds.speed * time)])
 
     def around(
         self, qpos: Sequence[Floats] | Floats, all_targets: ClipTargets, frame: int, seconds: float
     ) -> Neighbours | None:
-        """Return the frames that costs join with a frame of a clip; None if there are none.
+        """Return the frames that costs join with a frame of a clip; None without any.
 
         Args:
             qpos: (nq,) of the first frames, or of all frames.

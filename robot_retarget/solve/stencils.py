@@ -1,4 +1,4 @@
-"""Costs that join several frames: at one frame, its neighbours stay where they are."""
+"""Costs that join several frames: at one frame, its neighbours are constant."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -86,7 +86,7 @@ def _slope(solver: FrameSolver, qpos: Floats, t: int, track: Track, edge: int) -
 
 
 def _measure(problem: Problem, kind: str, qpos: Floats, t: int) -> Callable[[Floats], Floats]:
-    """Return a frame's configuration ↦ measures (E,) of a kind, with the other frames where they are."""
+    """Return a frame's configuration ↦ measures (E,) of a kind, with the other frames constant."""
     if kind in problem.inequalities.columns:
         return lambda q: problem.inequalities.values(q)[problem.inequalities.columns[kind]]
     joined = [cost for cost in problem.stencils if cost.track.name == kind]

@@ -47,12 +47,12 @@ BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What readers of Python and NumPy raise at bytes that are not what they expect."""
+"""Errors of readers of Python and NumPy at unexpected bytes."""
 
 
 @contextmanager
 def refusing(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever a reader raises at a file into one error.
+    """Turn every error of a reader at a file into one error.
 
     Raises:
         FileError: the file cannot be read, or is no `what`.

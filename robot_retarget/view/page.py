@@ -138,7 +138,7 @@ def _charts(report: Report, warnings: Warnings | None) -> list[tuple[str, str, s
 
 
 def _joint_heads(joints: Any) -> dict[str, str]:
-    """Return every figure that a joint has, with the end of its name that stands for its unit."""
+    """Return every figure of a joint, with the suffix of its name that means its unit."""
     keys = dict.fromkeys(key for own in joints.values() for key in own)
     return {key: next((end for end in UNITS if key.endswith(end)), "") for key in keys}
 

@@ -37,7 +37,7 @@ class Picture:
 
     @property
     def webp(self) -> bytes:
-        """The image in few bytes, for a page."""
+        """The image as a small WebP file, for a page."""
         from PIL import Image
 
         data = io.BytesIO()

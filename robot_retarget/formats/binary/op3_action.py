@@ -123,7 +123,7 @@ def _held(ticks: Floats) -> Floats:
 
 
 def _even(angles: Floats, durations: Floats) -> tuple[Floats, float]:
-    """Keyframes at one rate: as they are where their times are equal, else straight between them at the player's cycles."""
+    """Keyframes at one rate: unchanged if their times are equal, else straight between them at the player's cycles."""
     if np.allclose(durations[1:], durations[:1]):
         return angles, float(1 / durations[0])
     times = np.cumsum(durations) - durations[0]

@@ -1,6 +1,6 @@
 """Clearance: links stay out of the bodies around the robot, by MuJoCo's distances; the pair that touches may touch.
 
-The bodies are vertices with known coordinates: besides its pairs of a link and a body, the track has edges between
+The bodies are vertices with known coordinates: in addition to its pairs of a link and a body, the track has edges between
 each body and the world, whose lower bounds are the pose of the body at each frame and which no row can miss.
 """
 

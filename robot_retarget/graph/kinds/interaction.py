@@ -44,7 +44,7 @@ class InteractionKind(Kind):
             return None
         horizon = self.horizon / past.seconds
         step = difference(state.robot, past.qpos, state.qpos)
-        ahead = horizon * np.minimum(contacts.slope @ step, 0.0)  # k = H or 0, whichever makes d + k ḋ least
+        ahead = horizon * np.minimum(contacts.slope @ step, 0.0)  # of k = H and k = 0 the one with the smaller d + k ḋ
         value = np.where(ahead < 0, np.maximum(-ahead + np.minimum(contacts.deficit, 0.0), 0.0), 0.0)
         rows = np.flatnonzero(value)
         if not rows.size:

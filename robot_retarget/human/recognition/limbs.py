@@ -102,7 +102,7 @@ class PosedSkeleton:
         return named or below
 
     def _foot(self, ankle: int) -> list[int]:
-        """From below an ankle down the longest branch that is not called a heel."""
+        """Return the joints of the longest branch below an ankle, from the top down, without heels."""
         chain, joint = [], ankle
         while below := [child for child in self.children[joint] if not self._only_heel(child)]:
             joint = max(below, key=self.branch)

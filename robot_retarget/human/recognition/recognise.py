@@ -44,7 +44,7 @@ class Recognition:
     marks: Mapping[str, Mark]
     notes: tuple[str, ...] = ()
     segments: Mapping[str, str] = field(default_factory=dict)
-    """Per segment the joint whose rotation is its forward, left and up; empty where rotations have axes of their own."""
+    """Per segment the joint whose rotation is its forward, left and up; empty if rotations have other axes."""
     ankle_height: float | None = None
     """Height of the ankles above level soles at z = 0 [m], where the source knows its body and floor."""
     names: tuple[str, ...] = ()

@@ -27,7 +27,7 @@ _END = "_end"
 
 @dataclass
 class _Subject:
-    """One person of a recording, as it is read."""
+    """One person of a recording while the file is read."""
 
     name: str
     fps: float | None

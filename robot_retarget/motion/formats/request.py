@@ -25,7 +25,7 @@ class Request:
     body_model: Path | None = None
     """The body model of SMPL parameters."""
     listed: list[str] = field(default_factory=list, compare=False)
-    """Names of the motions or people of the file, filled where there are several."""
+    """Names of the motions or people of the file; empty for a single one."""
 
     def rate(self, stored: float | None = None, usual: float = USUAL_FPS) -> tuple[float, tuple[str, ...]]:
         """Return frames per second: the caller's, else the stored, else the usual ones, with a note unless they are stored.

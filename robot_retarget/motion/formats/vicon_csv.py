@@ -28,7 +28,7 @@ def read(path: Path, request: Request) -> Capture:
     """Read the trajectories and put joints between them.
 
     Raises:
-        MotionError: no such block, a row of another form, or labels from which no joints follow.
+        MotionError: the block is missing, a row of another form, or labels from which no joints follow.
     """
     with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
         rows = list(csv.reader(file))

@@ -1,4 +1,4 @@
-"""Defects of captures, found, reported and repaired where that is safe: jumps, gaps, noise, sparse keyframes."""
+"""Defects of captures, found, reported, and repaired if the repair is safe: jumps, gaps, noise, sparse keyframes."""
 
 from robot_retarget.motion.repair.footing import FootingRule as FootingRule
 from robot_retarget.motion.repair.footing import footing as footing

@@ -125,7 +125,7 @@ def _limbs(capture: Capture, recognition: Recognition, leg: float, rule: RepairR
 def _across(
     capture: Capture, recognition: Recognition, hub: int, columns: list[int], first: int, last: int
 ) -> tuple[Capture, str]:
-    """Interpolate a limb across a gap where that is smoother than the capture; return the outcome in words.
+    """Interpolate a limb across a gap if this is smoother than the capture; return the outcome in words.
 
     Args:
         hub: the joint from which the limb hangs.

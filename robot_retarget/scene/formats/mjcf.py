@@ -51,7 +51,7 @@ def _loaded(path: Path) -> mujoco.MjModel:
 
 
 def _geoms(model: mujoco.MjModel) -> Ints:
-    """Return the solid geoms of bodies that no joint moves, except a free joint that carries nothing else."""
+    """Return the solid geoms of the world and of trees without joints other than a free one."""
     root = np.asarray(model.body_rootid)
     jointed = {int(root[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != _FREE}
     solid_geom = (model.geom_contype | model.geom_conaffinity) != 0

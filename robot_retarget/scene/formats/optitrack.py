@@ -23,7 +23,7 @@ def read(path: Path, name: str) -> tuple[Floats, float | None, str | None]:
         Poses (T, 7) x y z, w x y z in the file's unit, NaN where the body was not seen; frames per second; the unit.
 
     Raises:
-        SceneError: it is no such export, rotations are not quaternions, or no rigid body has the name.
+        SceneError: the file is no export of Motive, rotations are not quaternions, or no rigid body has the name.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:

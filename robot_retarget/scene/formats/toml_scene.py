@@ -1,4 +1,4 @@
-"""Scenes in TOML: one table `[[body]]` per body, with its shape and where it is.
+"""Scenes in TOML: one table `[[body]]` per body, with its shape and pose.
 
 [[body]]
 name = "box"

@@ -203,7 +203,7 @@ class Server:
             self.terminal = Terminal(self._link)
 
     def _command(self, line: str) -> None:
-        """A sentence from stdin; every one is answered by one line of JSON."""
+        """Obey a line from stdin: `stop`, `state`, or a fault to strike with; print the state or the error as a line of JSON."""
         words = line.split()
         if not words or words == ["stop"]:
             self._stop = True

@@ -45,7 +45,7 @@ def read(path: Path, request: Request) -> Capture:
 
 
 def beside(path: Path) -> tuple[Path, ...]:
-    """Return the ASF of an AMC; none where it is missing."""
+    """Return the ASF of an AMC; None without one."""
     try:
         return (skeleton_beside(path),)
     except MotionError:
@@ -56,7 +56,7 @@ def skeleton_beside(path: Path) -> Path:
     """The ASF of an AMC: called as the file, or as its subject (`02.asf` of `02_01.amc`), or the only one in the folder.
 
     Raises:
-        MotionError: the folder has no such file, or several.
+        MotionError: the folder has no ASF, or several.
     """
     folder = sorted(one for one in path.parent.iterdir() if one.suffix.lower() == ".asf")
     subject = path.stem.partition("_")[0]

@@ -113,7 +113,7 @@ def read_json(path: Path, names: Sequence[str]) -> tuple[Table, float | None]:
 
 
 def _frame(frame: Any, index: int, count: int, path: Path) -> list[list[float]]:
-    """The landmarks of one frame: those of the first person; empty if the frame has nobody."""
+    """The landmarks of the first person in one frame; empty without a person."""
     marks = next((frame[key] for key in _WORLD if key in frame), None) if isinstance(frame, Mapping) else frame
     if isinstance(marks, list) and len(marks) < count and marks and isinstance(marks[0], list):
         marks = marks[0]

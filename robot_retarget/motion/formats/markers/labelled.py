@@ -98,7 +98,7 @@ def _bridged(
 
 
 def _named(paths: dict[str, Floats]) -> dict[str, tuple[str, ...]]:
-    """Per joint the labels whose middle it is; empty where a needed joint has no label of its own."""
+    """Per joint the labels whose middle it is; empty if a needed joint has no label."""
     found: dict[str, tuple[str, ...]] = {}
     for side, word in (("L", "left"), ("R", "right")):
         for joint, (_, labels) in _SIDED.items():
