@@ -3,21 +3,27 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import SceneError, known
 from robot_retarget.human.motion import Motion
 from robot_retarget.scene.geoms import SceneModel
-from robot_retarget.scene.scene import RigidBody, Scene, composed
+from robot_retarget.scene.scene import RigidBody, Scene, composed, world_corners
 
 FARTHEST = 30.0
 """A body farther from the human has another unit or another origin [m]."""
-LARGEST = 50.0
-"""A body with a longer edge has another unit [m]; planes and height fields excepted."""
-FASTEST = 20.0
-"""A body that moves faster between two frames jumps [m/s]."""
+LONGEST = (0.005, 50.0)
+"""Bounds of the longest edge of a body; outside them it has another unit [m]. Planes and height fields are not bounded."""
+JUMP = (0.1, 0.8)
+"""A body jumps where it moves [m] or turns [rad] in a frame by this more than in the median of two frames before and after."""
+SUNK = 0.05
+"""A moving body that reaches deeper under the floor has another place, unit or order of quaternions [m]."""
+FLESH = 0.06
+"""Flesh and errors of captures take this from a joint to the surface of a body [m]; a deeper joint is named ..."""
 INSIDE = 0.12
-"""No joint lies deeper in a body at the first frame [m]: flesh and errors of captures take 0.06."""
+"""... and one that is deeper than this at the first frame is refused [m]."""
 MISSING = 0.1
 """Poses may begin later and end earlier than the motion by this time [s]; they are held there."""
 
@@ -31,14 +37,16 @@ def with_scene(motion: Motion, scene: Scene) -> Motion:
 
     Raises:
         SceneError: an unknown carrier, poses that end before the motion, a body of another unit, or one that holds the
-            human at the first frame.
+            human deep at the first frame.
     """
     clip = motion.clip
     placed = replace(scene, bodies=tuple(_placed(body, clip, motion) for body in scene.bodies))
     poses = placed.poses(len(clip))
-    jumps = [note for k, body in enumerate(placed.bodies) if (note := _checked(body, poses[:, k], clip))]
-    _require_outside(placed, poses, clip)
-    around = replace(placed, notes=(*scene.notes, *jumps, *_mesh_notes(placed)))
+    for k, body in enumerate(placed.bodies):
+        _require_unit(body, poses[:, k], clip)
+    moving = [(body, poses[:, k]) for k, body in enumerate(placed.bodies) if not body.fixed]
+    found = [*map(_jump, scene.bodies), *(_sunk(*each) for each in moving), _inside(placed, poses, clip)]
+    around = replace(placed, notes=(*scene.notes, *filter(None, found), *_mesh_notes(placed)))
     whole = replace(clip, scene=around, whole=None)
     return whole if motion.whole is None else whole.frames(motion.span.start, motion.span.stop)
 
@@ -60,7 +68,7 @@ def _placed(body: RigidBody, clip: Motion, part: Motion) -> RigidBody:
     fps = body.fps or clip.fps
     end, needed = (len(body.poses) - 1) / fps, float(part.source_time[-1])
     if needed > end + MISSING:
-        raise SceneError(f"body {body.name!r} has no pose after {end:.2f} s; the motion ends at {needed:.2f} s")
+        raise SceneError(f"{body.title} has no pose after {end:.2f} s; the motion ends at {needed:.2f} s")
     return replace(body.resampled(clip.source_time * fps), fps=None)
 
 
@@ -68,39 +76,65 @@ def _joint_poses(body: RigidBody, clip: Motion) -> Floats:
     """Return (T, 7) poses of the joint that carries a body."""
     names = clip.skeleton.names
     if body.carrier not in names:
-        raise SceneError(f"body {body.name!r}: no joint {body.carrier!r}; {known(names, typed=body.carrier)}")
+        raise SceneError(f"{body.title}: no joint {body.carrier!r}; {known(names, typed=body.carrier)}")
     if clip.rotations is None:
-        raise SceneError(f"body {body.name!r}: {clip.source or 'the motion'} has no rotations: a joint cannot carry it")
+        raise SceneError(f"{body.title}: {clip.source or 'the motion'} has no rotations: a joint cannot carry it")
     joint = names.index(body.carrier)
     return np.concatenate([clip.positions[:, joint], clip.rotations[:, joint]], axis=1)
 
 
-def _checked(body: RigidBody, poses: Floats, clip: Motion) -> str:
-    """Return a note about jumps of a body, empty without any; refuse a body of another unit."""
+def _require_unit(body: RigidBody, poses: Floats, clip: Motion) -> None:
+    """Refuse a body of another unit, by its size and by its distance from the human."""
     hint = 'state its unit (unit = "mm") or its place'
-    away = np.linalg.norm(poses[:, :3] - clip.positions.mean(axis=1), axis=1)
-    extent = float(body.shape.size.max())
-    if body.shape.volume and extent > LARGEST:
-        raise SceneError(f"body {body.name!r} is {extent:.4g} m long: {hint}")
-    near = int(away.argmin())
+    away = np.abs(poses[:, :3] - clip.positions.mean(axis=1)).max(axis=1)
+    extent, near = float(body.shape.size.max()), int(away.argmin())
+    if body.shape.volume and not LONGEST[0] <= extent <= LONGEST[1]:
+        raise SceneError(f"{body.title} is {extent:.4g} m long: {hint}")
     if body.shape.volume and away[near] - extent > FARTHEST:
-        raise SceneError(f"body {body.name!r} is {away[near]:.4g} m from the human or farther: {hint}")
-    speed = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) * clip.fps
-    if speed.max(initial=0.0) <= FASTEST:
+        raise SceneError(f"{body.title} is {away[near]:.4g} m from the human or farther: {hint}")
+
+
+def _jump(body: RigidBody) -> str:
+    """Return a note about the largest jump in the poses of a body; empty without any."""
+    if body.poses.ndim == 1 or len(body.poses) < 3:
         return ""
-    frame = int(speed.argmax())
-    return f"RigidBody {body.name!r} jumps {speed[frame] / clip.fps:.2f} m from frame {frame} to {frame + 1}."
+    turn = Rotation.from_quat(body.poses[:, 3:], scalar_first=True)
+    steps = np.stack(
+        [np.linalg.norm(np.diff(body.poses[:, :3], axis=0), axis=1), (turn[1:] * turn[:-1].inv()).magnitude()]
+    )
+    excess = (steps - median_filter(steps, (1, 5), mode="nearest")) / np.array(JUMP)[:, None]
+    frame = int(excess.max(axis=0).argmax())
+    if excess[:, frame].max() <= 1:
+        return ""
+    way, angle = steps[:, frame]
+    return f"Body {body.name!r} jumps by {way:.2f} m and {np.degrees(angle):.0f}° from frame {frame} to {frame + 1} of its poses."
 
 
-def _require_outside(scene: Scene, poses: Floats, clip: Motion) -> None:
-    """Refuse a body that holds the human at the first frame."""
+def _sunk(body: RigidBody, poses: Floats) -> str:
+    """Return a note about a body that reaches under the floor; empty for one that does not."""
+    height = world_corners(body, poses)[:, :, 2].min(axis=1)
+    frame = int(height.argmin())
+    if height[frame] > -SUNK:
+        return ""
+    return (
+        f"Body {body.name!r} reaches {-height[frame]:.2f} m under the floor at frame {frame}: "
+        "check its place, its unit and the order of its quaternions."
+    )
+
+
+def _inside(scene: Scene, poses: Floats, clip: Motion) -> str:
+    """Return a note about a body that holds a joint of the human at the first frame; refuse one that holds it deep."""
     distance, _ = SceneModel(scene).nearest(clip.positions[:1], poses[:1], reach=1.0)
-    if distance.size and distance.min() < -INSIDE:
-        _, joint, body = np.unravel_index(int(distance.argmin()), distance.shape)
-        raise SceneError(
-            f"body {scene.names[body]!r} holds the human's joint {clip.skeleton.names[joint]!r} {-distance.min():.2f} m deep "
-            "at the first frame: check its position, its unit and the order of its quaternions"
-        )
+    if not distance.size or distance.min() > -FLESH:
+        return ""
+    _, joint, body = np.unravel_index(int(distance.argmin()), distance.shape)
+    what = (
+        f"holds the human's joint {clip.skeleton.names[joint]!r} {-distance.min():.2f} m deep at the first frame: "
+        "check its position, its unit and the order of its quaternions"
+    )
+    if distance.min() < -INSIDE:
+        raise SceneError(f"{scene.bodies[body].title} {what}")
+    return f"Body {scene.names[body]!r} {what}."
 
 
 def _mesh_notes(scene: Scene) -> list[str]:

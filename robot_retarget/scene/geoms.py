@@ -20,6 +20,8 @@ FLOOR = 2
 """Contact type of a floor for bodies alone."""
 BASE = 0.01
 """Thickness of a height field under its lowest point [m]."""
+MESH_FILE = 10 << 20
+"""Largest mesh file, 200,000 faces in STL, as MuJoCo's limit; the hull of as many takes seconds [bytes]."""
 _GEOM = mujoco.mjtGeom
 _TYPES = {
     ShapeKind.BOX: _GEOM.mjGEOM_BOX,
@@ -50,7 +52,7 @@ def add_bodies(spec: mujoco.MjSpec, scene: Scene, free: bool = False) -> None:
 
 def add_floor_of_bodies(spec: mujoco.MjSpec) -> None:
     """Add a floor z = 0 that bodies touch and the robot does not: for a robot that is carried in the air."""
-    floor = spec.worldbody.add_body(name=f"{PREFIX}the floor")
+    floor = spec.worldbody.add_body(name="the floor of the bodies")
     floor.add_geom(type=_GEOM.mjGEOM_PLANE, size=[0, 0, 0.05], contype=FLOOR, conaffinity=0)
 
 
@@ -80,8 +82,11 @@ def read_mesh(path: Path, scale: float = 1.0) -> BodyShape:
     """Return the mesh of an OBJ or STL file.
 
     Raises:
-        SceneError: MuJoCo does not read it.
+        SceneError: it is too large, or MuJoCo does not read it.
     """
+    size = path.stat().st_size
+    if size > MESH_FILE:
+        raise SceneError(f"{path} has {size >> 20} MB, more than {MESH_FILE >> 20}: reduce its faces")
     spec = mujoco.MjSpec()
     spec.add_mesh(name="mesh", file=str(path.resolve()), scale=[scale] * 3)
     spec.worldbody.add_geom(type=_GEOM.mjGEOM_MESH, meshname="mesh")

@@ -36,20 +36,22 @@ class RigidBody:
     """[kg]; None derives it from the volume (`DENSITY`)."""
     friction: float = FRICTION
     """[-]"""
+    source: str = ""
+    """The file and line that state the body, for messages; empty without."""
 
     def __post_init__(self) -> None:
         poses = frozen(self.poses)
         if poses.shape[-1:] != (7,) or poses.ndim > 2 or not poses.size:
-            raise SceneError(f"body {self.name!r}: poses are (7,) or (T, 7), got {poses.shape}")
+            raise SceneError(f"{self.title}: poses are (7,) or (T, 7), got {poses.shape}")
         table = np.atleast_2d(poses)
         lost = np.flatnonzero(~np.isfinite(table).all(axis=1))
         if lost.size:
-            raise SceneError(f"body {self.name!r} has no pose at frame {lost[0]} ({lost.size} of {len(table)} frames)")
+            raise SceneError(f"{self.title} has no pose at frame {lost[0]} ({lost.size} of {len(table)} frames)")
         norms = np.linalg.norm(table[:, 3:], axis=1)
         wrong = np.flatnonzero(np.abs(norms - 1) > NORM)
         if wrong.size:
             raise SceneError(
-                f"body {self.name!r}: the quaternion at frame {wrong[0]} has the norm {norms[wrong[0]]:.4g}, not 1: "
+                f"{self.title}: the quaternion at frame {wrong[0]} has the norm {norms[wrong[0]]:.4g}, not 1: "
                 "expected x y z, then w x y z"
             )
         same = np.where((table[1:, 3:] * table[:-1, 3:]).sum(axis=1) < 0, -1.0, 1.0)  # q and −q are one rotation
@@ -58,7 +60,12 @@ class RigidBody:
         object.__setattr__(self, "poses", frozen(table.reshape(poses.shape)))
         for name, value in (("mass", self.mass), ("friction", self.friction), ("fps", self.fps)):
             if value is not None and not 0 < value < np.inf:
-                raise SceneError(f"body {self.name!r}: {name} is a positive number, got {value}")
+                raise SceneError(f"{self.title}: {name} is a positive number, got {value}")
+
+    @property
+    def title(self) -> str:
+        """The body in a message, with its file and line."""
+        return f"{self.source}: body {self.name!r}" if self.source else f"body {self.name!r}"
 
     @property
     def fixed(self) -> bool:
@@ -92,10 +99,9 @@ class Scene:
     def __post_init__(self) -> None:
         if self.scale is not None and not 0 < self.scale < np.inf:
             raise SceneError(f"the scale of a scene is a positive number, got {self.scale}")
-        names = [body.name for body in self.bodies]
-        twice = next((name for name in names if names.count(name) > 1), None)
+        twice = next((body for k, body in enumerate(self.bodies) if body.name in self.names[:k]), None)
         if twice is not None:
-            raise SceneError(f"{self.source or 'the scene'} has two bodies named {twice!r}")
+            raise SceneError(f"{twice.title}: another body has this name")
 
     def __len__(self) -> int:
         return len(self.bodies)

@@ -24,10 +24,12 @@ def read(path: Path) -> Scene:
         SceneError: MuJoCo does not load it, or it holds nothing but a robot.
     """
     model = _loaded(path)
-    bodies = tuple(_body(model, geom) for geom in _geoms(model))
-    if not bodies:
+    geoms = _geoms(model)
+    if not geoms.size:
         raise SceneError(f"{path}: every solid geom belongs to a robot: no body is left for a scene")
-    return Scene(bodies, str(path))
+    names = [model.geom(g).name or model.body(model.geom_bodyid[g]).name or f"geom {g}" for g in geoms]
+    unlike = [f"{name} {count}" if (count := names[: k + 1].count(name)) > 1 else name for k, name in enumerate(names)]
+    return Scene(tuple(_body(model, *each, str(path)) for each in zip(geoms, unlike, strict=True)), str(path))
 
 
 def single(path: Path) -> BodyShape:
@@ -40,7 +42,7 @@ def single(path: Path) -> BodyShape:
     geoms = [g for g in _geoms(model) if model.geom_type[g] != _GEOM.mjGEOM_PLANE]
     if len(geoms) != 1:
         raise SceneError(f"{path}: expected one solid geom, found {len(geoms)}: name the file as the scene instead")
-    return _shape(model, int(geoms[0]))
+    return _shape(model, int(geoms[0]), str(path))
 
 
 def _loaded(path: Path) -> mujoco.MjModel:
@@ -59,15 +61,14 @@ def _geoms(model: mujoco.MjModel) -> Ints:
     return np.flatnonzero(solid_geom & (still | (model.geom_bodyid == 0)))
 
 
-def _body(model: mujoco.MjModel, geom: int) -> RigidBody:
+def _body(model: mujoco.MjModel, geom: int, name: str, source: str) -> RigidBody:
     owner = int(model.geom_bodyid[geom])
-    name = model.geom(geom).name or model.body(owner).name or f"geom {geom}"
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mass = float(model.body_mass[owner]) or None
-    return RigidBody(
-        name, _shape(model, geom), _pose(model, data, geom), mass=mass, friction=float(model.geom_friction[geom, 0])
-    )
+    friction = float(model.geom_friction[geom, 0])
+    pose = _pose(model, data, geom)
+    return RigidBody(name, _shape(model, geom, source), pose, mass=mass, friction=friction, source=source)
 
 
 def _pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
@@ -80,7 +81,7 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     return np.concatenate([data.geom_xpos[geom], turn])
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> BodyShape:
+def _shape(model: mujoco.MjModel, geom: int, source: str) -> BodyShape:
     size = (2 * model.geom_size[geom]).tolist()
     match model.geom_type[geom]:
         case _GEOM.mjGEOM_BOX:
@@ -96,9 +97,8 @@ def _shape(model: mujoco.MjModel, geom: int) -> BodyShape:
         case _GEOM.mjGEOM_HFIELD:
             return _field(model, int(model.geom_dataid[geom]))
         case other:
-            raise SceneError(
-                f"geom {model.geom(geom).name!r} is a {mujoco.mjtGeom(other).name}: make it a box or a mesh"
-            )
+            body, kind = model.body(model.geom_bodyid[geom]).name, mujoco.mjtGeom(other).name
+            raise SceneError(f"{source}: body {body!r} has a geom of type {kind}: make it a box or a mesh")
 
 
 def _field(model: mujoco.MjModel, number: int) -> BodyShape:

@@ -1,6 +1,5 @@
 """Poses of a body over time from files of other programs: OMOMO, InterMimic, OmniRetarget, OptiTrack."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,10 +7,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robot_retarget.arrays import Floats
-from robot_retarget.errors import FileError, SceneError, known
+from robot_retarget.errors import SceneError, known
 from robot_retarget.scene.formats import optitrack
 from robot_retarget.untrusted.arrays import load_npz
-from robot_retarget.untrusted.fields import rate_of
+from robot_retarget.untrusted.fields import rate_of, shaped
+from robot_retarget.untrusted.limits import refusing
 from robot_retarget.untrusted.pickles import load_pickle
 
 ORDERS = ("wxyz", "xyzw")
@@ -41,29 +41,32 @@ def read_poses(path: Path, body: str, order: str | None) -> PoseTable:
 
     Args:
         path: an `.npz`, `.pt` or `.csv`; `FILE#NAME` names a rigid body in a CSV.
-        body: name of the body, for messages, and in the CSV unless the path names another.
-        order: of the quaternions, for arrays whose format does not fix it: `wxyz` or `xyzw`.
+        body: name of the body in the CSV, unless the path names another.
+        order: of the quaternions, for arrays whose format does not fix it, of `ORDERS`.
 
     Raises:
-        SceneError: the file cannot be read, holds no poses, or does not say the order of its quaternions.
+        SceneError: the file does not exist, holds no poses, or does not say the order of its quaternions.
+        FileError: the file cannot be read.
     """
-    if order is not None and order not in ORDERS:
-        raise SceneError(f"body {body!r}: no order of quaternions {order!r}; {known(ORDERS)}")
     name, mark, part = path.name.partition("#")
-    file = path.with_name(name)
+    file = path.with_name(name) if name else path
     if not file.is_file():
-        raise SceneError(f"body {body!r}: no such file: {file}")
-    if file.suffix.lower() == ".csv":
-        found, fps, unit = optitrack.read(file, part if mark else body)
-        return PoseTable(found, fps, "y", unit)
-    try:
-        return _rows(file, load_pickle(file)) if file.suffix.lower() == ".pt" else _arrays(file, load_npz(file), order)
-    except FileError as error:
-        raise SceneError(f"body {body!r}: {error}") from error
+        raise SceneError(f"no such file: {file}")
+    ending = file.suffix.lower()
+    if ending not in READERS:
+        raise SceneError(f"{file}: poses are read from {known(READERS)}")
+    with refusing(file, "file of poses"):
+        return READERS[ending](file, part if mark else body, order)
 
 
-def _rows(file: Path, rows: object) -> PoseTable:
+def _motive(file: Path, name: str, order: str | None) -> PoseTable:
+    poses, fps, unit = optitrack.read(file, name)
+    return PoseTable(poses, fps, "y", unit)
+
+
+def _rows(file: Path, name: str, order: str | None) -> PoseTable:
     """The object's pose in InterMimic's rows, at the 30 frames a second of that data."""
+    rows = load_pickle(file)
     if not isinstance(rows, np.ndarray) or rows.ndim != 2 or rows.shape[1] < INTERMIMIC.stop:
         raise SceneError(
             f"{file}: expected rows of at least {INTERMIMIC.stop} numbers, as InterMimic's OMOMO files have"
@@ -71,29 +74,35 @@ def _rows(file: Path, rows: object) -> PoseTable:
     return PoseTable(_ordered(rows[:, INTERMIMIC].astype(float), "xyzw"), 30.0)
 
 
-def _arrays(file: Path, arrays: Mapping[str, np.ndarray], order: str | None) -> PoseTable:
+def _arrays(file: Path, name: str, order: str | None) -> PoseTable:
     """Poses in named arrays: `poses`; OMOMO's and InterMimic's `trans` and `angles` or `obj_trans` and `obj_rot`; the
     last columns of OmniRetarget's `qpos`."""
+    arrays = load_npz(file)
     fps = rate_of(arrays)
     for key in POSE_KEYS:
         if key in arrays:
-            return PoseTable(_ordered(_table(file, key, arrays[key], 7), order, f"{file}: {key}"), fps)
+            return PoseTable(_ordered(shaped(arrays[key], (None, 7), key), order, f"{file}: {key}"), fps)
     for place, turn in (("trans", "angles"), ("obj_trans", "obj_rot")):
         if place in arrays and turn in arrays:
-            places = np.asarray(arrays[place], float).reshape(-1, 3)
-            rows = np.asarray(arrays[turn], float).reshape(len(places), -1)
-            made = Rotation.from_matrix(rows.reshape(-1, 3, 3)) if rows.shape[1] == 9 else Rotation.from_rotvec(rows)
-            return PoseTable(np.concatenate([places, made.as_quat(scalar_first=True)], axis=1), fps)
+            return PoseTable(_turning(arrays[place], arrays[turn], place, turn), fps)
     if "qpos" in arrays and np.ndim(arrays["qpos"]) == 2 and arrays["qpos"].shape[1] > 2 * ROBOT:
         return PoseTable(np.asarray(arrays["qpos"][:, -ROBOT:], float), fps)
     wanted = (*POSE_KEYS, "trans + angles", "obj_trans + obj_rot", "qpos with an object")
     raise SceneError(f"{file}: no poses of a body among {', '.join(arrays) or 'nothing'}; {known(wanted)}")
 
 
-def _table(file: Path, key: str, values: np.ndarray, width: int) -> Floats:
-    if values.ndim != 2 or values.shape[1] != width:
-        raise SceneError(f"{file}: {key} must be (T, {width}), got {values.shape}")
-    return np.asarray(values, float)
+def _turning(places: np.ndarray, turns: np.ndarray, place: str, turn: str) -> Floats:
+    """Return poses (T, 7) of places (T, 3) and rotations, as vectors (T, 3) [rad] or matrices (T, 3, 3)."""
+    where = shaped(places.reshape(len(places), -1), (None, 3), place)
+    if turns.shape[1:] == (3, 3):
+        made = Rotation.from_matrix(shaped(turns, (len(where), 3, 3), turn))
+    else:
+        made = Rotation.from_rotvec(shaped(turns.reshape(len(turns), -1), (len(where), 3), turn))
+    return np.concatenate([where, made.as_quat(scalar_first=True)], axis=1)
+
+
+READERS = {".npz": _arrays, ".pt": _rows, ".csv": _motive}
+"""By the ending of the file name."""
 
 
 def _ordered(poses: Floats, order: str | None, title: str = "") -> Floats:

@@ -9,19 +9,20 @@ carrier = "Prop1"            # a joint of the motion file; or position = [x, y, 
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from robot_retarget.arrays import Floats
 from robot_retarget.errors import FileError, SceneError, known
 from robot_retarget.scene.formats import mjcf
-from robot_retarget.scene.formats.poses import PoseTable, read_poses
+from robot_retarget.scene.formats.poses import ORDERS, PoseTable, read_poses
 from robot_retarget.scene.geoms import read_mesh
 from robot_retarget.scene.scene import FRICTION, RigidBody, Scene
 from robot_retarget.scene.shape import EDGES, BodyShape, ShapeKind, height_field, solid
 from robot_retarget.untrusted.arrays import load_arrays
-from robot_retarget.untrusted.documents import read_toml
+from robot_retarget.untrusted.documents import parse_toml, read_text
+from robot_retarget.untrusted.limits import refusing
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "Meters": 1.0, "Centimeters": 0.01, "Millimeters": 0.001}
 """Metres in each unit, by the names of this format and of OptiTrack."""
@@ -31,6 +32,9 @@ KEYS = {
     "name", "shape", "size", "file", "model", "position", "quaternion", "carrier", "poses", "order", "fps", "unit", "up",
     "mass", "friction",
 }  # fmt: skip
+Choice = TypeVar("Choice")
+EXCLUSIVE = (("carrier", "poses"), ("position", "poses"), ("model", "shape"), ("model", "size"), ("model", "file"))
+"""Pairs of keys that contradict each other."""
 
 
 def read(path: Path) -> Scene:
@@ -39,110 +43,133 @@ def read(path: Path) -> Scene:
     Raises:
         SceneError: an unknown key, a missing or wrong value, or a file that a body names and that cannot be read.
     """
-    tables = read_toml(path, SceneError)
+    text = read_text(path, SceneError)
+    tables = parse_toml(text, path, SceneError)
     entries = tables.get("body")
     if set(tables) != {"body"} or not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise SceneError(f"{path}: a scene is a list of tables [[body]], got {', '.join(tables) or 'nothing'}")
-    return Scene(tuple(_Entry(path, k, entry).body() for k, entry in enumerate(entries)), str(path))
+    lines = [number for number, line in enumerate(text.splitlines(), 1) if line.lstrip().startswith("[[")]
+    places = [f"{path}:{line}" for line in lines] if len(lines) == len(entries) else [str(path)] * len(entries)
+    bodies = [
+        _Entry(path, place, k, entry).body() for k, (place, entry) in enumerate(zip(places, entries, strict=True))
+    ]
+    return Scene(tuple(bodies), str(path))
 
 
 class _Entry:
     """One table of a scene file."""
 
-    def __init__(self, path: Path, number: int, table: Mapping[str, Any]):
-        self.path, self.table = path, table
-        self.name = str(table.get("name", f"body {number + 1}"))
-        unknown = next((key for key in table if key not in KEYS), None)
-        if unknown is not None:
-            self.refuse(f"unknown key {unknown!r}; {known(sorted(KEYS), typed=unknown)}")
-        places = [key for key in ("position", "carrier", "poses") if key in table]
-        if len({"carrier", "poses"} & set(places)) > 1 or {"position", "poses"} <= set(places):
-            self.refuse(f"{' and '.join(places)} contradict each other: give one")
-        self.unit = self._chosen("unit", UNITS)
-        self.up = str(table.get("up", "z"))
-        if self.up not in TURNS:
-            self.refuse(f"no axis {self.up!r} points up; {known(TURNS)}")
-
-    def refuse(self, message: str) -> None:
-        raise SceneError(f"{self.path}: body {self.name!r}: {message}")
+    def __init__(self, path: Path, place: str, number: int, table: Mapping[str, Any]):
+        self.path, self.place, self.table = path, place, table
+        self.name = table.get("name", f"body {number + 1}")
 
     def body(self) -> RigidBody:
-        """Return the body of the table."""
+        """Return the body of the table; errors begin with its line and its name."""
+        try:
+            self._check()
+            return self._made()
+        except (FileError, SceneError) as error:
+            title = f"{self.place}: body {self.name!r}"
+            raise SceneError(str(error) if str(error).startswith(title) else f"{title}: {error}") from error
+
+    def _check(self) -> None:
+        table = self.table
+        unknown = next((key for key in table if key not in KEYS), None)
+        if unknown is not None:
+            raise SceneError(f"unknown key {unknown!r}; {known(sorted(KEYS), typed=unknown)}")
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise SceneError("name is a text that is not empty")
+        both = next((pair for pair in EXCLUSIVE if set(pair) <= set(table)), None)
+        if both is not None:
+            raise SceneError(f"{' and '.join(both)} contradict each other: give one")
+
+    def _made(self) -> RigidBody:
         table, found = self.table, self._poses()
         return RigidBody(
             self.name,
             self._shape(),
             self._own_pose() if found is None else _in_metres(found, self._stated(found)),
             fps=self._number("fps") or (found.fps if found else None),
-            carrier=str(table.get("carrier", "")),
+            carrier=self._text("carrier") if "carrier" in table else "",
             mass=self._number("mass"),
             friction=self._number("friction") or FRICTION,
+            source=self.place,
         )
 
     def _shape(self) -> BodyShape:
         if "model" in self.table:
             return mjcf.single(self._file("model"))
-        kind = self.table.get("shape")
-        if kind not in list(ShapeKind):
-            self.refuse(f"shape is {kind!r}; {known(list(ShapeKind), typed=kind)}")
-        kind = ShapeKind(kind)
-        try:
-            if kind in EDGES:
-                return solid(kind, self._numbers("size", EDGES[kind]))
-            if kind is ShapeKind.MESH:
-                return read_mesh(self._file("file"), self.unit)
-            length, width = self._numbers("size", 2)
-            heights = next(iter(load_arrays(self._file("file")).values()))
-            return height_field(self.unit * heights, length, width)
-        except FileError as error:
-            raise SceneError(f"{self.path}: body {self.name!r}: {error}") from error
-        except SceneError as error:
-            self.refuse(str(error))
-            raise
+        kind = ShapeKind(self._chosen("shape", {str(each): each for each in ShapeKind}))
+        if kind in EDGES:
+            return solid(kind, self._numbers("size", EDGES[kind]))
+        if kind is ShapeKind.MESH and "size" in self.table:
+            raise SceneError("a mesh has the size of its file: leave size out, or state its unit")
+        if kind is ShapeKind.MESH:
+            return read_mesh(self._file("file"), self._unit)
+        length, width = self._numbers("size", 2)
+        file = self._file("file")
+        with refusing(file, "array of heights"):
+            heights = self._unit * next(iter(load_arrays(file).values()))
+        return height_field(heights, length, width)
 
     def _poses(self) -> PoseTable | None:
         if "poses" not in self.table:
             return None
-        return read_poses(self.path.parent / str(self.table["poses"]), self.name, self.table.get("order"))
+        order = self._chosen("order", {each: each for each in ORDERS}) if "order" in self.table else None
+        return read_poses(self.path.parent / self._text("poses"), self.name, order)
 
     def _stated(self, found: PoseTable) -> tuple[float, str]:
         """Return metres per unit and the up axis: those of the table, or else those of the file."""
-        unit = self.unit if "unit" in self.table or found.unit is None else UNITS.get(found.unit, 1.0)
-        return unit, self.up if "up" in self.table else found.up
+        unit = self._unit if "unit" in self.table or found.unit is None else UNITS.get(found.unit, 1.0)
+        return unit, self._up if "up" in self.table else found.up
+
+    @property
+    def _unit(self) -> float:
+        return self._chosen("unit", UNITS, "m")
+
+    @property
+    def _up(self) -> str:
+        return self._chosen("up", {axis: axis for axis in TURNS}, "z")
 
     def _own_pose(self) -> Floats:
         place = self._numbers("position", 3) if "position" in self.table else (0.0, 0.0, 0.0)
-        turn = [float(v) for v in self.table.get("quaternion", (1, 0, 0, 0))]
-        if len(turn) != 4:
-            self.refuse(f"quaternion has 4 numbers w x y z, got {len(turn)}")
-        return _turned(np.array([*place, *turn])[None], self.up)[0]
+        turn = self._numbers("quaternion", 4, "w x y z", 1.0) if "quaternion" in self.table else (1.0, 0.0, 0.0, 0.0)
+        return _turned(np.array([*place, *turn])[None], self._up)[0]
 
-    def _numbers(self, key: str, count: int) -> tuple[float, ...]:
-        values = self.table.get(key, [] if count else ())
-        values = values if isinstance(values, list | tuple) else [values]
-        if len(values) != count or not all(isinstance(v, int | float) for v in values):
-            self.refuse(f"{key} has {count} numbers [m], got {values or 'none'}")
-        return tuple(self.unit * float(v) for v in values)
+    def _numbers(self, key: str, count: int, what: str = "[m]", unit: float | None = None) -> tuple[float, ...]:
+        values = self.table.get(key, [])
+        values = values if isinstance(values, list) else [values]
+        if len(values) != count or not all(map(_is_number, values)):
+            raise SceneError(f"{key} has {count} number{'s' * (count != 1)} {what}, got {values or 'none'}")
+        return tuple((self._unit if unit is None else unit) * float(v) for v in values)
 
     def _number(self, key: str) -> float | None:
         value = self.table.get(key)
-        if value is not None and (not isinstance(value, int | float) or not value > 0):
-            self.refuse(f"{key} is a positive number, got {value!r}")
+        if value is not None and not (_is_number(value) and value > 0):
+            raise SceneError(f"{key} is a positive number, got {value!r}")
         return None if value is None else float(value)
 
-    def _chosen(self, key: str, choices: Mapping[str, float]) -> float:
-        value = str(self.table.get(key, "m"))
-        if value not in choices:
-            self.refuse(f"no {key} {value!r}; {known(choices, typed=value)}")
+    def _chosen(self, key: str, choices: Mapping[str, Choice], default: str = "") -> Choice:
+        value = self.table.get(key, default)
+        if not isinstance(value, str) or value not in choices:
+            raise SceneError(f"no {key} {value!r}; {known(choices, typed=value)}")
         return choices[value]
 
+    def _text(self, key: str) -> str:
+        value = self.table.get(key)
+        if not isinstance(value, str) or not value:
+            raise SceneError(f"{key} is a name, got {value!r}")
+        return value
+
     def _file(self, key: str) -> Path:
-        if not isinstance(self.table.get(key), str):
-            self.refuse(f"{key} names a file, got {self.table.get(key)!r}")
-        file = self.path.parent / self.table[key]
+        file = self.path.parent / self._text(key)
         if not file.is_file():
-            self.refuse(f"no such file: {file}")
+            raise SceneError(f"no such file: {file}")
         return file
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _in_metres(found: PoseTable, stated: tuple[float, str]) -> Floats:
