@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from robot_retarget.actuators.control_tables import HARDWARE_ERRORS, model_numbered
 from robot_retarget.actuators.map import Servo, ServoMap
+from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus, NoAnswerError, StatusError
 
 TABLE_SPAN = 147
@@ -51,6 +52,20 @@ def check(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[ServoFin
             findings += _differences(condition)
             findings += _state(condition, servo_map)
     return conditions, sorted(findings, key=lambda f: not f.grave)
+
+
+def require_fit(bus: Bus, servo_map: ServoMap) -> tuple[list[Condition], list[str]]:
+    """Read every servo of a map. Returns their conditions and sentences on findings that do not forbid playing.
+
+    Raises:
+        ServoError: something grave is wrong; the message has the first six grave findings.
+    """
+    conditions, findings = check(bus, servo_map)
+    grave = [str(finding) for finding in findings if finding.grave]
+    if grave:
+        more = f"; and {len(grave) - 6} more" if len(grave) > 6 else ""
+        raise ServoError(f"not fit to be moved: {'; '.join(grave[:6])}{more}")
+    return conditions, [str(finding) for finding in findings]
 
 
 def fix(bus: Bus, servo_map: ServoMap, findings: list[ServoFinding]) -> list[str]:

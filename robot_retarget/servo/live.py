@@ -17,8 +17,8 @@ from robot_retarget.ramps import minimum_jerk
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.guard import Guard
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
+from robot_retarget.servo.performance import Performance, perform
 from robot_retarget.servo.plan import approach_time
-from robot_retarget.servo.play import Player, perform
 from robot_retarget.servo.record import Record
 
 SILENCE = 0.5
@@ -163,7 +163,7 @@ def follow(
         ServoError: as `play`.
     """
 
-    def stream_until_end(player: Player) -> PlaybackOutcome:
+    def stream_until_end(performance: Performance) -> PlaybackOutcome:
         def tick(cycle: Cycle) -> str:
             cycle.guard.clear = clear
             follower = TargetFollower(targets, cycle.guard, servo_map.limits, say)
@@ -175,12 +175,12 @@ def follow(
             def stop(k: int) -> bool:
                 return stand is not None and follower.leave(stand, time.monotonic())
 
-            player.run_ticks(cycle, step, stop=stop)
-            if not player.stood:
-                player.move_to_stop_pose(cycle)
+            performance.run_ticks(cycle, step, stop=stop)
+            if not performance.stood:
+                performance.move_to_stop_pose(cycle)
             return PlaybackEnd.FINISHED.value
 
-        return player.perform(rate, tick)
+        return performance.run(tick)
 
     record = Record(servo_map.joints, most=round(LOGGED * rate))
     return perform(servo_map, port, rate, options or PlaybackOptions(), record, log, say, stream_until_end)

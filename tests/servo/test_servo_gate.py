@@ -16,12 +16,12 @@ from robot_retarget.actuators.control_tables import XM430_W350
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, ServoMap
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.cycle import Cycle, Step
 from robot_retarget.servo.hold import leave_holding, take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
-from robot_retarget.servo.outcome import FaultError, PlaybackOptions
-from robot_retarget.servo.play import Player
+from robot_retarget.servo.outcome import FaultError
 from robot_retarget.servo.record import Record
 
 BAD = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e308, 5e-324]
@@ -34,7 +34,7 @@ BROKEN = st.sampled_from([np.nan, np.inf, -4.0, 0.0, 1e300])
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Emulated, Link]]:
     """A held arm."""
     with emulated(tmp_path_factory.mktemp("bus")) as emulator, Bus(emulator.port, ARM.baud) as bus:
-        link = Link(bus, ARM, Player(bus, ARM, PlaybackOptions(), Record(ARM.joints)).examine())
+        link = Link(bus, ARM, require_fit(bus, ARM)[0])
         link.fast = False
         take_hold(link, Judge(link))
         yield emulator, link

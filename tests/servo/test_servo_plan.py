@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from robot_retarget.actuators.map import Limits
 from robot_retarget.errors import ServoError
 from robot_retarget.goals import Goals
+from robot_retarget.servo.performance import MADE_UP, ticks_to_skip
 from robot_retarget.servo.plan import glide, goal_plan, part_of, plain_plan
-from robot_retarget.servo.play import MADE_UP, ticks_to_skip
 from robot_retarget.trajectory import Trajectory
 
 RAMP = Trajectory(np.linspace(0, 1, 101)[:, None] * np.ones(4), 50, ARM.joints, "arm")

@@ -22,13 +22,13 @@ from shared_files import ROOT
 from robot_retarget.actuators.map import TICKS_PER_RADIAN, dump_map, load_map
 from robot_retarget.errors import ServoError
 from robot_retarget.servo.bus import Bus
+from robot_retarget.servo.check import require_fit
 from robot_retarget.servo.hold import take_hold
 from robot_retarget.servo.judge import Judge
 from robot_retarget.servo.link import Link
 from robot_retarget.servo.outcome import PlaybackEnd, PlaybackOptions, PlaybackOutcome
 from robot_retarget.servo.plan import ServoPlan
-from robot_retarget.servo.play import Player, play
-from robot_retarget.servo.record import Record
+from robot_retarget.servo.play import play
 from robot_retarget.servo.scale import JointScale
 
 START = (0.2, -0.3, 0.1, 0.4)
@@ -297,7 +297,7 @@ def test_taking_hold_moves_nothing_from_250_random_poses(emulator: Emulated) -> 
     rng = np.random.default_rng(5)
     scale = JointScale(ARM)
     with Bus(emulator.port, ARM.baud) as bus:
-        link = Link(bus, ARM, Player(bus, ARM, OPTIONS, Record(ARM.joints)).examine())
+        link = Link(bus, ARM, require_fit(bus, ARM)[0])
         for _ in range(250):
             emulator.spread(ARM, rng.uniform(scale.lower + 0.01, scale.upper - 0.01).tolist())
             take_hold(link, Judge(link))
