@@ -83,6 +83,7 @@ class Bus:
     Args:
         path: the serial port, or an emulator's.
         baud: one of those the SDK's port knows [1/s].
+        delay: additional timeout of every answer, for an emulator whose time stands still meanwhile [s].
 
     Raises:
         ServoError: the port is not there, is in use, or does not know the baud rate.
@@ -91,8 +92,8 @@ class Bus:
     path: str
     baud: int
 
-    def __init__(self, path: str | Path, baud: int) -> None:
-        self.path, self.baud = str(path), baud
+    def __init__(self, path: str | Path, baud: int, delay: float = 0.0) -> None:
+        self.path, self.baud, self._delay = str(path), baud, delay
         self._port = SerialPort(self.path)
         self._parser = Parser()
         self._owner = threading.get_ident()
@@ -245,7 +246,7 @@ class Bus:
         return None
 
     def _deadline(self, size: int, servos: int, patience: float) -> float:
-        return time.monotonic() + size * 10 / self.baud + servos * TURN + patience
+        return time.monotonic() + size * 10 / self.baud + servos * TURN + patience + self._delay
 
     def _frames(self, until: float) -> Iterator[DynamixelPacket]:
         """Yield status frames until the timeout."""

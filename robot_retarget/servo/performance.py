@@ -29,6 +29,9 @@ STOPPING = (FaultError, NoAnswerError, StatusError)
 MADE_UP = 0.025
 """Ticks up to this late are sent at once, one after the other; later ones are skipped [s]. The motion keeps its mean speed."""
 
+STALL = 0.5
+"""Time that a busy computer may stop an emulator in lockstep without losing an answer [s]."""
+
 
 class _InterruptError(Exception):
     """Somebody asked to stop."""
@@ -265,7 +268,7 @@ def perform(
     if rate * watchdog < 2 and watchdog:
         raise ServoError(f"{rate:g} ticks a second do not feed a watchdog of {watchdog:g} s; {2 / watchdog:g} do")
     try:
-        with Bus(port, servo_map.baud) as bus:
+        with Bus(port, servo_map.baud, STALL if options.lockstep else 0.0) as bus:
             return act(Performance(bus, servo_map, rate, options, record, say))
     finally:
         if log is not None and (len(record) or record.events):
