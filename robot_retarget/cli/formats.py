@@ -76,6 +76,9 @@ class ImportOptions(ColumnOptions, WriteOptions):
     """How a file of others is read."""
 
     source_fps: float | None = option("Frames per second of a file that says none, or says it wrong.", default=None)
+    scene: Path | None = option(
+        "Scene file of the bodies around the robot; FILE.scene.xml by default.", "--scene", default=None
+    )
 
 
 @options
@@ -123,7 +126,7 @@ def import_(
     """Read the motion of a robot that others made, for warn, simulate, view and play."""
     from robot_retarget.formats import import_motion
 
-    options = options_of(made.joints, made.fps, made.servos, made.source_fps, made.quaternion)
+    options = options_of(made.joints, made.fps, made.servos, made.source_fps, made.quaternion, made.scene)
     trajectory = import_motion(source.file, robot.load(), known.format, options)
     facts = _noted(trajectory) | {"output": str(to.output), "fps": trajectory.fps}
     trajectory.save(to.output)
@@ -151,7 +154,7 @@ def convert(
     from robot_retarget.formats import export as write
     from robot_retarget.formats import import_motion
 
-    model, read = robot.load(), options_of(how.joints, None, how.servos, how.source_fps, how.quaternion)
+    model, read = robot.load(), options_of(how.joints, None, how.servos, how.source_fps, how.quaternion, how.scene)
     trajectory = import_motion(source.file, model, how.source, read)
     facts = _noted(trajectory) | {"output": str(to.output), "format": how.to}
     write(trajectory, model, how.to, to.output, options_of(how.to_joints, how.fps, how.servos))
@@ -171,11 +174,12 @@ def options_of(
     servos: str | None = None,
     source_fps: float | None = None,
     quaternion: str | None = None,
+    scene: Path | None = None,
 ) -> "FormatOptions":
     """Return the options of readers and writers from the command line."""
     from robot_retarget.formats import FormatOptions
 
-    return FormatOptions(_names(joints), fps, source_fps, quaternion, servos)
+    return FormatOptions(_names(joints), fps, source_fps, quaternion, servos, scene)
 
 
 def _names(joints: str | None) -> tuple[str, ...] | None:

@@ -8,6 +8,7 @@ from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import TrajectoryError, UsageError, known
 from robot_retarget.formats.options import SKIPPED, FormatOptions
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene import Scene
 from robot_retarget.trajectory import Trajectory
 
 UNIT = 0.05
@@ -41,9 +42,13 @@ class Columns:
     """(T, nq) of files that hold MuJoCo's own coordinates of the whole model."""
     source: str = ""
     notes: tuple[str, ...] = ()
+    object: Floats | None = None
+    """(T, 7) poses of a body beside the robot, x y z [m], w x y z; None where the file has none."""
+    scene: Scene | None = None
+    """The bodies around the robot, where the file has their shapes."""
 
     def __post_init__(self) -> None:
-        for what in ("angles", "position", "quaternion", "qpos"):
+        for what in ("angles", "position", "quaternion", "qpos", "object"):
             values = getattr(self, what)
             if values is not None and not np.isfinite(values).all():
                 frame, column = np.argwhere(~np.isfinite(values))[0]

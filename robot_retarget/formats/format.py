@@ -40,3 +40,5 @@ class TrajectoryFormat:
     """Whether the file holds the pose of the root."""
     quaternion: str = "wxyz"
     """How the file orders the root's quaternion, or `euler`, `rotvec`, `none`."""
+    bodies: bool = False
+    """Whether the file itself holds the bodies around the robot; if not, an MJCF file next to it does."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from robot_retarget.errors import FileError, TrajectoryError, UsageError, known
 from robot_retarget.files import replacing, replacing_folder, require_writable, write_text
 from robot_retarget.formats.columns import Columns, assembled
+from robot_retarget.formats.companion import among_bodies, companion_path, write_companion
 from robot_retarget.formats.format import TrajectoryFormat
 from robot_retarget.formats.options import FormatOptions
 from robot_retarget.formats.quaternions import doubt, reordered
@@ -32,7 +33,8 @@ def export(
 ) -> Path:
     """Write a trajectory in one of the `FORMATS`, whole or not at all.
 
-    A format without joint names and quaternion order gets a JSON file next to it that states them.
+    A format without joint names and quaternion order gets a JSON file next to it that states them, one without the bodies of a
+    scene an MJCF file that holds them.
 
     Args:
         trajectory: a result of `retarget`, a trajectory, or its file.
@@ -49,13 +51,16 @@ def export(
     motion = robot_motion(played, model, options, kind.fps, kind.ordered, kind.name)
     if kind.plain:
         motion.require_plain(kind.name)
-    if not kind.complete:
-        require_writable(sidecar_path(target))
+    for beside, needed in ((sidecar_path, not kind.complete), (companion_path, motion.trajectory.scene is not None)):
+        if needed:
+            require_writable(beside(target))
     with (replacing if kind.suffix else replacing_folder)(target) as scratch:
         kind.write(motion, scratch)
         message = "" if kind.complete else sidecar_text(motion, kind.name, kind.quaternion, scratch)
     if message:
         write_text(sidecar_path(target), message)
+    if not kind.bodies:
+        write_companion(motion, target)
     return target
 
 
@@ -87,7 +92,9 @@ def _read(source: TrajectorySource, kind: TrajectoryFormat) -> Trajectory:
     try:
         with refusing(source.path, kind.name):
             found = kind.read(source)
-            return found if isinstance(found, Trajectory) else _of_robot(found, kind, source, described)
+            if isinstance(found, Trajectory):
+                return found
+            return among_bodies(_of_robot(found, kind, source, described), found, source)
     except (FileError, TrajectoryError) as error:
         raise TrajectoryError(_about(source.path, kind, error)) from None
 

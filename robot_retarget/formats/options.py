@@ -1,6 +1,7 @@
 """Options of a user about a file that lacks a statement."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 SKIPPED = "_"
 """Stands in a list of joints for a column that no joint of the robot takes."""
@@ -20,3 +21,5 @@ class FormatOptions:
     """`wxyz` or `xyzw`: the order in a file whose program wrote another than its format has."""
     servos: str | None = None
     """Servo map of formats that count servo ticks: a shipped robot's name or a TOML file."""
+    scene: Path | None = None
+    """Scene file with the bodies around the robot, for an import; by default the one next to the file."""

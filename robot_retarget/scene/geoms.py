@@ -58,24 +58,28 @@ def add_floor_of_bodies(spec: mujoco.MjSpec) -> None:
 
 def _give_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, body: RigidBody) -> None:
     shape, name = body.shape, PREFIX + body.name
-    length, width, height = shape.size.tolist()
+    length, _, height = shape.size.tolist()
     match shape.kind:
         case ShapeKind.MESH:
             asset = spec.add_mesh(name=name, uservert=shape.vertices.ravel(), userface=shape.faces.ravel())
             asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             geom.meshname = name
         case ShapeKind.HEIGHT_FIELD:
-            rows, columns = shape.heights.shape
-            top = max(height, BASE)
-            data = (shape.heights / top).ravel()
-            spec.add_hfield(name=name, nrow=rows, ncol=columns, size=[length / 2, width / 2, top, BASE], userdata=data)
-            geom.hfieldname = name
+            (rows, columns), (low, size) = shape.heights.shape, field_size(shape)
+            spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=(shape.heights - low).ravel())
+            geom.hfieldname, geom.pos = name, np.array([0, 0, low])
         case ShapeKind.CYLINDER:
             geom.size = np.array([length / 2, height / 2, 0])
         case ShapeKind.PLANE:
             geom.size = np.array([0, 0, 0.05])
         case _:
             geom.size = shape.size / 2
+
+
+def field_size(shape: BodyShape) -> tuple[float, list[float]]:
+    """Return the lowest height of a height field, and its size in MuJoCo, whose heights begin at 0 [m]."""
+    low, (length, width, height) = float(shape.heights.min()), shape.size.tolist()
+    return low, [length / 2, width / 2, max(height - low, BASE), low + BASE]
 
 
 def read_mesh(path: Path, scale: float = 1.0) -> BodyShape:

@@ -306,7 +306,7 @@ def test_an_object_in_a_training_archive_is_left_out_with_a_note(op3, tmp_path) 
     assert not import_motion(path, op3).notes
     with np.load(path) as arrays:
         np.savez(path, **arrays, object_pos_w=np.zeros((14, 3)), object_quat_w=np.tile([1.0, 0, 0, 0], (14, 1)))
-    assert "The object's pose is left out." in import_motion(path, op3).notes
+    assert any("object's pose is left out" in note for note in import_motion(path, op3).notes)
 
 
 @pytest.mark.parametrize("format", FORMATS)

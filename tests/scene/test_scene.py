@@ -64,13 +64,17 @@ def test_distances_to_a_box_are_those_of_the_formula(point: np.ndarray, turn: np
 
 
 def test_heights_are_those_of_the_surface_under_a_point() -> None:
-    ramp = height_field(np.tile(np.linspace(0, 0.5, 11), (3, 1)), 1.0, 1.0)
-    scene = Scene((RigidBody("step", CUBE, FAR), RigidBody("ramp", ramp, np.array([-2.0, 0, 0, 1, 0, 0, 0]))))
-    points = np.array([[[1.6, 0.1, 0.5], [0.0, 0, 0.1], [-2.0, 0.1, 0.4], [-1.75, 0, 0.5]]])
+    ramp = np.tile(np.linspace(0, 0.5, 11), (3, 1))
+    ramps = [
+        RigidBody(f"ramp {y}", height_field(ramp + y / 10, 1.0, 1.0), np.array([-2.0, y, 0, 1, 0, 0, 0]))
+        for y in (0, 2)
+    ]
+    scene = Scene((RigidBody("step", CUBE, FAR), *ramps))
+    points = np.array([[[1.6, 0.1, 0.5], [0.0, 0, 0.1], [-2.0, 0.1, 0.4], [-1.75, 0, 0.5], [-1.75, 2, 0.7]]])
     height, normal, body = SceneModel(scene).heights(points, scene.poses(1), 0.3)
-    np.testing.assert_allclose(height, [[0.4, 0.0, 0.25, 0.375]], atol=1e-6)
+    np.testing.assert_allclose(height, [[0.4, 0.0, 0.25, 0.375, 0.575]], atol=1e-6)
     np.testing.assert_allclose(normal[0, 2], np.array([-0.5, 0, 1]) / np.hypot(0.5, 1), atol=1e-6)
-    assert body.tolist() == [[0, -1, 1, 1]]
+    assert body.tolist() == [[0, -1, 1, 1, 2]]
 
 
 SIZES = {

@@ -33,4 +33,5 @@ FORMAT = TrajectoryFormat(
     read=read,
     claims=lambda source: set(KEYS) <= source.arrays.keys(),
     readers="robot-retarget",
+    bodies=True,
 )

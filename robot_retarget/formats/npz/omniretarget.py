@@ -25,7 +25,6 @@ from robot_retarget.untrusted.fields import shaped
 NAMED = {"qpos", "fps", "human_joints", "cost", "joint_names"}
 OBJECT = 7
 """Columns of an object's pose behind the joints."""
-OBJECT_LEFT_OUT = "The object's pose is left out."
 UNIT = 1e-3
 """Largest deviation of a norm from one in single precision and through averages of frames."""
 
@@ -36,17 +35,27 @@ def write(motion: RobotMotion, path: Path) -> None:
     Raises:
         UsageError: several bodies move.
     """
-    scene = motion.trajectory.scene
-    moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
-    if len(moving) > 1:
-        raise UsageError(f"format 'omniretarget' holds one moving body, the trajectory has {len(moving)}")
-    behind = scene.poses(len(motion))[:, moving[0]] if scene is not None and moving else np.zeros((len(motion), 0))
+    body = moving_body(motion, FORMAT.name)
+    behind = np.zeros((len(motion), 0)) if body is None else body
     qpos = np.column_stack([motion.position, motion.quaternion, motion.angles, behind])
     save_npz(path, qpos=qpos, joint_names=np.array(motion.joints))
 
 
+def moving_body(motion: RobotMotion, format: str) -> Floats | None:
+    """Return the poses (T, 7) of the body that moves in a scene; None without one.
+
+    Raises:
+        UsageError: several bodies move.
+    """
+    scene = motion.trajectory.scene
+    moving = [] if scene is None else [k for k, body in enumerate(scene.bodies) if not body.fixed]
+    if len(moving) > 1:
+        raise UsageError(f"format {format!r} holds one moving body, the trajectory has {len(moving)}")
+    return scene.poses(len(motion))[:, moving[0]] if scene is not None and moving else None
+
+
 def read(source: TrajectorySource) -> Columns:
-    """Read the archive; an object's pose is left out, with a note.
+    """Read the archive.
 
     Raises:
         TrajectoryError: qpos has another width than root, joints and object, or no order of the root fits.
@@ -57,9 +66,10 @@ def read(source: TrajectorySource) -> Columns:
         raise TrajectoryError(
             f"{qpos.shape[1]} columns of qpos; 7 of a root and {width} joints are {7 + width}, with an object {14 + width}"
         )
-    notes = (OBJECT_LEFT_OUT,) if qpos.shape[1] == 7 + width + OBJECT else ()
-    position, quaternion = _root(qpos)
-    return Columns(qpos[:, 7 : 7 + width], source.names(), position, quaternion, _rate(source), notes=notes)
+    root = _root(qpos)
+    behind = qpos[:, 7 + width :][:, root] if qpos.shape[1] > 7 + width else None
+    free = qpos[:, :7][:, root]
+    return Columns(qpos[:, 7 : 7 + width], source.names(), free[:, :3], free[:, 3:], _rate(source), object=behind)
 
 
 def _rate(source: TrajectorySource) -> float | None:
@@ -70,8 +80,8 @@ def _rate(source: TrajectorySource) -> float | None:
     return 1 / stored if 0 < stored < 1 else stored
 
 
-def _root(qpos: Floats) -> tuple[Floats, Floats]:
-    """Position and quaternion, in either order.
+def _root(qpos: Floats) -> list[int]:
+    """Return the columns of position and quaternion of a free body, in the order of the file.
 
     Raises:
         TrajectoryError: both or neither of the two places hold unit quaternions.
@@ -80,7 +90,7 @@ def _root(qpos: Floats) -> tuple[Floats, Floats]:
     if first == second:
         what = "both columns 0–3 and 3–6 are" if first else "neither columns 0–3 nor 3–6 are"
         raise TrajectoryError(f"{what} unit quaternions: the order of the root is ambiguous")
-    return (qpos[:, 4:7], qpos[:, 0:4]) if first else (qpos[:, 0:3], qpos[:, 3:7])
+    return [4, 5, 6, 0, 1, 2, 3] if first else [0, 1, 2, 3, 4, 5, 6]
 
 
 FORMAT = TrajectoryFormat(

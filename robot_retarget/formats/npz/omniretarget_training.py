@@ -10,23 +10,28 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_retarget.arrays import Floats
 from robot_retarget.errors import TrajectoryError
-from robot_retarget.formats.bodies import body_tracks, velocities
+from robot_retarget.formats.bodies import body_tracks, central, turning, velocities
 from robot_retarget.formats.columns import Columns
 from robot_retarget.formats.format import TrajectoryFormat
-from robot_retarget.formats.npz.omniretarget import OBJECT_LEFT_OUT
+from robot_retarget.formats.npz.omniretarget import moving_body
 from robot_retarget.formats.npz.tracking import KEYS
 from robot_retarget.formats.robot_motion import RobotMotion
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.untrusted.arrays import save_npz
 from robot_retarget.untrusted.fields import shaped
 
-OBJECT = "object_pos_w"
-"""Where an object is, in archives of tasks with one."""
+OBJECT = ("object_pos_w", "object_quat_w")
+"""Pose of an object, in archives of tasks with one."""
 
 
 def write(motion: RobotMotion, path: Path) -> None:
-    """Write the archive."""
+    """Write the archive; a moving body of the scene has `object_…` arrays.
+
+    Raises:
+        UsageError: several bodies move.
+    """
     qvel, model = velocities(motion), motion.robot.model
     tracks = body_tracks(motion, qvel)
     save_npz(
@@ -40,17 +45,31 @@ def write(motion: RobotMotion, path: Path) -> None:
         body_ang_vel_w=tracks.angular,
         joint_names=np.array(motion.robot.joint_names),
         body_names=np.array([model.body(b).name for b in range(model.nbody)]),
+        **_object(motion),
     )
 
 
+def _object(motion: RobotMotion) -> dict[str, Floats]:
+    """Return the arrays of a moving body: its pose, and its velocities in the world [m/s, rad/s]; none without one."""
+    poses = moving_body(motion, FORMAT.name)
+    if poses is None:
+        return {}
+    linear, angular = central(poses[:, :3], motion.fps), turning(poses[:, 3:], motion.fps)
+    return {OBJECT[0]: poses[:, :3], OBJECT[1]: poses[:, 3:], "object_lin_vel_w": linear, "object_ang_vel_w": angular}
+
+
 def read(source: TrajectorySource) -> Columns:
-    """Read the archive; an object's pose is left out, with a note."""
+    """Read the archive."""
     names = source.names()
     if names is None:
         raise TrajectoryError("no joint_names")
     rows = shaped(source.array("joint_pos"), (None, 7 + len(names)), "joint_pos")
-    notes = (OBJECT_LEFT_OUT,) if OBJECT in source.arrays else ()
-    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.rate, notes=notes)
+    beside = None
+    if OBJECT[0] in source.arrays:
+        beside = np.hstack(
+            [shaped(source.array(key), (len(rows), width), key) for key, width in zip(OBJECT, (3, 4), strict=True)]
+        )
+    return Columns(rows[:, 7:], names, rows[:, :3], rows[:, 3:7], source.rate, object=beside)
 
 
 def claims(source: TrajectorySource) -> bool:

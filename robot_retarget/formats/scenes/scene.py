@@ -4,6 +4,7 @@
 """
 
 import shutil
+from dataclasses import replace
 from pathlib import Path, PurePath
 from xml.etree import ElementTree
 
@@ -17,6 +18,8 @@ from robot_retarget.formats.scenes import keyframes
 from robot_retarget.formats.scenes.keyframes import read_keys
 from robot_retarget.formats.source import TrajectorySource
 from robot_retarget.robot.model import Robot
+from robot_retarget.scene import read_scene
+from robot_retarget.scene.geoms import PREFIX
 from robot_retarget.scene.mjcf_text import mjcf_text
 
 SCENE, ROBOT, KEYS = "scene.xml", "robot.xml", "keyframes.xml"
@@ -94,11 +97,12 @@ def _files(robot: Robot) -> set[PurePath]:
 
 
 def read(source: TrajectorySource) -> Columns:
-    """Read the keyframes in the folder."""
-    keys = source.path / KEYS
+    """Read the keyframes in the folder, and the bodies of its scene."""
+    keys, scene = source.path / KEYS, source.path / SCENE
     if not keys.is_file():
         raise TrajectoryError(f"no {KEYS} in the folder")
-    return read_keys(keys.read_text(encoding="utf-8"))
+    columns = read_keys(keys.read_text(encoding="utf-8"))
+    return replace(columns, scene=read_scene(scene)) if PREFIX in scene.read_text(encoding="utf-8") else columns
 
 
 FORMAT = TrajectoryFormat(
@@ -109,4 +113,5 @@ FORMAT = TrajectoryFormat(
     read=read,
     claims=lambda source: (source.path / SCENE).is_file() and (source.path / KEYS).is_file(),
     readers="MuJoCo (python play.py)",
+    bodies=True,
 )

@@ -1,6 +1,7 @@
 """Scenes in MJCF or URDF: the geoms that no joint of a robot moves.
 
-A body on a free joint keeps its pose of the file. OmniRetarget's scenes hold a robot as well; its links are left out.
+A body on a free joint keeps its pose of the file, or moves along the keyframes of a motion. OmniRetarget's scenes hold a robot as well; its links
+are left out. Where geoms have the mark of a scene in their names, only these are bodies.
 """
 
 from pathlib import Path
@@ -10,7 +11,8 @@ import numpy as np
 
 from robot_retarget.arrays import Floats, Ints
 from robot_retarget.errors import SceneError
-from robot_retarget.scene.geoms import mesh_of
+from robot_retarget.scene.geoms import PREFIX, mesh_of, scene_geoms
+from robot_retarget.scene.mjcf_text import FRAME
 from robot_retarget.scene.scene import RigidBody, Scene
 from robot_retarget.scene.shape import BodyShape, ShapeKind, height_field, solid
 
@@ -29,7 +31,13 @@ def read(path: Path) -> Scene:
         raise SceneError(f"{path}: every solid geom belongs to a robot: no body is left for a scene")
     names = [model.geom(g).name or model.body(model.geom_bodyid[g]).name or f"geom {g}" for g in geoms]
     unlike = [f"{name} {count}" if (count := names[: k + 1].count(name)) > 1 else name for k, name in enumerate(names)]
-    return Scene(tuple(_body(model, *each, str(path)) for each in zip(geoms, unlike, strict=True)), str(path))
+    poses, fps = _poses(model, geoms)
+    moves = (model.body_mocapid >= 0) | (model.body_jntnum > 0)
+    bodies = []
+    for k, (geom, name) in enumerate(zip(geoms, unlike, strict=True)):
+        own = poses[:, k] if fps and moves[model.geom_bodyid[geom]] else poses[0, k]
+        bodies.append(_body(model, int(geom), name.removeprefix(PREFIX), own, fps, str(path)))
+    return Scene(tuple(bodies), str(path))
 
 
 def single(path: Path) -> BodyShape:
@@ -58,17 +66,28 @@ def _geoms(model: mujoco.MjModel) -> Ints:
     jointed = {int(root[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != _FREE}
     solid_geom = (model.geom_contype | model.geom_conaffinity) != 0
     still = ~np.isin(root[model.geom_bodyid], list(jointed))
-    return np.flatnonzero(solid_geom & (still | (model.geom_bodyid == 0)))
+    found = np.flatnonzero(solid_geom & (still | (model.geom_bodyid == 0)))
+    marked = np.intersect1d(found, scene_geoms(model))
+    return marked if marked.size else found
 
 
-def _body(model: mujoco.MjModel, geom: int, name: str, source: str) -> RigidBody:
-    owner = int(model.geom_bodyid[geom])
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mass = float(model.body_mass[owner]) or None
+def _body(model: mujoco.MjModel, geom: int, name: str, poses: Floats, fps: float | None, source: str) -> RigidBody:
+    mass = float(model.body_mass[model.geom_bodyid[geom]]) or None
     friction = float(model.geom_friction[geom, 0])
-    pose = _pose(model, data, geom)
-    return RigidBody(name, _shape(model, geom, source), pose, mass=mass, friction=friction, source=source)
+    return RigidBody(name, _shape(model, geom, source), poses, fps, mass=mass, friction=friction, source=source)
+
+
+def _poses(model: mujoco.MjModel, geoms: Ints) -> tuple[Floats, float | None]:
+    """Return poses (T, G, 7) of geoms at the keyframes of a motion, and their rate; (1, G, 7) and None without such keyframes."""
+    data, keys = mujoco.MjData(model), [k for k in range(model.nkey) if model.key(k).name.startswith(FRAME)]
+    mujoco.mj_kinematics(model, data)
+    found = [[_pose(model, data, geom) for geom in geoms]] if not keys else []
+    for key in keys:
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_kinematics(model, data)
+        found.append([_pose(model, data, geom) for geom in geoms])
+    times = model.key_time[keys]
+    return np.array(found), float((len(keys) - 1) / (times[-1] - times[0])) if len(keys) > 1 else None
 
 
 def _pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
@@ -76,9 +95,15 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     if model.geom_type[geom] == _GEOM.mjGEOM_MESH:
         owner = model.geom_bodyid[geom]
         return np.concatenate([data.xpos[owner], data.xquat[owner]])
-    turn = np.empty(4)
-    mujoco.mju_mat2Quat(turn, data.geom_xmat[geom])
-    return np.concatenate([data.geom_xpos[geom], turn])
+    turn, matrix = np.empty(4), data.geom_xmat[geom]
+    mujoco.mju_mat2Quat(turn, matrix)
+    return np.concatenate([data.geom_xpos[geom] - _lift(model, geom) * matrix[2::3], turn])
+
+
+def _lift(model: mujoco.MjModel, geom: int) -> float:
+    """Return the height of the lowest point of a height field in its body's frame, which its heights hold; 0 of any other geom [m]."""
+    field = model.geom_type[geom] == _GEOM.mjGEOM_HFIELD
+    return max(0.0, float(model.geom_pos[geom, 2])) if field else 0.0
 
 
 def _shape(model: mujoco.MjModel, geom: int, source: str) -> BodyShape:
@@ -95,14 +120,14 @@ def _shape(model: mujoco.MjModel, geom: int, source: str) -> BodyShape:
         case _GEOM.mjGEOM_MESH:
             return mesh_of(model, geom)
         case _GEOM.mjGEOM_HFIELD:
-            return _field(model, int(model.geom_dataid[geom]))
+            return _field(model, int(model.geom_dataid[geom]), _lift(model, geom))
         case other:
             body, kind = model.body(model.geom_bodyid[geom]).name, mujoco.mjtGeom(other).name
             raise SceneError(f"{source}: body {body!r} has a geom of type {kind}: make it a box or a mesh")
 
 
-def _field(model: mujoco.MjModel, number: int) -> BodyShape:
+def _field(model: mujoco.MjModel, number: int, lift: float) -> BodyShape:
     first, rows, columns = (int(v[number]) for v in (model.hfield_adr, model.hfield_nrow, model.hfield_ncol))
     length, width, top, _ = model.hfield_size[number].tolist()
     heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
-    return height_field(top * heights, 2 * length, 2 * width)
+    return height_field(lift + top * heights, 2 * length, 2 * width)
